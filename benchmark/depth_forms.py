@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -149,14 +149,15 @@ def form_of_object(
     area = view.surface.area
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
-    form, noted = form_of(maker, shape)
-    notes: dict[str, float | str] = {key: _plain(value) for key, value in noted.items()}
-    made = CanonicalForm(form.vertices, form.faces, {**observed.notes, **notes})
-    return DepthForm(observed, shape, made)
+    form, notes = form_of(maker, shape)
+    return DepthForm(
+        observed, shape, CanonicalForm(form.vertices, form.faces, {**observed.notes, **plain_notes(notes)})
+    )
 
 
-def _plain(note: NDArray[Any]) -> float | str:
-    return str(note) if note.dtype.kind == "U" else float(note)
+def plain_notes(notes: Mapping[str, NDArray[Any]]) -> dict[str, float | str]:
+    """Return the notes of a method as texts and numbers."""
+    return {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
 
 
 def _camera(value: Intrinsics | ArrayLike | Sequence[float]) -> Intrinsics:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import click
 
@@ -68,6 +69,13 @@ def say_lines(text: str) -> None:
     """Print what has several lines by design, each for itself."""
     for line in text.removesuffix("\n").split("\n"):
         say(line)
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of rows whose columns are aligned."""
+    rows = [[clean(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
 def _without_breaks(found: re.Match[str]) -> str:

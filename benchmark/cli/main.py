@@ -1,4 +1,4 @@
-"""The program and how it ends; nothing heavy is imported before a verb needs it, so ``--help`` answers at once."""
+"""The program and how it ends; the module of a verb is imported when it is called, so ``--help`` answers at once."""
 
 from __future__ import annotations
 
@@ -7,42 +7,72 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from importlib import import_module
 from types import FrameType
-from typing import ClassVar, NoReturn
+from typing import NoReturn
 
 import click
+from click.shell_completion import CompletionItem, get_completion_class, shell_complete
 
 from benchmark import __version__
-from benchmark.cli import completion
-from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE
-from benchmark.cli.verbs.compilation import compile_
-from benchmark.cli.verbs.data import data
-from benchmark.cli.verbs.forms import canonicalise, check
-from benchmark.cli.verbs.names import describe, list_
-from benchmark.cli.verbs.new import new
-from benchmark.cli.verbs.paper import paper
-from benchmark.cli.verbs.results import compare, merge, prune, why
-from benchmark.cli.verbs.retrieve import retrieve
-from benchmark.cli.verbs.run import plan, run
-from benchmark.cli.verbs.score import score
-from benchmark.cli.verbs.submit import submit
-from benchmark.cli.verbs.tables import report, tables
-from benchmark.cli.verbs.train import train
-from benchmark.cli.verbs.verify import verify
+from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE, argument, verb
 from benchmark.errors import BenchmarkError
+from benchmark.kernel_cache import choose_kernel_cache
+from benchmark.plugins.closing import close_process
 from benchmark.text import say
+from benchmark.threads import pin_threads
 
-#: How the program is called in what it says.
+#: How the program is called in messages.
 PROGRAM = "python -m benchmark"
 
-#: Exit code where whoever reads the output goes away, as shells tell of the signal for it.
-NOT_LISTENED = 141
+#: The installed program, whose words a shell completes, and the environment variable by which the shell asks for them.
+_COMPLETED, _COMPLETE = "canonical-forms", "_CANONICAL_FORMS_COMPLETE"
 
-#: What is said behind an interruption, by verb: what of the work is there when it is taken up again.
-KEPT = {
-    "run": "; finished jobs are kept, and of the others the shapes that were done: run again to go on",
-    "train": "; what the method has saved is kept: train again to go on",
-    "merge": "; each record is whole or absent: merge again to go on",
+#: Exit code where the reader of the output goes away, as shells report the signal for it.
+CLOSED_PIPE = 141
+
+#: Verbs behind the names of their modules, by section of ``--help``, with the first sentences of their own help.
+VERBS = {
+    "Daily use": {
+        "run.run": "Run the missing jobs of a selection, then print its tables.",
+        "plan.plan": "Show what would run, why, and how long it would take.",
+        "show.tables": "Print tables of finished jobs, or write them to files; needs no data.",
+        "report.report": "Write HTML pages: tables, charts, canonical forms in 3D, and every query with its nearest"
+        " shapes.",
+        "methods.list": "List methods, scorers, data sets, tables or models.",
+        "methods.describe": "Describe a method: parameters, source, inputs.",
+        "forms.canonicalise": "Write the canonical form of a mesh, or of depth images.",
+        "forms.retrieve": "Show the shapes of a gallery that are nearest to a depth image or a mesh.",
+    },
+    "Own methods and data": {
+        "methods.new": "Write a plugin to start from, with a test.",
+        "train.check": "Test the contract of a method, or of everything in a plugin file; exit 1 if it fails.",
+        "train.train": "Train the models of a learner; resume an interrupted training, and skip finished models.",
+        "data.data": "List, check, draw or export data sets.",
+    },
+    "Results": {
+        "plan.why": "Explain a job: state, reason, versions, cost, failure.",
+        "show.compare": "Compare two methods, two results folders, or two scorers.",
+        "report.paper": "Write a LaTeX paper of results: protocol, tables, figures, statistics, sources; compile it by"
+        " 'make' in DIR.",
+        "share.merge": "Join the records of several results folders; exit 1 if they contradict each other.",
+        "share.prune": "Delete data that no record needs, and remains of killed processes.",
+        "share.submit": "Write the finished jobs of a method into a bundle that anyone can verify.",
+        "share.verify": "Compute the scores of a bundle again; none of its code runs without --run.",
+    },
+    "Set-up": {
+        "compilation.compile": "Compile the kernels and build the body model in advance; otherwise the first run does.",
+        "main.completion": 'Print a shell completion script: eval "$(canonical-forms completion bash)".',
+    },
+    "Others": {"score.score": "Score a distance matrix or ranked lists of any program."},
+}
+_MODULES = {place.partition(".")[2]: place.partition(".")[0] for verbs in VERBS.values() for place in verbs}
+
+#: What an interruption leaves of the work, by verb.
+_REMAINS = {
+    "run": "; finished jobs and shapes are kept: run again to continue",
+    "train": "; checkpoints are kept: train again to continue",
+    "merge": "; added records are kept: merge again to finish",
 }
 
 
@@ -50,49 +80,42 @@ class Terminated(KeyboardInterrupt):
     """Somebody, or a queue system, ends the program by SIGTERM; all that heeds Ctrl-C heeds it."""
 
 
-class _GroupedVerbs(click.Group):
-    """Shows the verbs of daily use first in ``--help``, and the others by what they are for."""
+class _Verbs(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(_MODULES)
 
-    sections: ClassVar[dict[str, tuple[str, ...]]] = {
-        "Daily use": ("run", "plan", "tables", "report", "list", "describe", "canonicalise", "retrieve"),
-        "Own methods and data": ("new", "check", "train", "data"),
-        "Results": ("why", "compare", "paper", "merge", "prune", "submit", "verify"),
-        "Set-up": ("compile", "completion"),
-    }
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _MODULES:
+            return None
+        module = import_module(f"benchmark.cli.{_MODULES[cmd_name]}")
+        commands = (value for value in vars(module).values() if isinstance(value, click.Command))
+        return next(command for command in commands if command.name == cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        named = {name for names in self.sections.values() for name in names}
-        others = {"Others": tuple(name for name in self.list_commands(ctx) if name not in named)}
-        for title, names in (self.sections | others).items():
-            if names:
-                with formatter.section(title):
-                    formatter.write_dl([(name, self.commands[name].get_short_help_str(160)) for name in names])
+        for title, verbs in VERBS.items():
+            with formatter.section(title):
+                formatter.write_dl([(place.partition(".")[2], sentence) for place, sentence in verbs.items()])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        names = [CompletionItem(name) for name in sorted(_MODULES) if name.startswith(incomplete)]
+        return [*names, *click.Command.shell_complete(self, ctx, incomplete)]
 
 
-@click.group(cls=_GroupedVerbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="benchmark")
 def cli() -> None:
     """Canonical forms for non-rigid 3D shape retrieval: run methods, score them, regenerate the tables."""
 
 
-@cli.command("completion")
-@click.argument("shell", type=click.Choice(completion.SHELLS))
-def completion_(shell: str) -> None:
+@verb
+def completion(shell: str = argument(type=click.Choice(["bash", "zsh", "fish"]))) -> None:
     """Print a shell completion script: eval "$(canonical-forms completion bash)"."""
-    click.echo(completion.script(cli, shell))
-
-
-for verb in (
-    run, plan, list_, describe, tables, report, paper, canonicalise, retrieve, check, new,
-    data, train, merge, compare, score, submit, verify, prune, why, compile_,
-):  # fmt: skip
-    cli.add_command(verb)
+    if maker := get_completion_class(shell):
+        click.echo(maker(cli, {}, _COMPLETED, _COMPLETE).source())
 
 
 def program() -> None:
     """Run the command line as a program of its own, into which no plugin comes."""
-    from benchmark.plugins.closing import close_process
-
     close_process("Inspected")
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
@@ -106,18 +129,13 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
 
 def main() -> None:
     """Run the command line; problems that the user can correct are one line and exit code 2."""
-    from benchmark.kernel_cache import choose_kernel_cache
-    from benchmark.threads import pin_threads
-
     pin_threads()
     choose_kernel_cache()
     _open_streams()
-    if (asked := completion.answer(cli)) is not None:
-        sys.exit(asked)
-    verb = ""
+    if asked := os.environ.get(_COMPLETE):
+        sys.exit(shell_complete(cli, {}, _COMPLETED, _COMPLETE, asked))
     try:
         with cli.make_context(PROGRAM, sys.argv[1:]) as context:
-            verb = next((word for word in sys.argv[1:] if word in cli.commands), "")
             cli.invoke(context)
     except click.exceptions.Exit as end:
         sys.exit(end.exit_code)
@@ -125,19 +143,21 @@ def main() -> None:
         error.show()
         sys.exit(USAGE)
     except click.ClickException as error:
-        _refuse(_usage(error))
+        path = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else PROGRAM
+        _refuse(f"{error.format_message().rstrip('.')}; see '{path} --help'")
     except BenchmarkError as error:
         _refuse(str(error))
-    except Terminated:
-        _refuse(f"terminated{KEPT.get(verb, '; each file is whole or absent')}", TERMINATED)
-    except (click.Abort, KeyboardInterrupt):
-        _refuse(f"interrupted{KEPT.get(verb, '')}", INTERRUPTED)
+    except (click.Abort, KeyboardInterrupt) as error:
+        name = next((word for word in sys.argv[1:] if word in _MODULES), "")
+        is_terminated = isinstance(error, Terminated)
+        word, code = ("terminated", TERMINATED) if is_terminated else ("interrupted", INTERRUPTED)
+        _end(f"{word}{_REMAINS.get(name, '')}", code)
     except BrokenPipeError:
         for number in (1, 2):  # what is left in their buffers goes nowhere, without a word
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
-        sys.exit(NOT_LISTENED)
+        sys.exit(CLOSED_PIPE)
     except OSError as error:
-        hint = "change its rights" if isinstance(error, PermissionError) else "make room"
+        hint = "change its permissions" if isinstance(error, PermissionError) else "free some space"
         _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; {hint} or choose another place")
 
 
@@ -155,14 +175,11 @@ def _open_streams() -> None:
             stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a character ends no run
 
 
-def _refuse(problem: str, code: int = USAGE) -> NoReturn:
-    """End with one line."""
+def _refuse(problem: str) -> NoReturn:
+    _end(f"error: {problem}", USAGE)
+
+
+def _end(line: str, code: int) -> NoReturn:
     with suppress(OSError):
-        say(problem if code != USAGE else f"error: {problem}", err=True)
+        say(line, err=True)
     sys.exit(code)
-
-
-def _usage(error: click.ClickException) -> str:
-    """Return what is wrong with a command line, and where to read how it is written."""
-    context = getattr(error, "ctx", None)
-    return f"{error.format_message().rstrip('.')}; see '{context.command_path if context else PROGRAM} --help'"

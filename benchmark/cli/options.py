@@ -1,76 +1,92 @@
-"""Options that several verbs share, and what they select."""
+"""Options, each declared once: as the default of a parameter of a verb, or as a field that several verbs share.
+
+Every verb imports this module to show its ``--help``, so that nothing heavy is imported here.
+"""
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
-from benchmark.cli import completion
-from benchmark.cli.completion import EVERY, FINISHED
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError
 from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
-    from benchmark.execution.job_specs import Job
     from benchmark.execution.plan import Shard
-    from benchmark.pipeline.storage.records import Record
     from benchmark.pipeline.storage.store import Store
-    from benchmark.plugins.scorers import ScorerSpec
-    from benchmark.report.results import Result, Results
 
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+Declaration = Callable[[str], list[click.Parameter]]
 
 OK, NOT_OK, USAGE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
+
+#: Stands for all methods, and for those of all finished jobs, variants included, whatever else is named.
+EVERY, FINISHED = "all", "finished"
 
 #: Fewest vertices of a prepared mesh.
 FEWEST_VERTICES = 4
 
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
-#: Seconds that foreign code may take for one shape, or one check, where nobody says otherwise.
-PATIENCE = "10m"
+
+# Types ---------------------------------------------------------------------------------------------------------------
 
 
-class PathOption(click.ParamType[Path]):
-    """A path that the system can look up; whether there is anything is another question."""
+class PathType(click.ParamType[Any]):
+    """What the system can look up as a path; whether there is anything is another question."""
 
     name = "path"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+    def __init__(self, result: type) -> None:
+        self.result = result
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse what cannot be a path: nothing at all, or more than the system takes."""
-        require_path(str(value), param.opts[-1] if param else "path")
-        return Path(value)
+        text, option = str(value), param.opts[-1] if param else self.name
+        if not text:
+            raise ConfigurationError(f"{option} is empty", "name a file or a folder; the current one is '.'")
+        try:
+            os.lstat(text)
+        except (FileNotFoundError, NotADirectoryError, PermissionError):
+            pass
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise ConfigurationError(f"{option} '{text[:40]}...' cannot be a path: {reason}", "correct it") from error
+        return self.result(text)
 
 
-class NameOrFolder(click.ParamType[str]):
-    """The name of a data set, or the path of a folder."""
-
-    name = "name"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Refuse what can be neither."""
-        require_path(str(value), param.opts[-1] if param else "name")
-        return str(value)
+PATH, NAME_OR_FOLDER = PathType(Path), PathType(str)
 
 
-def require_path(text: str, option: str) -> None:
-    """Raise ``ConfigurationError`` if a text cannot be a path."""
-    if not text:
-        raise ConfigurationError(f"{option} is empty", "name a file or a folder; the current one is '.'")
-    try:
-        os.lstat(text)
-    except (FileNotFoundError, NotADirectoryError, PermissionError):
-        return
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else str(error)
-        raise ConfigurationError(f"{option} '{text[:40]}...' cannot be a path: {said}", "correct it") from error
+def duration(text: str) -> float:
+    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", text.strip())
+    if not match or float(match[1]) == 0:
+        raise ValueError(f"'{text}' is not a duration; write 90s, 10m or 2h")
+    return float(match[1]) * _UNITS[match[2]]
+
+
+def vertex_count(text: str) -> int | str:
+    """A number of vertices, or ``all`` of them."""
+    if text == "all":
+        return text
+    if not text.isdecimal() or int(text) < FEWEST_VERTICES:
+        raise ValueError(f"'{text}' is no number of vertices; write {FEWEST_VERTICES} or more, or all")
+    return int(text)
+
+
+def _shard(text: str) -> Shard:
+    from benchmark.execution.plan import Shard
+
+    return Shard.parse(text)
 
 
 def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) -> Path | None:
@@ -96,7 +112,7 @@ def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) ->
 
 
 def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...]) -> tuple[Path, ...]:
-    """The plugin files, after a look at them from a process of their own."""
+    """The plugin files, after a process of its own has inspected them."""
     if plugins:
         from benchmark.plugins.inspection import inspect
 
@@ -104,63 +120,187 @@ def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...])
     return plugins
 
 
-class Duration(click.ParamType[float]):
-    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
-
-    name = "duration"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Parse a duration."""
-        if isinstance(value, (int, float)):
-            return float(value)
-        match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", str(value).strip())
-        if not match or float(match[1]) == 0:
-            self.fail(f"'{value}' is not a duration; write 90s, 10m or 2h", param, ctx)
-        return float(match[1]) * _UNITS[match[2]]
+# Names that a shell completes ----------------------------------------------------------------------------------------
 
 
-class VertexCount(click.ParamType[int | str]):
-    """A number of vertices, or ``all`` of them."""
+def complete_methods(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Methods, and the words for several; behind a bracket, the parameters of the method."""
+    from importlib.metadata import entry_points
 
-    name = "vertices"
+    from benchmark.plugins.inspection import entry_points_of
+    from benchmark.plugins.parameters import described
+    from benchmark.plugins.registry import BUILT_IN, MethodSpec
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | str:
-        """Read a number of at least :data:`FEWEST_VERTICES`."""
-        text = str(value).strip()
-        if text != "all" and not (text.isdecimal() and int(text) >= FEWEST_VERTICES):
-            self.fail(f"'{value}' is no number of vertices; write {FEWEST_VERTICES} or more, or all", param, ctx)
-        return text if text == "all" else int(text)
-
-
-class ShardOption(click.ParamType["Shard"]):
-    """A part of a plan, written as ``2/3``."""
-
-    name = "shard"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Shard:
-        """Parse a part."""
-        from benchmark.execution.plan import Shard
-
-        return value if isinstance(value, Shard) else Shard.parse(str(value))
+    name, bracket, rest = begun.partition("[")
+    if bracket and name in BUILT_IN:
+        before = rest[: rest.rfind(",") + 1]
+        parameters = described(MethodSpec(name, BUILT_IN[name]).load())
+        return _items([f"{name}[{before}{parameter.name}=" for parameter in parameters], begun)
+    installed = (point.name for point in entry_points(group=entry_points_of(MethodSpec)))
+    return _items([*BUILT_IN, *installed, EVERY, FINISHED], begun)
 
 
-def timeout_option(what: str, default: str = PATIENCE) -> Decorator:
-    """Make the option that limits how long foreign code may take for something."""
-    return click.option(
-        "--timeout", type=Duration(), metavar="TIME", default=default, show_default=True,
-        help=f"Time limit for {what}: 90s, 10m, 2h.",
+def complete_methods_and_files(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Methods, and files."""
+    return [*complete_methods(context, parameter, begun), CompletionItem(begun, type="file")]
+
+
+def complete_datasets(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Data sets, and folders."""
+    from benchmark.datasets.catalogue import CATALOGUE
+
+    return [*_items(CATALOGUE, begun), CompletionItem(begun, type="dir")]
+
+
+def _complete_tables(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    from benchmark.protocols.tables import TABLES
+
+    return _items([table.identifier for table in TABLES], begun)
+
+
+def _complete_scorers(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    from benchmark.plugins.scorers import BUILT_IN
+
+    return _items(BUILT_IN, begun)
+
+
+def _items(names: Iterable[str], begun: str) -> list[CompletionItem]:
+    return [CompletionItem(name) for name in names if name.startswith(begun)]
+
+
+# Declarations --------------------------------------------------------------------------------------------------------
+
+
+def option(*words: str, **attributes: Any) -> Any:
+    """Declare an option as the default of a parameter of a verb; its default is shown unless it is nothing."""
+    attributes.setdefault("show_default", attributes.get("default") not in (None, ""))
+    return lambda name: [click.Option([*words, name], **attributes)]
+
+
+def flag(*words: str, **attributes: Any) -> Any:
+    """Declare an option without a value."""
+    return option(*words, is_flag=True, default=False, show_default=False, **attributes)
+
+
+def argument(metavar: str | None = None, **attributes: Any) -> Any:
+    """Declare an argument as the default of a parameter of a verb."""
+    return lambda name: [click.Argument([name], metavar=metavar, **attributes)]
+
+
+def timeout_option(what: str, default: str = "10m") -> Any:
+    """Declare the limit of the time that foreign code may take for something."""
+    return option("--timeout", type=duration, metavar="TIME", default=default,
+                  help=f"Time limit for {what}: 90s, 10m, 2h.")  # fmt: skip
+
+
+def shared(*names: str) -> Any:
+    """Declare options of :class:`RunOptions`: one, or several for a parameter that takes them all."""
+    fields = RunOptions.__dataclass_fields__
+    return lambda _: [made for name in names for made in fields[name].metadata["declaration"](name)]
+
+
+def _field(*words: str, default: Any = None, **attributes: Any) -> Any:
+    default = () if attributes.get("multiple") else default
+    declared = {} if default == () else {"default": default}
+    return field(default=default, metadata={"declaration": option(*words, **declared, **attributes)})
+
+
+def _flag_field(*words: str, **attributes: Any) -> Any:
+    return field(default=False, metadata={"declaration": flag(*words, **attributes)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Options that verbs share, handed on whole to whatever reads one; a verb takes some and leaves the others."""
+
+    # fmt: off
+    tables: tuple[str, ...] = _field("-t", "--table", multiple=True, metavar="TABLE", help="Table; see 'list tables'.",
+                                     shell_complete=_complete_tables)
+    methods: tuple[str, ...] = _field("-m", "--method", multiple=True, metavar="METHOD",
+                                      shell_complete=complete_methods,
+                                      help="Method, all, or finished; see 'list methods'.")
+    datasets: tuple[str, ...] = _field("-d", "--dataset", multiple=True, type=NAME_OR_FOLDER, metavar="DATASET|FOLDER",
+                                       shell_complete=complete_datasets,
+                                       help="Set, folder, or humans[subjects=N,poses=M].")
+    inputs: tuple[str, ...] = _field("--input", multiple=True, type=click.Choice(["view", "mesh"]),
+                                     help="Default: both.")
+    scorer: str = _field("--scorer", metavar="SCORER", default="cm-bof", shell_complete=_complete_scorers,
+                         help="What compares the forms; see 'list scorers'.")
+    plugins: tuple[Path, ...] = _field("--plugin", multiple=True, type=PATH, callback=_inspected, metavar="FILE",
+                                       help="Python file with methods, scorers or data sets.")
+    results: Path = _field("--results", type=PATH, default=Path("results"), metavar="DIR")
+    data_root: Path | None = _field("--data-root", type=PATH, envvar=DATA_VARIABLE, callback=_require_folder,
+                                    metavar="DIR", help=f"Folder of the official data sets; also {DATA_VARIABLE}.")
+    seed: int = _field("--seed", type=int, default=0, help="Base seed of all methods.")
+    quick: bool = _flag_field("--quick", help="Fewer poses per subject, and only the paper's methods.")
+    everything: bool = _flag_field("--all", help="All tables, methods and inputs (default of 'plan').")
+    paper: bool = _flag_field("--paper", help="Only the rows of the paper.")
+    repeat: int | None = _field("--repeat", type=click.IntRange(min=2), metavar="N",
+                                help="Repeat each gallery N times with jittered vertices, and print the spread.")
+    shard: Shard | None = _field("--shard", type=_shard, metavar="I/N",
+                                 help="Run part I of N of the jobs; 'merge' joins the parts.")
+    workers: int | None = _field("-j", "--jobs", type=click.IntRange(min=1), metavar="N",
+                                 help="Number of parallel jobs. [all cores]")
+    executor: str = _field("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes")
+    scheduler: str = _field("--scheduler", default="", metavar="URL",
+                            help="Scheduler of a dask cluster, such as tcp://HOST:8786.")
+    timeout: float | None = None
+    retry: tuple[str, ...] = _field(
+        "--retry", multiple=True, help="Run failed jobs of this kind again.",
+        type=click.Choice(["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"]))
+    force: bool = _flag_field("--force", help="Replace files in -o DIR that this verb did not write.")
+    published: bool = _flag_field("--published", help="Use only published records.")
+    # fmt: on
+
+    @property
+    def is_narrow(self) -> bool:
+        """Return whether methods are named, so that a table has no rows for others that were never run."""
+        return bool(self.methods) and EVERY not in self.methods
+
+    @property
+    def is_by_name(self) -> bool:
+        """Return whether each method is asked for by its name."""
+        return self.is_narrow and FINISHED not in self.methods
+
+
+#: Fields of what finished jobs, a plan, and a run are selected by.
+SELECTION = (
+    "tables", "methods", "datasets", "scorer", "inputs", "plugins", "results", "data_root", "seed", "quick",
+)  # fmt: skip
+PLAN = ("everything", *SELECTION, "paper", "repeat", "shard")
+
+
+def verb(function: Callable[..., None]) -> click.Command:
+    """Make a verb of a function whose parameters have declarations as defaults.
+
+    A parameter ``options`` is a :class:`RunOptions` of all values of the verb that have a field there.
+    """
+    declarations: dict[str, Declaration] = {n: p.default for n, p in inspect.signature(function).parameters.items()}
+
+    def call(**values: Any) -> None:
+        fields = {name: value for name, value in values.items() if name in RunOptions.__dataclass_fields__}
+        if "options" in declarations:
+            values["options"] = RunOptions(**fields)
+        function(**{name: values[name] for name in declarations})
+
+    return click.Command(
+        function.__name__.removesuffix("_"), callback=call, help=inspect.getdoc(function),
+        params=[parameter for name, declare in declarations.items() for parameter in declare(name)],
     )  # fmt: skip
 
 
+# What several verbs say ----------------------------------------------------------------------------------------------
+
+
 def name_skipped(*stores: Store) -> None:
-    """Tell on stderr, once, which files among the records are none."""
+    """Name on stderr, once, the files among the records that are none."""
     for store in stores:
         for line in (*store.published.news(), *store.records.news()):
             say(line, err=True)
 
 
 def name_unusable(kind: str = "methods") -> None:
-    """Tell on stderr which installed packages bring methods, or scorers, that cannot be used."""
+    """Name on stderr the installed packages with methods, or scorers, that cannot be used."""
     from benchmark.plugins import registry, scorers
 
     for line in {"methods": registry.unusable, "scorers": scorers.unusable}[kind]():
@@ -168,8 +308,8 @@ def name_unusable(kind: str = "methods") -> None:
 
 
 @contextmanager
-def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
-    """Refuse, of the unknown names that the body refuses, one that means something else with the command for that.
+def explained(name: str, wanted: str) -> Iterator[None]:
+    """Where the body refuses a name that stands for something else, refuse it with the command for that instead.
 
     Parameters
     ----------
@@ -198,286 +338,3 @@ def told_what_it_is(name: str, wanted: str) -> Iterator[None]:
             if is_it and kind != wanted:
                 raise ConfigurationError(f"'{name}' is a {kind}, not a {wanted}", f"see '{command}'") from error
         raise
-
-
-def _option(*words: str, multiple: bool = False, is_flag: bool = False, default: Any = None, **given: Any) -> Any:
-    """Return the field of an option, with what click is to know of it."""
-    default = () if multiple else False if is_flag else default
-    given = {"show_default": not is_flag and not multiple and default is not None} | given
-    return field(default=default, metadata={"click": (words, {"multiple": multiple, "is_flag": is_flag, **given})})
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunOptions:
-    """Options of ``run``, handed on whole to whatever reads one; other verbs take some and leave out the others.
-
-    An option is a field here, from which :func:`add_options` makes that of click.
-
-    Parameters
-    ----------
-    tables, methods, datasets, inputs, scorer
-        Names of what is run, as they are written; empty for all.
-    plugins
-        Files with methods, scorers and data sets.
-    results, data_root
-        Folders of the results and of the official data sets.
-    seed
-        Base seed of all methods.
-    quick
-        Whether to leave out poses, and methods that the paper does not have.
-    paper
-        Whether the rows of the paper are meant alone.
-    everything
-        Whether all tables are meant where none is named.
-    published
-        Whether to read published records alone.
-    repeat
-        Jittered preparations of each gallery; None for none.
-    shard
-        Part of the plan; None for all of it.
-    retry
-        Kinds of failure to run again.
-    force
-        Whether to replace files that the verb did not write.
-    executor, workers, scheduler
-        See :func:`benchmark.cli.run_plan.make_pool`.
-    timeout
-        Seconds of work after which a job is stopped; None for no limit.
-    """
-
-    # fmt: off
-    tables: tuple[str, ...] = _option("-t", "--table", multiple=True, metavar="TABLE", help="Table; see 'list tables'.",
-                                      shell_complete=completion.tables)
-    methods: tuple[str, ...] = _option("-m", "--method", multiple=True, metavar="METHOD",
-                                       shell_complete=completion.methods,
-                                       help="Method, all, or finished; see 'list methods'.")
-    datasets: tuple[str, ...] = _option("-d", "--dataset", multiple=True, type=NameOrFolder(),
-                                        metavar="DATASET|FOLDER", shell_complete=completion.datasets,
-                                        help="Set, folder, or humans[subjects=N,poses=M].")
-    inputs: tuple[str, ...] = _option("--input", multiple=True, type=click.Choice(["view", "mesh"]),
-                                      help="Default: both.")
-    scorer: str = _option("--scorer", metavar="SCORER", default="cm-bof", shell_complete=completion.scorers,
-                          help="What compares the forms; see 'list scorers'.")
-    plugins: tuple[Path, ...] = _option("--plugin", multiple=True, type=PathOption(), callback=_inspected,
-                                        metavar="FILE", help="Python file with methods, scorers or data sets.")
-    results: Path = _option("--results", type=PathOption(), default=Path("results"), metavar="DIR")
-    data_root: Path | None = _option("--data-root", type=PathOption(), envvar=DATA_VARIABLE, callback=_require_folder,
-                                     metavar="DIR", help=f"Folder of the official data sets; also {DATA_VARIABLE}.")
-    seed: int = _option("--seed", type=int, default=0, help="Base seed of all methods.")
-    quick: bool = _option("--quick", is_flag=True, help="Fewer poses per subject, and only the paper's methods.")
-    everything: bool = _option("--all", is_flag=True, help="All tables, methods and inputs (default of 'plan').")
-    paper: bool = _option("--paper", is_flag=True, help="Only the rows of the paper.")
-    repeat: int | None = _option("--repeat", type=click.IntRange(min=2), metavar="N",
-                                 help="Repeat each gallery N times with jittered vertices, and print the spread.")
-    shard: Shard | None = _option("--shard", type=ShardOption(), metavar="I/N",
-                                  help="Run part I of N of the jobs; 'merge' joins the parts.")
-    workers: int | None = _option("-j", "--jobs", type=click.IntRange(min=1), metavar="N",
-                                  help="Number of parallel jobs. [all cores]")
-    executor: str = _option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes")
-    scheduler: str = _option("--scheduler", default="", show_default=False, metavar="URL",
-                             help="Scheduler of a dask cluster, such as tcp://HOST:8786.")
-    timeout: float | None = None
-    retry: tuple[str, ...] = _option(
-        "--retry", multiple=True, help="Run failed jobs of this kind again.",
-        type=click.Choice(["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"]))
-    force: bool = _option("--force", is_flag=True, help="Replace files in -o DIR that this verb did not write.")
-    published: bool = _option("--published", is_flag=True, help="Use only published records.")
-    # fmt: on
-
-    @classmethod
-    def of(cls, options: dict[str, Any]) -> RunOptions:
-        """Take what belongs to a run from the options of a verb."""
-        return cls(**{name: options[name] for name in cls.__dataclass_fields__ if name in options})
-
-    @property
-    def is_narrow(self) -> bool:
-        """Return whether methods are named, so that a table has no rows for others that were never run."""
-        return bool(self.methods) and EVERY not in self.methods
-
-    @property
-    def is_by_name(self) -> bool:
-        """Return whether each method is asked for by its name."""
-        return self.is_narrow and FINISHED not in self.methods
-
-    def store(self, output: Path | None = None) -> Store:
-        """Open the results folder to read from it.
-
-        Parameters
-        ----------
-        output
-            Folder of the files that are made of it. In ``RESULTS/tables``, where the suite keeps its published tables,
-            they are made from published records alone, where there are any.
-        """
-        from benchmark.pipeline.storage.store import Store
-
-        store = Store.open(self.results)
-        is_published = self.published or (
-            output is not None and output.resolve() == (self.results / "tables").resolve() and store.published.has_files
-        )
-        return replace(store, published_only=is_published)
-
-    def _methods(self, store: Store) -> tuple[str, ...]:
-        """Names of methods, with those of all finished jobs where these are asked for."""
-        from benchmark.plugins.registry import methods, variants
-
-        if FINISHED not in self.methods:
-            return self.methods
-        known, found = methods(self.plugins), []
-        for record in (*store.published, *store.records):
-            with suppress(ConfigurationError):  # one of a plugin that was not passed, or of parameters of old
-                found += [spec.name for spec in variants(record["method"], known) if record["status"] == "ok"]
-        if not found:
-            raise ConfigurationError(f"no job under {self.results} has finished", "name methods, or run some first")
-        return tuple(dict.fromkeys([*(name for name in self.methods if name != FINISHED), *found]))
-
-    def jobs(self, store: Store) -> list[Job]:
-        """Plan the run, or the shard of it; without tables and data sets, those of plugin files are meant."""
-        from benchmark.datasets.catalogue import sources
-        from benchmark.datasets.own import data_sets_of
-        from benchmark.execution.plan import JobSettings, make_plan, require_jobs
-        from benchmark.plugins.registry import methods, select
-        from benchmark.protocols.galleries import galleries
-        from benchmark.protocols.tables import INPUTS
-
-        specs = select(self._methods(store), methods(self.plugins), self.plugins)
-        if not self.methods or EVERY in self.methods:
-            name_unusable()
-        named = self.datasets if self.datasets or self.tables or self.everything else tuple(data_sets_of(self.plugins))
-        chosen = galleries(self.tables, sources(named, self.plugins), self.data_root, self.quick, self.repeat or 0)
-        for gallery in chosen:
-            for asked in self.inputs:
-                gallery.check_input(asked)
-        inputs = [input_ for input_ in INPUTS if not self.inputs or input_ in self.inputs]
-        planned = make_plan(
-            chosen, inputs, specs, store, JobSettings(self.seed, frozenset(self.retry), self.scorer_spec())
-        )
-        name_skipped(store)
-        require_jobs(planned)
-        planned = self._of_paper(planned) if self.paper else planned
-        if self.shard is None:
-            return planned
-        say(self.shard.told(planned))
-        return self.shard.of(planned)
-
-    def _of_paper(self, planned: list[Job]) -> list[Job]:
-        """Return the jobs that rows of the paper are made of; raises ``ConfigurationError`` if there are none."""
-        from benchmark.protocols.tables import TABLES
-        from benchmark.reference import paper
-        from benchmark.report.content import row_of
-
-        tables = {table.identifier: table for table in TABLES}
-        found = [
-            job
-            for job in planned
-            if job.table in tables and row_of(tables[job.table], job.facts) in paper.rows(job.table)
-        ]
-        if not found:
-            raise ConfigurationError(
-                "no row of the paper is selected", "drop --paper, or select of Tables I to IV and their methods"
-            )
-        return found
-
-    def scorer_spec(self) -> ScorerSpec:
-        """The scorer; raises ``ConfigurationError`` if there is none of this name."""
-        from benchmark.plugins.scorers import scorer_of, scorers
-
-        return scorer_of(self.scorer, scorers(self.plugins))
-
-    def allows(self, record: Record) -> bool:
-        """Return whether a record is of the data sets, by name or by path, and of the inputs, where some are named."""
-        asked = {*self.datasets, *map(os.path.realpath, self.datasets)}
-        is_of_set = not asked or bool(asked & _names(record["data"]))
-        return is_of_set and (not self.inputs or record["input"] in self.inputs)
-
-    def results_of(self, store: Store) -> Results:
-        """The records of a store, looked at with the methods and scorers that are known."""
-        from benchmark.plugins.registry import methods
-        from benchmark.plugins.scorers import scorers
-        from benchmark.report.results import Results
-
-        return Results(store, methods(self.plugins), self.data_root, scorers(self.plugins))
-
-    def recorded(self, store: Store, *, fresh: bool = False) -> list[Result]:
-        """The records that the selection stands for, whether or not their data and models are here.
-
-        Parameters
-        ----------
-        store
-            Where the records are.
-        fresh
-            Whether to leave out those that this code would not make again.
-
-        Raises
-        ------
-        ConfigurationError
-            If there is none, or a method or a table is unknown.
-        """
-        from benchmark.datasets.catalogue import is_known, is_path
-        from benchmark.pipeline.storage.records import EXTERNAL
-        from benchmark.plugins.registry import methods, select
-        from benchmark.protocols.tables import TABLES
-
-        found = self.results_of(store).all(self.seed, fresh=fresh, scorer=self.scorer_spec().name)
-        finished = FINISHED in self.methods
-        names: set[str] = set()
-        if self.is_narrow and not finished:
-            names = {result.record["method"] for result in found if result.record["family"] == EXTERNAL}
-            names &= set(self.methods)
-            others = [name for name in self.methods if name not in names]
-            names |= {spec.name for spec in select(others, methods(self.plugins))} if others else set()
-
-        def is_chosen(result: Result) -> bool:
-            record = result.record
-            return (
-                bool(record["data"]["quick"]) == self.quick
-                and (not names or record["method"] in names)
-                and (not finished or record["status"] == "ok")
-                and self.allows(record)
-            )
-
-        name_skipped(store)
-        sets = set().union(*(_names(result.record["data"]) for result in found))
-        for name in self.datasets:
-            if found and not {name, os.path.realpath(name)} & sets and not (is_known(name) or is_path(name)):
-                raise did_you_mean("data set", name, {result.record["data"]["name"] for result in found})
-        tables = {table.identifier for table in TABLES} | {result.record["data"]["name"] for result in found}
-        for name in self.tables:
-            if name not in tables:
-                raise did_you_mean("table", name, tables)
-        chosen = [result for result in found if is_chosen(result)]
-        if not chosen:
-            less = (
-                "select less; of shapes of which --quick leaves out none, drop --quick" if self.quick else "select less"
-            )
-            raise ConfigurationError(
-                f"no finished job under {self.results} fits the selection", f"run it first, or {less}"
-            )
-        return chosen
-
-
-def _names(data: Mapping[str, str]) -> set[str]:
-    """Return what a data set may be called; under a perturbation, also what the clean set may be."""
-    from benchmark.datasets.perturbations.dataset import parsed
-
-    given = {data["name"], data["source"]}
-    clean = {found[0] for name in given if (found := parsed(name))}
-    return {name for each in given | clean for name in (each, os.path.realpath(each))}
-
-
-def add_options(*names: str) -> Decorator:
-    """Add options of :class:`RunOptions` by the names of their fields to a verb, in the order of its ``--help``."""
-
-    def add(command: Callable[..., Any]) -> Callable[..., Any]:
-        for each in (RunOptions.__dataclass_fields__[name] for name in reversed(names)):
-            words, given = each.metadata["click"]
-            command = click.option(*words, each.name, default=each.default, **given)(command)
-        return command
-
-    return add
-
-
-#: Fields of what finished jobs, a plan, and a run are selected by.
-SELECTION = (
-    "tables", "methods", "datasets", "scorer", "inputs", "plugins", "results", "data_root", "seed", "quick",
-)  # fmt: skip
-PLAN = ("everything", *SELECTION, "paper", "repeat", "shard")

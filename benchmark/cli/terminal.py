@@ -1,25 +1,30 @@
-"""Tables for a reader at a terminal, drawn to its width."""
+"""Tables and progress for a reader at a terminal."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+import time
+from collections.abc import Iterable, Iterator, Sequence
 
+from rich.box import Box
+from rich.console import Console
+from rich.markup import escape
+from rich.padding import Padding
+from rich.progress import track
+from rich.table import Table
+from rich.text import Text
+
+from benchmark.datasets.base import Entry
+from benchmark.report.content import TableContent
+from benchmark.report.formats import markdown
 from benchmark.report.frame import Style, figures, lines
 from benchmark.report.notes import notes
-from benchmark.text import clean
+from benchmark.text import clean, say, say_lines
 
-if TYPE_CHECKING:
-    from rich.table import Table
-    from rich.text import Text
-
-    from benchmark.report.content import TableContent
-
-__all__ = ["draw", "drawn"]
+#: Seconds between two lines of progress where there is no terminal.
+INTERVAL = 10.0
 
 _STYLE = Style("{}", "{}", "±{}")
-
 _FONTS = {"best": "bold", "inseparable": "italic", "": ""}
 
 #: More columns than a table has.
@@ -32,12 +37,39 @@ _NARROWEST = 14
 _RULE = "    \n    \n ── \n    \n    \n    \n    \n    \n"
 
 
-def draw(tables: Iterable[TableContent]) -> None:
-    """Draw tables to the width of the terminal, with their notes."""
-    from rich.console import Console
-    from rich.padding import Padding
-    from rich.text import Text
+def counting(what: str, entries: Sequence[Entry]) -> Iterator[Entry]:
+    """Hand on shapes and show on stderr how many are done: a bar on a terminal, else a line now and then.
 
+    Parameters
+    ----------
+    what
+        What is done, e.g. ``"checking humans"``.
+    entries
+        The shapes.
+    """
+    is_generated = any(entry.path is None for entry in entries)
+    title = clean(f"{what}{', each shape generated first' if is_generated else ''}")
+    if sys.stderr.isatty():
+        yield from track(entries, escape(title), console=Console(file=sys.stderr))
+        return
+    say(f"{title}: 0 of {len(entries)}", err=True)
+    start = shown = time.monotonic()
+    for number, entry in enumerate(entries):
+        now = time.monotonic()
+        if number and now - shown >= INTERVAL:
+            left = (now - start) / number * (len(entries) - number)
+            say(f"{number} of {len(entries)}, about {left:.0f} s left", err=True)
+            shown = now
+        yield entry
+    say(f"{len(entries)} of {len(entries)}", err=True)
+
+
+def print_tables(tables: Iterable[TableContent]) -> None:
+    """Print tables with their notes: drawn to the width of a terminal, else as Markdown."""
+    if not sys.stdout.isatty():
+        for table in tables:
+            say_lines("\n" + markdown(table))
+        return
     console = Console(file=sys.stdout, highlight=False)
     for table in tables:
         whole = drawn(table)
@@ -59,28 +91,19 @@ def drawn(table: TableContent, only: str = "") -> Table:
     only
         Title of the group of columns to draw; all by default.
     """
-    from rich.box import Box
-    from rich.table import Table
-    from rich.text import Text
-
-    shown = [
-        (row, label, [figure for figure in of_row if only in ("", figure["group"])])
-        for row, label, of_row in lines(table)
+    rows = [
+        (row, label, [figure for figure in row_figures if only in ("", figure["group"])])
+        for row, label, row_figures in lines(table)
     ]
     title = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
-    made = Table(
+    grid = Table(
         title=Text(clean(title)), title_justify="left", title_style="bold", box=Box(_RULE), show_edge=False,
         pad_edge=False, padding=0,
     )  # fmt: skip
-    made.add_column("Method", overflow="fold", min_width=_NARROWEST)
-    for figure in shown[0][-1]:
-        made.add_column(f"{figure['group']}\n{figure['measure']}", justify="right", no_wrap=True)
-    for row, label, of_row in shown:
-        made.add_row(Text(clean(label), style="" if row else "italic"), *map(_drawn, of_row))
-    return made
-
-
-def _drawn(figure: Mapping[str, str]) -> Text:
-    from rich.text import Text
-
-    return Text(_STYLE.write(figure), style=_FONTS[figure["mark"]])
+    grid.add_column("Method", overflow="fold", min_width=_NARROWEST)
+    for figure in rows[0][-1]:
+        grid.add_column(f"{figure['group']}\n{figure['measure']}", justify="right", no_wrap=True)
+    for row, label, row_figures in rows:
+        cells = [Text(_STYLE.write(figure), style=_FONTS[figure["mark"]]) for figure in row_figures]
+        grid.add_row(Text(clean(label), style="" if row else "italic"), *cells)
+    return grid

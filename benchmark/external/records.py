@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmark.api.contracts import Input
-from benchmark.arrays import digest_of
+from benchmark.arrays import Arrays, digest_of
+from benchmark.datasets.base import Entry, Watched
+from benchmark.datasets.files import file_digest
+from benchmark.datasets.folder import EXTENSIONS
 from benchmark.errors import ConfigurationError
-from benchmark.external.labels import Labels
+from benchmark.execution.plan import data_facts, data_recipe
+from benchmark.external.files import Labels
 from benchmark.external.scoring import Task
-from benchmark.pipeline.storage.keys import digest
+from benchmark.geometry.io import read_mesh
+from benchmark.pipeline import recipes
+from benchmark.pipeline.preparation import attempted
+from benchmark.pipeline.stages import measures
+from benchmark.pipeline.storage.keys import digest, plain
 from benchmark.pipeline.storage.lock import key_of, versions_of
-from benchmark.pipeline.storage.records import EXTERNAL, NO_SCORER, Record
+from benchmark.pipeline.storage.records import DEFAULT_SCORER, EXTERNAL, NO_SCORER, Record
 from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.output_checks import REFUSED, form_distances, signature_of
+from benchmark.plugins.specs import ScorerSpec
+from benchmark.protocols.galleries import Gallery
 from benchmark.text import LONGEST_NAME
 from retrieval.chance import chance_levels
 from retrieval.metrics import Scores
@@ -28,32 +42,27 @@ def method_name(title: str) -> str:
     return f"{EXTERNAL}-{re.sub('[^a-z0-9]+', '-', title.lower()).strip('-')}"[:LONGEST_NAME]
 
 
-def external_record(
-    data: Mapping[str, Any],
-    gallery: str,
-    input_: Input,
-    title: str,
-    recipe: Mapping[str, Any],
-    scored: Mapping[str, Any],
+def _record(
+    data: Mapping[str, Any], gallery: str, title: str, recipe: Mapping[str, Any], scored: Mapping[str, Any]
 ) -> Record:
     """Return the record of an external row.
 
     Parameters
     ----------
-    data, gallery, input_
+    data, gallery
         The shapes, as other records name them.
     title
         What the row is called.
     recipe
         What determines the scores.
     scored
-        ``scores``, ``per_query``, ``shapes``, ``labels`` and what else a finished job tells.
+        ``scores``, ``per_query``, ``shapes``, ``labels`` and other facts of a finished job.
     """
     labels = scored["labels"]
     return {
         "key": key_of(recipe),
         "gallery": gallery,
-        "input": input_,
+        "input": recipe["input"],
         "method": method_name(title),
         "title": title,
         "family": EXTERNAL,
@@ -72,6 +81,9 @@ def external_record(
     }
 
 
+# Distances -----------------------------------------------------------------------------------------------------------
+
+
 def keep_distances(store: Store, task: Task, scores: Scores, title: str, dataset: str, input_: Input) -> Record:
     """Keep a square matrix with one label a shape as an external row.
 
@@ -83,16 +95,15 @@ def keep_distances(store: Store, task: Task, scores: Scores, title: str, dataset
     """
     if not task.is_square or any(len(classes) > 1 for classes in task.queries.classes):
         raise ConfigurationError(
-            "rows of tables rank shapes with one label against each other", "leave --results out to score this matrix"
+            "rows of tables rank shapes with one label against each other", "omit --results to score this matrix"
         )
     beside = _beside(store, dataset, input_)
     labels = [classes[0] for classes in task.queries.classes]
-    data = beside["data"] if beside else own_data(dataset, labels)
     names = _names(beside, task.queries, labels)
+    gallery, data = (beside["gallery"], beside["data"]) if beside else (dataset, own_data(dataset, labels))
     arrays = {"distances": task.values}
     recipe = {"stage": "distances", EXTERNAL: digest_of(arrays), "title": title, "versions": {}}
     artefact = store.get_or_compute(recipe, lambda: arrays)
-    gallery = beside["gallery"] if beside else dataset
     of_row = {
         "input": input_,
         "method": method_name(title),
@@ -114,13 +125,13 @@ def keep_distances(store: Store, task: Task, scores: Scores, title: str, dataset
         "labels": labels,
         "artefacts": [artefact.key],
     }
-    record = external_record(data, gallery, input_, title, of_row, scored)
+    record = _record(data, gallery, title, of_row, scored)
     store.write_record(record)
     return record
 
 
 def own_data(dataset: str, labels: Sequence[str]) -> dict[str, Any]:
-    """Return what a record tells of shapes of which the suite has no data."""
+    """Return the facts of a record on shapes of which the suite has no data."""
     return {
         "name": dataset,
         "title": dataset,
@@ -155,15 +166,103 @@ def _beside(store: Store, dataset: str, input_: Input) -> Record | None:
 
 def _names(beside: Record | None, shapes: Labels, labels: Sequence[str]) -> list[str]:
     """Names of the shapes as the rows beside have them."""
-    names = list(shapes.names) or ([] if beside else [str(place) for place in range(1, len(labels) + 1)])
+    names = list(shapes.names)
     if beside is None:
-        return names
-    known = dict(zip(beside["shapes"], beside["labels"], strict=True))
+        return names or [str(place) for place in range(1, len(labels) + 1)]
     if not names and labels == beside["labels"]:
         return list(beside["shapes"])
+    known = dict(zip(beside["shapes"], beside["labels"], strict=True))
     if dict(zip(names, labels, strict=False)) != known:
-        other = [name for name in names if known.get(name) != labels[names.index(name)]]
+        other = [name for name, label in zip(names, labels, strict=False) if known.get(name) != label]
         what = f"the first that differs is '{other[0]}'" if other else f"they are {len(labels)}, not {len(known)}"
         hint = f"name them with their labels as there: {beside['shapes'][0]} {beside['labels'][0]}, ..."
         raise ConfigurationError(f"the shapes are not those of '{beside['gallery']}': {what}", hint)
     return names
+
+
+# Forms ---------------------------------------------------------------------------------------------------------------
+
+
+def score_forms(
+    gallery: Gallery, input_: Input, title: str, folder: Path, spec: ScorerSpec, store: Store, watched: Watched
+) -> Record:
+    """Score the meshes of a folder as forms of a gallery, and keep the record; one that is kept is returned.
+
+    Parameters
+    ----------
+    gallery, input_
+        The shapes, and the input of the rows beside.
+    title, folder
+        Name of the row; holds a mesh ``SHAPE.off``, or of another format, for each shape. A missing one counts 0.
+    spec
+        What compares them.
+    store
+        Where signatures, distances and the record are kept.
+    watched
+        Hands on the shapes, to show progress.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder has no form of these shapes, or none can be used.
+    """
+    if spec.is_foreign:
+        raise ConfigurationError(
+            f"scorer '{spec.name}' is a plugin", "score forms of other programs by a scorer of the suite"
+        )
+    files = _files(gallery.entries, folder)
+    digests = {name: file_digest(path) for name, path in files.items()}
+    common = {"scorer": recipes.scorer_recipe(spec), "versions": versions_of([f"scorer/{spec.base_name}", "measures"])}
+    of_row = {**data_recipe(gallery, input_), "method": method_name(title), EXTERNAL: digest(digests), **common}
+    before = store.records.read(key_of(of_row))
+    if before is not None:
+        return before
+    start, scorer = time.perf_counter(), spec.create()
+    signatures: dict[str, Arrays] = {}
+    refused: list[tuple[str, str]] = []
+    for entry in watched(gallery.entries):
+        name = entry.identifier
+        if name not in files:
+            refused.append((name, f"{folder} has no form of it"))
+            continue
+        recipe = {"stage": "features", EXTERNAL: digests[name], **common}
+        compute = partial(attempted, partial(_signature, scorer, files[name]))
+        arrays = store.get_or_compute(recipe, compute, work="features").arrays
+        if REFUSED in arrays:
+            refused.append((name, str(arrays[REFUSED][0])))
+        else:
+            signatures[name] = arrays
+    if not signatures:
+        raise ConfigurationError(f"no form in {folder} can be used: {refused[0][1]}", "correct the meshes")
+    names, labels = ([getattr(e, part) for e in gallery.entries] for part in ("identifier", "subject"))
+    answered = [place for place, name in enumerate(names) if name in signatures] if refused else None
+    draws = (form_distances(scorer, list(signatures.values()), draw) for draw in range(spec.info.draws))
+    scored = {
+        **measures.scores(draws, labels, answered),
+        **({} if spec.name == DEFAULT_SCORER else {"scorer": spec.name, "scorer_title": spec.title}),
+        "shapes": names,
+        "labels": labels,
+        "unsupported": refused,
+        "coverage": len(signatures) / len(names),
+        "wall_seconds": round(time.perf_counter() - start, 3),
+    }
+    record = _record(plain(data_facts(gallery)), gallery.name, title, plain(of_row), scored)
+    store.write_record(record)
+    return record
+
+
+def _signature(scorer: Any, path: Path) -> Arrays:
+    return signature_of(scorer, read_mesh(path))
+
+
+def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
+    """The mesh of each shape that has one, by its name."""
+    files = {}
+    for entry in entries:
+        paths = (folder / f"{entry.identifier}{extension}" for extension in EXTENSIONS)
+        if path := next((path for path in paths if path.is_file()), None):
+            files[entry.identifier] = path
+    if not files:
+        first = next(iter(entries)).identifier
+        raise ConfigurationError(f"{folder} has no form of these shapes", f"name them as the shapes: {first}.off, ...")
+    return files

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from benchmark.errors import ConfigurationError
-from benchmark.external.distances import DistanceMatrix, as_distances
-from benchmark.external.labels import Labels, as_labels
+from benchmark.external.files import SEVERAL, DistanceMatrix, Labels, as_distances, as_labels
+from benchmark.report.escaping import csv_text, latex_text, markdown_line, markdown_table, markdown_text
+from benchmark.report.rounding import number
 from benchmark.report.statistics.queries import UNIT
 from benchmark.report.statistics.significance import intervals
 from retrieval.chance import chance_of_queries
 from retrieval.measures import MEASURES
 from retrieval.metrics import ASYMMETRY, Query, Scores, evaluate_queries
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +81,9 @@ class Task:
                 f"{shape[1]} shapes of the gallery",
                 "pass one label per row and column, and labels of the rows (--query-labels) where they are other ones",
             )
-        found = cls(np.array(distances.values, dtype=np.float64), queries, gallery)
-        found._check()
-        return found
+        task = cls(np.array(distances.values, dtype=np.float64), queries, gallery)
+        task._check()
+        return task
 
     def _check(self) -> None:
         values = self.values
@@ -119,13 +118,13 @@ class Task:
         for place, classes in enumerate(self.gallery.classes):
             members[place, [known[label] for label in classes]] = True
         places = {name: place for place, name in enumerate(self.gallery.names)}
-        for number, classes in enumerate(self.queries.classes):
+        for row, classes in enumerate(self.queries.classes):
             shared = members[:, [known[label] for label in classes if label in known]]
             relevant = np.logical_or.reduce(shared, axis=1)
-            own = places.get(self.queries.names[number]) if self.queries.names else None
-            own = number if self.is_square else own
+            own = places.get(self.queries.names[row]) if self.queries.names else None
+            own = row if self.is_square else own
             others = np.arange(len(relevant)) != (-1 if own is None else own)
-            yield Query(self.values[number, others], relevant[others])
+            yield Query(self.values[row, others], relevant[others])
 
     def chance(self) -> dict[str, float]:
         """Expected measures of a random order."""
@@ -182,24 +181,72 @@ def score(distances: object, labels: object, query_labels: object = None) -> Eva
 
 def evaluated(task: Task, scores: Scores | None = None) -> Evaluation:
     """Return measures, intervals and chance of a task."""
-    from pandas import DataFrame
-
-    found = evaluate_queries(task.answers()) if scores is None else scores
+    scores = scores or evaluate_queries(task.answers())
     names = [measure.name for measure in MEASURES]
-    values = np.column_stack([found.per_query[name] for name in names])
+    values = np.column_stack([scores.per_query[name] for name in names])
     ends = intervals(np.rint(values / UNIT), [tuple(sorted(classes)) for classes in task.queries.classes])
     chance = task.chance()
     table = {
-        "score": [found.means[name] for name in names],
+        "score": [scores.means[name] for name in names],
         "low": ends[:, 0],
         "high": ends[:, 1],
         "chance": [chance[name] for name in names],
     }
     index: Sequence[object] = task.queries.names or range(1, len(values) + 1)
-    labels = [";".join(classes) for classes in task.queries.classes]
-    queries = DataFrame({"labels": labels, **found.per_query}, index=list(index))
-    notes = list(task.notes(found))
-    place = names.index("mAP")
-    if ends[place, 1] < chance["mAP"]:
+    labels = [SEVERAL.join(classes) for classes in task.queries.classes]
+    queries = DataFrame({"labels": labels, **scores.per_query}, index=list(index))
+    notes = list(task.notes(scores))
+    if ends[names.index("mAP"), 1] < chance["mAP"]:
         notes.append("mAP is below chance: if these are similarities, subtract them from the largest one.")
     return Evaluation(DataFrame(table, index=names), queries.rename_axis("query"), tuple(notes))
+
+
+def _markdown(title: str, evaluation: Evaluation) -> str:
+    cells = [[markdown_text(row[0]), *row[1:]] for row in _rows(title, evaluation)]
+    notes = [f"- {markdown_line(note)}" for note in evaluation.notes]
+    head = [f"{len(evaluation.queries)} queries", *evaluation.scores.index]
+    lines = markdown_table(head, cells, aligned=True)
+    return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"
+
+
+def _latex(title: str, evaluation: Evaluation) -> str:
+    """Return a ``tabular`` of the package booktabs."""
+    head = " & ".join(["Method", *evaluation.scores.index])
+    rows = [" & ".join([latex_text(row[0]), *row[1:]]) + r" \\" for row in _rows(title, evaluation)]
+    columns = "l" + "r" * len(evaluation.scores)
+    body = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", rf"{head} \\", r"\midrule", *rows, r"\bottomrule"]
+    return "\n".join([*(f"% {note}" for note in evaluation.notes), *body, r"\end{tabular}"]) + "\n"
+
+
+def _rows(title: str, evaluation: Evaluation) -> list[list[str]]:
+    table = evaluation.scores
+    ends = [f"{number(low)}-{number(high)}" for low, high in zip(table["low"], table["high"], strict=True)]
+    return [[title, *map(number, table["score"])], ["95 % interval", *ends], ["Chance", *map(number, table["chance"])]]
+
+
+def _flat(title: str, evaluation: Evaluation) -> dict[str, object]:
+    columns = {"score": "{}", "low": "low_{}", "high": "high_{}", "chance": "chance_{}"}
+    figures = {
+        pattern.format(measure): round(float(value), 6)
+        for column, pattern in columns.items()
+        for measure, value in evaluation.scores[column].items()
+    }
+    return {"title": title, **figures, "n_queries": len(evaluation.queries)}
+
+
+def _json(title: str, evaluation: Evaluation) -> str:
+    return json.dumps({**_flat(title, evaluation), "notes": list(evaluation.notes)}, indent=1) + "\n"
+
+
+def _csv(title: str, evaluation: Evaluation) -> str:
+    row = _flat(title, evaluation)
+    return csv_text(list(row), [row])
+
+
+#: Text of an evaluation by the name of its format, for a row of a title.
+FORMATS: Mapping[str, Callable[[str, Evaluation], str]] = {
+    "markdown": _markdown,
+    "latex": _latex,
+    "csv": _csv,
+    "json": _json,
+}

@@ -25,7 +25,7 @@ import sys
 from pathlib import Path
 from benchmark.threads import pin_threads
 pin_threads()
-from benchmark.cli.canonicalise import FormRequest, plain_form
+from benchmark.cli.forms import FormRequest, plain_form
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.io import write_mesh
 from benchmark.geometry.mesh import Mesh

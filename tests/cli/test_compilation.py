@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from benchmark.cli.verbs.compilation import PARTS
+from benchmark.cli.compilation import PARTS
 from tests.kernels import first_party_modules, kernels_of
 
 

@@ -1,17 +1,19 @@
 """``canonicalise`` of depth images, and ``retrieve``."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from benchmark.cli.canonicalise import FormRequest
-from benchmark.cli.depth_forms import FrameJob, FrameOptions, _forms, frames_under, make_forms
+from benchmark.cli.forms import FormRequest, FrameJob, frames_under, write_forms
 from benchmark.cli.main import cli
 from benchmark.depth.errors import DepthError
-from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.depth.frame import FrameFiles
+from benchmark.depth.intrinsics import intrinsics_of
+from benchmark.errors import BenchmarkError
 from benchmark.geometry.io import read_mesh
 from benchmark.pipeline.storage.store import Store
 from tests.datasets.test_depth_folder import write_frames
@@ -60,7 +62,7 @@ def test_what_does_not_fit_is_refused(frames, tmp_path):
     for arguments, said in (
         ([image, "--vertices", "all"], "a depth image has no vertices"),
         ([image, "-o", tmp_path / "form.xyz"], "is not the name of a mesh file"),
-        ([tmp_path / "absent.off", "--mask", image], "is no depth image; leave --intrinsics, --mask"),
+        ([tmp_path / "absent.off", "--mask", image], "is no depth image; omit --intrinsics, --mask"),
         ([tmp_path / "*.png"], "no depth image matches"),
         ([tmp_path], "no meshes in"),
     ):
@@ -78,8 +80,8 @@ CAMERA = "525,525,319.5,239.5"
 #: One of each step; tests/depth has the others.
 BAD = {
     "colour": ("colour.png", {}, "holds colours .RGB., no depth"),
-    "mask that is none": ("good.png", {"mask": "absent.png"}, "absent.png"),
-    "no intrinsics": ("good.png", {"intrinsics": ""}, "there are no intrinsics for .*; put camera.json"),
+    "mask that is none": ("good.png", {"mask": Path("absent.png")}, "absent.png"),
+    "no intrinsics": ("good.png", {"intrinsics": None}, "there are no intrinsics for .*; put camera.json"),
     "scale": ("good.png", {"scale": 1.0}, "the median depth is .* m with 1 units per metre; pass .*--depth-scale"),
     "scale the other way": ("good.png", {"scale": 1e6}, "the median depth is 0.00.* m with 1e"),
     "absent": ("absent.png", {}, "absent.png: No such file"),
@@ -97,19 +99,18 @@ def bad(tmp_path_factory):
 def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
     monkeypatch.chdir(bad)
     image, options, said = BAD[fault]
-    values = {"intrinsics": CAMERA, "mask": "", "scale": None} | options
+    values = {"intrinsics": intrinsics_of(CAMERA)} | options
+    job = FrameJob(FrameFiles(Path(image), **values), tmp_path / "form.off")
     with pytest.raises(DepthError, match=said) as caught:
-        _forms([FrameJob(image, str(tmp_path / "form.off"))], FrameOptions(**values), FormRequest("identity"), print)
+        write_forms([job], FormRequest("identity"), print)
     assert caught.value.hint
     assert not list(tmp_path.iterdir())
 
 
 def test_in_a_process_of_its_own_it_is_the_same_error(bad, tmp_path):
-    job = FrameJob(str(bad / "grey.png"), str(tmp_path / "form.off"))
-    with pytest.raises(BenchmarkError, match="holds 8 bits, no depth; export depth"):
-        make_forms([job], FrameOptions(CAMERA), FormRequest("identity"))
-    with pytest.raises(ConfigurationError, match="unknown method"):
-        make_forms([job], FrameOptions(CAMERA), FormRequest("no-such"))
+    words = (bad / "grey.png", "-o", tmp_path / "form.off", "--intrinsics", CAMERA)
+    assert "holds 8 bits, no depth; export depth" in run("canonicalise", "-m", "identity", *words)
+    assert "unknown method" in run("canonicalise", "-m", "no-such", *words)
 
 
 def test_a_gallery_that_was_run_is_searched_and_its_signatures_are_read(frames, tmp_path):

@@ -61,7 +61,7 @@ def test_a_place_without_rights_is_no_full_disk(call, monkeypatch, tmp_path):
 
     monkeypatch.setattr("benchmark.execution.claims.Claims.of", denied)
     said = refused(call("prune", "--results", tmp_path / "results"))
-    assert said == "error: runs/claims: Permission denied; change its rights or choose another place"
+    assert said == "error: runs/claims: Permission denied; change its permissions or choose another place"
 
 
 # Arguments -----------------------------------------------------------------------------------------------------------
@@ -132,7 +132,9 @@ Tried.train = train
 
 
 def commands(group, before=()):
-    for name, command in group.commands.items():
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
         if isinstance(command, click.Group):
             yield from commands(command, (*before, name))
         else:

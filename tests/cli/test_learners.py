@@ -10,8 +10,9 @@ from click.testing import CliRunner
 from benchmark.api.learning import read_card
 from benchmark.cli.main import cli
 from benchmark.cli.options import RunOptions
-from benchmark.cli.run_plan import run_plan
-from benchmark.cli.verbs.train import train_one
+from benchmark.cli.plan import planned_jobs
+from benchmark.cli.run import run_plan
+from benchmark.cli.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
@@ -157,7 +158,7 @@ def test_a_missing_model_is_a_failure_only_where_its_method_was_named(root, tmp_
         executor="serial",
     )
     store = Store.open(tmp_path)
-    (job,) = chosen.jobs(store)
+    (job,) = planned_jobs(chosen, store)
     assert job.state == "unavailable"
     assert not run_plan([job], store, chosen)
     assert run_plan([job], store, replace(chosen, methods=()))

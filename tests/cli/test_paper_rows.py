@@ -51,7 +51,7 @@ def test_a_selection_without_a_row_of_the_paper_is_told(tmp_path, words):
 
 def test_a_run_of_the_paper_needs_no_further_choice(tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr("benchmark.cli.run_plan.run_plan", lambda jobs, *_: asked.extend(jobs) or True)
+    monkeypatch.setattr("benchmark.cli.run.run_plan", lambda jobs, *_: asked.extend(jobs) or True)
     done = call("run", "--paper", "--input", "view", "--quick", "--results", str(tmp_path))
     assert done.exit_code == 0
     assert {job.method.name for job in asked} == {row.method for row in paper.ROWS}

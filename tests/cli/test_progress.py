@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli import run_plan
+from benchmark.cli import run as run_module
 from benchmark.cli.main import cli
 from benchmark.kernel_cache import VARIABLE
 from tests.execution.test_executors import orders
@@ -15,8 +15,8 @@ from tests.toy import write_rods
 
 def test_one_shape_that_is_waited_for_is_named_in_place_of_an_estimate(tmp_path, monkeypatch, capsys):
     clock = iter([0.0, *range(1, 100, 15)])
-    monkeypatch.setattr(run_plan, "time", SimpleNamespace(monotonic=lambda: next(clock)))
-    display = run_plan._Display(orders(tmp_path, ("identity",)))
+    monkeypatch.setattr(run_module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    display = run_module._Display(orders(tmp_path, ("identity",)))
     for done in (0, 1, 2, 2):
         display.watch(["rods mesh identity, big"], done)
     assert capsys.readouterr().err.splitlines() == [
@@ -29,7 +29,7 @@ def test_one_shape_that_is_waited_for_is_named_in_place_of_an_estimate(tmp_path,
 @pytest.mark.parametrize("compiled", [[], [(Path("module.py"), [])]])
 def test_the_first_run_says_that_kernels_are_compiled(compiled, tmp_path, monkeypatch):
     monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(run_plan, "compiled_files", lambda root: iter(compiled))
+    monkeypatch.setattr(run_module, "compiled_files", lambda root: iter(compiled))
     words = ["-d", str(write_rods(tmp_path / "rods")), "-m", "surface-area", "--input", "mesh", "--executor", "serial"]
     done = CliRunner().invoke(cli, ["run", *words, "--results", str(tmp_path / "results")])
     assert done.exit_code == 0, done.output

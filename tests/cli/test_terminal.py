@@ -13,6 +13,7 @@ from rich.console import Console
 
 from benchmark.cli.main import cli
 from benchmark.cli.options import RunOptions
+from benchmark.cli.selection import recorded
 from benchmark.cli.terminal import drawn
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.store import Store
@@ -28,7 +29,7 @@ def published(*methods, table="III", dataset="tosca", results=ROOT / "results", 
     options = {"tables": (table,), "methods": methods, "datasets": (dataset,), "inputs": (), "plugins": ()}
     selection = RunOptions(**options, results=results, data_root=None, seed=0, quick=False, **more)
     store = Store(results / "runs", published_only=True)
-    return contents(selection.recorded(store), (table,), blanks=not selection.is_narrow)
+    return contents(recorded(selection, store), (table,), blanks=not selection.is_narrow)
 
 
 def shown(table, width, only=""):

@@ -148,18 +148,16 @@ def _records_without_work(suite, *selections):
     (suite / "records.py").write_text((ROOT / "tests" / "records.py").read_text())
     program = """
 import sys
-from benchmark.cli.options import SELECTION, RunOptions, add_options
+from benchmark.cli.options import SELECTION, RunOptions, shared, verb
+from benchmark.cli.plan import planned_jobs
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.store import Store
-import click
 import records
 
-@click.command()
-@add_options(*SELECTION)
-def write(**options):
-    selection = RunOptions.of(options)
-    store = Store.open(selection.results)
-    for job in selection.jobs(store):
+@verb
+def write(options: RunOptions = shared(*SELECTION)):
+    store = Store.open(options.results)
+    for job in planned_jobs(options, store):
         made = records.record(method=job.method.name, input_=job.input)
         store.write_record({**made, **keys.plain(job.facts), "recipe": keys.plain(job.recipe), "key": job.key})
 

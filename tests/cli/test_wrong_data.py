@@ -3,8 +3,8 @@
 import pytest
 from click.testing import CliRunner
 
+from benchmark.cli import plan
 from benchmark.cli.main import cli
-from benchmark.cli.verbs import results
 from benchmark.errors import ConfigurationError
 from tests.toy import write_rods
 
@@ -52,7 +52,7 @@ def test_a_long_plan_fits_on_a_screen_and_lists_its_jobs_when_asked(tmp_path):
 
 
 def test_the_start_of_several_keys_explains_none(monkeypatch):
-    monkeypatch.setattr(results, "_SHORTEST_KEY", 1)  # longer starts are those of several published records by chance
+    monkeypatch.setattr(plan, "_SHORTEST_KEY", 1)  # longer starts are those of several published records by chance
     error = call("why", "a").exception
     assert " jobs have keys that begin with a: a" in error.problem
 

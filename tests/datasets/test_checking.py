@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.verbs.data import data
+from benchmark.cli.data import data
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
@@ -247,7 +247,7 @@ def test_the_verb_exits_with_1_on_errors_alone(rods):
 def test_the_count_goes_to_stderr_from_the_start_on(rods, monkeypatch):
     checked = CliRunner().invoke(data, ["check", str(rods)])
     assert checked.stderr.splitlines() == [f"checking {rods}: 0 of 6", "6 of 6"]
-    monkeypatch.setattr("benchmark.cli.counting.INTERVAL", 0.0)
+    monkeypatch.setattr("benchmark.cli.terminal.INTERVAL", 0.0)
     told = CliRunner().invoke(data, ["check", str(rods)]).stderr.splitlines()
     assert [line.partition(",")[0] for line in told[1:]] == [f"{n} of 6" for n in (1, 2, 3, 4, 5, 6)]
 

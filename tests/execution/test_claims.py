@@ -44,7 +44,7 @@ def test_a_job_of_another_run_is_not_taken_until_that_run_is_gone(tmp_path):
 
 def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monkeypatch):
     from benchmark.cli.options import RunOptions
-    from benchmark.cli.run_plan import run_plan
+    from benchmark.cli.run import run_plan
     from benchmark.pipeline.storage.store import Store
 
     store = Store.open(tmp_path)

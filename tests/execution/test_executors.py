@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from benchmark.cli.options import RunOptions
-from benchmark.cli.run_plan import run_plan
+from benchmark.cli.run import run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.execution import pools
 from benchmark.execution.job_specs import Job, shape_batches

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import pytest
 
 from benchmark.cli.options import RunOptions
-from benchmark.cli.run_plan import run_plan
+from benchmark.cli.run import run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.execution.job_specs import Job, ScoringTask, ShapeBatch, job_of, task_of, to_json
 from benchmark.execution.plan import JobSettings, make_plan

@@ -10,8 +10,7 @@ from scipy.io import savemat
 
 import benchmark
 from benchmark.errors import ConfigurationError
-from benchmark.external.distances import as_distances
-from benchmark.external.labels import read_labels
+from benchmark.external.files import as_distances, read_labels
 from benchmark.external.records import keep_distances
 from benchmark.external.scoring import Task
 from benchmark.pipeline.storage.store import Store

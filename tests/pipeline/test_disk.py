@@ -6,7 +6,7 @@ import shutil
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli import run_plan
+from benchmark.cli import run as run_module
 from benchmark.cli.main import cli
 from benchmark.pipeline.storage.records import Records
 from benchmark.pipeline.storage.store import StorageError, Store
@@ -80,21 +80,21 @@ def test_a_folder_in_the_place_of_a_record_is_named_before_work_begins(rods, tmp
 
 
 def test_a_results_folder_that_vanishes_during_the_run_is_told(rods, tmp_path, monkeypatch):
-    real = run_plan.make_pool
+    real = run_module.make_pool
 
     def vanishing(*arguments):
         shutil.rmtree(tmp_path / "runs")
         (tmp_path / "runs").write_text("something else")
         return real(*arguments)
 
-    monkeypatch.setattr(run_plan, "make_pool", vanishing)
+    monkeypatch.setattr(run_module, "make_pool", vanishing)
     done = run(rods, tmp_path)
     assert isinstance(done.exception, StorageError)
     assert "choose another --results DIR" in str(done.exception)
 
 
 def test_processes_whose_folder_vanished_end_the_run_with_its_name(rods, tmp_path, monkeypatch):
-    real = run_plan.make_pool
+    real = run_module.make_pool
 
     def vanishing(*arguments):
         monkeypatch.setattr(Store, "open", classmethod(lambda cls, results: cls(results / "runs")))
@@ -103,7 +103,7 @@ def test_processes_whose_folder_vanished_end_the_run_with_its_name(rods, tmp_pat
         (tmp_path / "runs" / "progress").write_text("something else")
         return pool
 
-    monkeypatch.setattr(run_plan, "make_pool", vanishing)
+    monkeypatch.setattr(run_module, "make_pool", vanishing)
     done = run(rods, tmp_path, "--executor", "processes", "-j", "1")
     assert isinstance(done.exception, StorageError)
     assert "vanished during the run; bring it back or choose another --results DIR" in str(done.exception)

@@ -1,0 +1,114 @@
+"""``compile``: what a machine does once, done before the first run by a process for each part of it.
+
+Kernels are compiled on their first use and kept beside the code. Workers of a run begin with the same ones, and each
+would compile them all for itself. Here every part is compiled by one process, and by the same steps as in a run, so
+that the kernels are those for the arrays that a run passes.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import click
+
+from benchmark.arrays import Arrays
+from benchmark.cli.options import NOT_OK, OK, option, verb
+from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.execution.processes.channel import Facts, wait_for
+from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Requester
+from benchmark.geometry.io import write_mesh
+from benchmark.kernels import drop_stale_kernels
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.conformance.shapes import BENDS, figure
+from benchmark.plugins.output_checks import form_distances, signature_of
+from benchmark.plugins.registry import methods
+from benchmark.plugins.scorers import ScorerSpec
+from benchmark.protocols.tables import INPUTS, VARIANTS
+from benchmark.source_code import ROOT
+from benchmark.text import say
+from benchmark.threads import available_cores
+
+
+@verb
+def compile_(
+    jobs: int | None = option(
+        "-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Processes; all cores by default."
+    ),
+) -> None:
+    """Compile the kernels and build the body model in advance; otherwise the first run does."""
+    start = time.monotonic()
+    drop_stale_kernels(ROOT)
+    waiting, running, code = list(PARTS), dict[str, Process](), OK
+    say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
+    try:
+        while waiting or running:
+            while waiting and len(running) < (jobs or available_cores()):
+                name = waiting.pop(0)
+                running[name] = Process(_compile)
+                running[name].send({"part": name})
+            wait_for(running.values(), INTERVAL)
+            for name, process in list(running.items()):
+                try:
+                    if (message := process.receive(0.0)) is None:
+                        continue
+                    process.result(message)
+                    end = "done"
+                except (BenchmarkError, ForeignError, MemoryError, ProcessEnded) as error:
+                    code, end = NOT_OK, f"ended with {error}"
+                running.pop(name).end()
+                say(f"{name} {end} after {time.monotonic() - start:.0f} s", err=True)
+    finally:
+        for process in running.values():
+            process.end()
+    sys.exit(code)
+
+
+def _compile(facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
+    """Compile one part, in its process; what this machine lacks is for the run to report, if it needs it."""
+    with suppress(BenchmarkError):
+        PARTS[facts["part"]]()
+    return {}, {}
+
+
+def _compile_bodies() -> None:
+    """Make one shape of each generator, in the second pose, which bends what the first one leaves at rest."""
+    for name, source in CATALOGUE.items():
+        if not source.folder:
+            dataset = open_dataset(name, None)
+            dataset.load(dataset.entries[1])
+
+
+def _compile_scorer() -> None:
+    """Rank the figure against its bent self."""
+    scorer = ScorerSpec().create()
+    form_distances(scorer, [signature_of(scorer, figure(bend)) for bend in BENDS[:2]], draw=0)
+
+
+def _compile_methods() -> None:
+    """Treat a small figure, complete and as a camera sees it, by every method that does not learn."""
+    specs = [spec for spec in methods().values() if not spec.learns]
+    rows = [row for spec in specs for row in (spec, *map(spec.with_parameters, VARIANTS.get(spec.base_name, ())))]
+    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
+        write_mesh(Path(folder, "figure0.off"), figure())
+        store, dataset = Store.open(Path(folder, "results")), open_dataset(folder, None)
+        for input_ in INPUTS:
+            preparation = Preparation(dataset, input_, store)
+            for row in rows:
+                if input_ in row.info.inputs:
+                    with suppress(ShapeError):
+                        MethodRun(preparation, store, row).answer(dataset.entries[0])
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "methods": _compile_methods,
+    "bodies": _compile_bodies,
+    "scorer": _compile_scorer,
+}

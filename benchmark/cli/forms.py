@@ -1,0 +1,403 @@
+"""``canonicalise`` and ``retrieve``: what a method makes of a mesh or a depth image."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import click
+import numpy as np
+
+from benchmark.api.contracts import CanonicalForm, Method, Shape
+from benchmark.cli.methods import trained_on_people
+from benchmark.cli.options import (
+    NAME_OR_FOLDER,
+    NOT_OK,
+    PATH,
+    RunOptions,
+    argument,
+    complete_datasets,
+    complete_methods,
+    explained,
+    option,
+    shared,
+    timeout_option,
+    verb,
+    vertex_count,
+)
+from benchmark.cli.plan import scorer_spec
+from benchmark.datasets.catalogue import open_dataset, sources
+from benchmark.datasets.depth_folder import DepthFolder
+from benchmark.datasets.folder import folder_dataset
+from benchmark.depth.frame import FrameFiles
+from benchmark.depth.intrinsics import intrinsics_of
+from benchmark.depth.reading import READERS, is_depth_file
+from benchmark.depth_forms import form_of_object, method_of_depth, plain_notes
+from benchmark.errors import ConfigurationError, ShapeError
+from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
+from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import prepare
+from benchmark.pipeline.method_run import MethodRun
+from benchmark.pipeline.preparation import Preparation, shape_of
+from benchmark.pipeline.retrieval import Found, input_for, search
+from benchmark.pipeline.stages.complete import N_VERTICES, complete
+from benchmark.pipeline.stages.view import half_width_of, seen
+from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.output_checks import form_of
+from benchmark.plugins.registry import methods, variant
+from benchmark.protocols.galleries import Gallery
+from benchmark.protocols.models import find_models, with_model
+from benchmark.report.content import own_table
+from benchmark.report.pictures.painting import save_png
+from benchmark.report.pictures.sheets import frame_picture, retrieved_picture
+from benchmark.text import aligned, say
+
+#: A form in plain values: vertices, faces and notes.
+Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
+
+#: Characters of a method with its parameters that do not belong into the name of a file.
+_NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
+
+_METHOD = option(
+    "-m", "--method", required=True, metavar="METHOD", help="Method; see 'list methods'.",
+    shell_complete=complete_methods,
+)  # fmt: skip
+_INTRINSICS = option(
+    "--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]"
+)
+_MASK = option("--mask", type=PATH, metavar="FILE", help="Object in a depth image. [found automatically]")
+_SCALE = option(
+    "--depth-scale", type=float, metavar="N", help="Depth units per metre. [1000 for integers, 1 for floats]"
+)
+_SEED = option("--seed", type=int, default=0)
+
+
+@dataclass(frozen=True)
+class FormRequest:
+    """Request for canonical forms: the method, files of plugins, the base seed, and seconds that a form may take."""
+
+    method: str
+    plugins: tuple[Path, ...] = ()
+    seed: int = 0
+    limit: float | None = None
+
+    def guard(self, shape: str, hint: str) -> Guard:
+        """Return the terms on which the method is called for a shape."""
+        return Guard(f"method '{self.method}' on {shape}", f"try another {hint}, or correct the method", self.limit)
+
+
+@dataclass(frozen=True)
+class FrameJob:
+    """One depth image, and where its form and its picture go."""
+
+    files: FrameFiles
+    target: Path
+    picture: Path | None = None
+
+
+@verb
+def canonicalise(
+    method: str = _METHOD,
+    paths: tuple[Path, ...] = argument("IN...", type=PATH, nargs=-1, required=True),
+    output: Path | None = option(
+        "-o", "--output", type=PATH, metavar="OUT",
+        help="Mesh file [IN-METHOD.off in the current folder], or folder for several images [forms].",
+    ),
+    plugins: tuple[Path, ...] = shared("plugins"),
+    timeout: float = timeout_option("the form"),
+    seed: int = _SEED,
+    vertices: int | str | None = option(
+        "--vertices", type=vertex_count, metavar="N|all", help="Number of vertices, or all of the file. [2000]"
+    ),
+    intrinsics: str = _INTRINSICS,
+    mask: Path | None = _MASK,
+    depth_scale: float | None = _SCALE,
+    picture: Path | None = option(
+        "--picture", type=PATH, metavar="OUT.png", help="Draw depth and form; for several images, a folder."
+    ),
+) -> None:  # fmt: skip
+    """Write the canonical form of a mesh, or of depth images.
+
+    A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
+    """
+    if nameless := [path for path in paths if not path.name]:
+        raise ConfigurationError(f"{nameless[0]} is no file", "name a mesh or a depth image")
+    if warning := trained_on_people(variant(method, methods(plugins))):
+        say(f"{method}: {warning}", err=True)
+    request = FormRequest(method, plugins, seed, timeout)
+    if len(paths) > 1 or paths[0].suffix.lower() in READERS or paths[0].is_dir() or _is_pattern(paths[0]):
+        if vertices is not None:
+            raise ConfigurationError("a depth image has no vertices", "omit --vertices")
+        files = _frame_files(intrinsics, mask, depth_scale)
+        _canonicalise_frames(_frame_jobs(paths, files, output, picture, method), request)
+        return
+    if intrinsics or mask or depth_scale or picture:
+        raise ConfigurationError(
+            f"{paths[0]} is no depth image", "omit --intrinsics, --mask, --depth-scale and --picture"
+        )
+    target = _mesh_target(output, paths[0], method)
+    if target.exists() and paths[0].exists() and target.samefile(paths[0]):
+        raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
+    points, faces, notes = call_apart(
+        plain_form, paths[0], request, vertices, guard=request.guard(str(paths[0]), "shape")
+    )
+    # Written here, it is there if, and only if, the method has come to its end.
+    write_form(target, Mesh(np.array(points), np.array(faces)))
+    say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
+
+
+def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
+    """The file of a form; raises ``ConfigurationError`` for no mesh, or if an unnamed one would lie among the data."""
+    target = output or Path(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
+    if output is None and source.resolve().parent == Path.cwd():
+        raise ConfigurationError(
+            f"{target} beside {source} would become part of the data", f"name a file with -o, such as -o forms/{target}"
+        )
+    if target.suffix.lower() not in WRITABLE:
+        raise ConfigurationError(f"{target} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
+    return target
+
+
+def write_form(target: Path, mesh: Mesh) -> None:
+    """Write a mesh beside its place, then move it there, so that on a full disk the old file stays.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be written.
+    """
+    place = target.resolve()
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=place.parent, prefix=".form-") as folder:
+            file = Path(folder, place.name)
+            try:
+                write_mesh(file, mesh)
+            except ConfigurationError as error:
+                raise ConfigurationError(error.problem.replace(str(file), str(target)), error.hint) from error
+            file.replace(place)
+    except OSError as error:
+        raise ConfigurationError(f"{target}: {error.strerror}", "choose a file in a writable folder") from error
+
+
+def _facts(notes: Mapping[str, float | str]) -> list[str]:
+    return [f"{name} {note:.4g}" if isinstance(note, float) else f"{name} {note}" for name, note in notes.items()]
+
+
+def plain_form(source: Path, request: FormRequest, vertices: int | str | None = None) -> Plain:
+    """Prepare a mesh as the benchmark does, and make its form, here; what is returned travels as JSON.
+
+    A method that reads depth images alone is given what a camera sees from the front (z up, facing -y), in a frame that
+    fits the mesh.
+
+    Parameters
+    ----------
+    source, request
+        The file, and by which method.
+    vertices
+        Vertices of the prepared mesh, and so of the form; None for as many as in the benchmark. ``"all"`` prepares the
+        mesh as in the benchmark and carries the form over to the vertices of the file: each takes the barycentric mean
+        of the form over the triangle of the prepared mesh that is nearest to it and looks the same way.
+
+    Raises
+    ------
+    ConfigurationError
+        If the method is unknown or has no canonical form, or if vertices are asked for and its forms have their own.
+    ShapeError
+        If the mesh cannot be read or treated.
+    """
+    spec = variant(request.method, methods(request.plugins))
+    maker = with_model(spec)
+    if not isinstance(maker, Method):
+        raise ConfigurationError(
+            f"method '{request.method}' describes shapes without a canonical form", "choose another method"
+        )
+    reads_meshes = "mesh" in spec.info.inputs
+    if vertices is not None and not reads_meshes:
+        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --vertices")
+    mesh = read_mesh(source)
+    if vertices is not None:
+        form = _with_vertices(maker, mesh, source.stem, request.seed, vertices)
+    else:
+        arrays = complete(mesh) if reads_meshes else seen(mesh, FRONT, half_width_of(mesh, FRONT))
+        form = _form(maker, shape_of(arrays, source.stem, request.seed))
+    return form.vertices.tolist(), form.faces.tolist(), form.notes
+
+
+def _form(maker: Method, shape: Shape) -> CanonicalForm:
+    mesh, notes = form_of(maker, shape)
+    return CanonicalForm(mesh.vertices, mesh.faces, plain_notes(notes))
+
+
+def _with_vertices(maker: Method, mesh: Mesh, name: str, seed: int, vertices: int | str) -> CanonicalForm:
+    """The form of a mesh at a number of vertices, or at those of the mesh itself."""
+    prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
+    form = _form(maker, Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed))
+    if vertices != "all":
+        return form
+    if not np.array_equal(form.faces, prepared.mesh.faces):
+        raise ConfigurationError(
+            f"forms of method '{maker.info.name}' have vertices of their own", "omit '--vertices all'"
+        )
+    points = (mesh.vertices - prepared.centre) / prepared.scale
+    places = nearest_on_surface(prepared.mesh, points, vertex_normals(mesh))
+    notes = {**form.notes, "farthest_from_prepared": float(places.distances.max())}
+    return CanonicalForm(places.carry(form.vertices), mesh.faces, notes)
+
+
+# Depth images --------------------------------------------------------------------------------------------------------
+
+
+def _frame_files(intrinsics: str, mask: Path | None, scale: float | None) -> Callable[[Path], FrameFiles]:
+    camera = intrinsics_of(intrinsics) if intrinsics else None
+    return partial(FrameFiles, intrinsics=camera, mask=mask, scale=scale)
+
+
+def _is_pattern(path: Path) -> bool:
+    return not path.exists() and glob.has_magic(str(path))
+
+
+def frames_under(source: Path) -> list[Path]:
+    """Depth images that a file, a folder or a pattern stands for; raises ``ConfigurationError`` if there is none."""
+    if source.is_dir():
+        dataset = folder_dataset(source)
+        if not isinstance(dataset, DepthFolder):
+            raise ConfigurationError(f"{source} holds meshes", "name one of them, or make all forms with 'run -d'")
+        return [entry.path for entry in dataset.entries if entry.path]
+    if not _is_pattern(source):
+        return [source]
+    matches = [Path(name) for name in sorted(glob.glob(str(source), recursive=True))]  # noqa: PTH207
+    frames = [path for path in matches if is_depth_file(path)]
+    if not frames:
+        raise ConfigurationError(f"no depth image matches {source}", f"name files in {', '.join(READERS)}")
+    return frames
+
+
+def _frame_jobs(
+    paths: Sequence[Path], files: Callable[[Path], FrameFiles], output: Path | None, picture: Path | None, method: str
+) -> list[FrameJob]:
+    """Return the images that are meant, each with the file of its form, and of its picture if one is wanted."""
+    if len(paths) > 1:  # a pattern that the shell has replaced matches masks and colours, too
+        paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
+    frames = [frame for path in paths for frame in frames_under(path)]
+    if not frames:
+        raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
+    if frames == list(paths[:1]):
+        return [FrameJob(files(frames[0]), _mesh_target(output, frames[0], method), picture)]
+    above = os.path.commonpath([path.absolute().parent for path in frames])
+    jobs = []
+    for frame in frames:
+        inner = frame.absolute().relative_to(above)
+        target = (output or Path("forms")) / inner.with_suffix(".off")
+        jobs.append(FrameJob(files(frame), target, picture and picture / inner.with_suffix(".png")))
+    return jobs
+
+
+def _canonicalise_frames(jobs: Sequence[FrameJob], request: FormRequest) -> None:
+    """Write the forms of depth images, made by one process of their own; exit 1 if one of several has none."""
+    others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
+    guard = request.guard(f"{jobs[0].files.image}{others}", "image")
+    failures = call_apart(write_forms, jobs, request, guard=guard, say=say)
+    if failures:
+        say(f"{failures} of {len(jobs)} images have no form", err=True)
+        sys.exit(NOT_OK)
+
+
+def write_forms(jobs: Sequence[FrameJob], request: FormRequest, report: Callable[[str], None]) -> int:
+    """Write the form and the picture of each frame, here; report each, and return how many have no form."""
+    maker = method_of_depth(request.method, request.plugins)
+    failures = 0
+    for number, job in enumerate(jobs, 1):
+        start = time.perf_counter()
+        place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
+        try:
+            made = form_of_object(job.files.observe(), maker, job.files.image.stem, seed=request.seed)
+        except ShapeError as error:
+            if len(jobs) == 1:
+                raise
+            failures += 1
+            report(f"{place}{job.files.image}: {error}")
+            continue
+        seconds = time.perf_counter() - start
+        write_form(job.target, made.form.mesh)
+        if job.picture:
+            save_png(frame_picture(made.observed.depths, made.observed.mask, made.form.mesh), job.picture)
+        facts = _facts(made.form.notes) if len(jobs) == 1 else []
+        report(", ".join([f"{place}{job.target}: {len(made.form.vertices)} vertices, {seconds:.2f} s", *facts]))
+    return failures
+
+
+# Retrieval -----------------------------------------------------------------------------------------------------------
+
+
+@verb
+def retrieve(
+    method: str = _METHOD,
+    gallery: str = option(
+        "-d", "--dataset", required=True, type=NAME_OR_FOLDER, metavar="DATASET|FOLDER",
+        shell_complete=complete_datasets, help="Data set or folder that was run.",
+    ),
+    query: Path = argument("QUERY", type=PATH),
+    k: int = option("-k", type=click.IntRange(min=1), default=5, help="Number of shapes to show."),
+    picture: Path | None = option("--picture", type=PATH, metavar="OUT.png", help="Draw the forms that were found."),
+    intrinsics: str = _INTRINSICS,
+    mask: Path | None = _MASK,
+    depth_scale: float | None = _SCALE,
+    options: RunOptions = shared("scorer", "plugins", "results", "data_root"),
+    timeout: float = timeout_option("the search"),
+    seed: int = _SEED,
+) -> None:  # fmt: skip
+    """Show the shapes of a gallery that are nearest to a depth image or a mesh."""
+    with explained(gallery, "data set"):
+        datasets = tuple(sources([gallery], options.plugins))
+    options = replace(options, methods=(method,), datasets=datasets)
+    files = _frame_files(intrinsics, mask, depth_scale)
+    guard = FormRequest(method, limit=timeout).guard(str(query), "shape")
+    for line in call_apart(_retrieved, query, k, picture, files, options, guard=guard):
+        say(line)
+
+
+def _retrieved(
+    query: Path, k: int, picture: Path | None, files: Callable[[Path], FrameFiles], options: RunOptions
+) -> Iterable[str]:
+    """Search a gallery, in a process of its own; returns the lines that show the nearest shapes."""
+    start = time.perf_counter()
+    (name,), (source,) = options.methods, options.datasets
+    spec, dataset = variant(name, methods(options.plugins)), open_dataset(source, options.data_root)
+    store = Store.open(options.results)
+    gallery = Gallery(own_table(dataset.name), source, dataset, dataset.entries, data_root=options.data_root)
+    models = find_models(spec, gallery, store.models)
+    preparation = Preparation(dataset, input_for(query, dataset, spec), store)
+    run = MethodRun(preparation, store, spec, options.seed, models, scorer_spec(options))
+    nearest = search(run, query, files(query) if query.suffix.lower() in READERS else None, source)
+    seconds = time.perf_counter() - start
+    rows = [("rank", "name", "class", "distance")]
+    panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or nearest.query.mesh)]
+    for rank, hit in enumerate(nearest.hits[:k], 1):
+        identifier, subject, distance = hit.entry.identifier, hit.entry.subject, f"{hit.distance:.4g}"
+        rows.append((str(rank), identifier, subject, distance))
+        if picture:
+            form = None if run.describes else run.found_form(hit.entry)
+            panels.append((f"{rank}. {identifier}\n{subject}\n{distance}", form))
+    if picture:
+        save_png(retrieved_picture(panels), picture)
+    return [*aligned(rows), _summary(nearest, seconds)]
+
+
+def _summary(nearest: Found, seconds: float) -> str:
+    made = f", {nearest.made} made from their forms and kept" if nearest.made else ""
+    return (
+        f"class {nearest.hits[0].entry.subject}, by a margin of {nearest.margin:.1%} over the second class; "
+        f"{nearest.read} signatures read{made}, {seconds:.1f} s"
+    )

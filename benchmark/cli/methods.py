@@ -1,0 +1,288 @@
+"""``list``, ``describe`` and ``new``: what can be named, and plugins to start from."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from benchmark.api.parameters import format_value
+from benchmark.cli.options import argument, complete_methods, explained, flag, name_unusable, shared, verb
+from benchmark.errors import ConfigurationError
+from benchmark.plugins import registry
+from benchmark.plugins.registry import MethodSpec, variant
+from benchmark.plugins.specs import PluginSpec
+from benchmark.text import aligned, clean, say
+
+Rows = list[dict[str, str]]
+
+#: What ``list`` shows of a data set on a terminal of 80 columns; the rest stands in its JSON.
+_COLUMNS = ("name", "state", "shapes", "classes", "source")
+
+#: Sets whose trainings show people alone.
+_PEOPLE = ("humans", "shrec14-synthetic")
+
+_KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
+
+#: Kinds of plugins that ``new`` writes.
+_NEW = {
+    "method": "a method that makes canonical forms",
+    "external": "a method that calls a program with mesh files",
+    "descriptor": "a descriptor that compares shapes without a form",
+    "learner": "a method that is trained",
+    "scorer": "a scorer that compares forms",
+    "dataset": "a data set",
+}
+
+
+@verb
+def list_(
+    what: str = argument(type=click.Choice(["methods", "scorers", "datasets", "tables", "models"])),
+    as_json: bool = flag("--json", help="Print JSON."),
+    plugins: tuple[Path, ...] = shared("plugins"),
+    results: Path = shared("results"),
+    data_root: Path | None = shared("data_root"),
+) -> None:
+    """List methods, scorers, data sets, tables or models."""
+    if what == "datasets":
+        print_datasets(plugins, data_root, as_json=as_json)
+        return
+    rows: Callable[[], Rows] = {
+        "methods": lambda: _methods(plugins),
+        "scorers": lambda: _scorers(plugins),
+        "tables": lambda: _tables(data_root),
+        "models": lambda: _models(results),
+    }[what]
+    _print(rows(), as_json=as_json)
+    if what in ("methods", "scorers"):
+        name_unusable(what)
+
+
+def print_datasets(plugins: Iterable[Path], data_root: Path | None, *, as_json: bool) -> None:
+    """Print the data sets: official or generated, present or absent, those of plugin files last."""
+    rows = _datasets(plugins, data_root)
+    if not as_json:
+        rows = [dict(zip(_COLUMNS, _COLUMNS, strict=True)), *({name: row[name] for name in _COLUMNS} for row in rows)]
+    _print(rows, as_json=as_json)
+
+
+def _print(rows: Rows, *, as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+        return
+    for line in aligned([list(row.values()) for row in rows]):
+        say(line)
+
+
+def _state(spec: PluginSpec[Any, Any]) -> str:
+    missing = spec.missing_packages()
+    return f"needs {', '.join(missing)}" if missing else "available"
+
+
+def _methods(plugins: Iterable[Path]) -> Rows:
+    """Each method, and each variant that has rows of its own; one that cannot be imported says why."""
+    from benchmark.protocols.tables import VARIANTS
+
+    rows: Rows = []
+    for name, spec in registry.methods(plugins).items():
+        try:
+            info, state = spec.info, _state(spec)
+        except ConfigurationError as error:
+            rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
+            continue
+        rows.append({"name": name, "title": info.title, "family": info.family, "state": state, "summary": info.summary})
+        for other in map(spec.with_parameters, VARIANTS.get(name, ())):
+            chosen = ", ".join(f"{key}={value}" for key, value in other.parameters.items())
+            changed = {"name": other.name, "title": other.title, "family": "extended", "summary": f"with {chosen}"}
+            rows.append({**rows[-1], **changed})
+    return rows
+
+
+def _scorers(plugins: Iterable[Path]) -> Rows:
+    from benchmark.plugins.scorers import scorers
+
+    return [
+        {"name": name, "title": spec.info.title, "state": _state(spec), "summary": spec.info.summary}
+        for name, spec in scorers(plugins).items()
+    ]
+
+
+def _datasets(plugins: Iterable[Path], data_root: Path | None) -> Rows:
+    from benchmark.datasets.catalogue import CATALOGUE, is_present
+    from benchmark.datasets.own import data_sets_of, open_own
+
+    rows = [
+        {
+            "name": name,
+            "kind": "official" if known.folder else "generated",
+            "state": "present" if is_present(name, data_root) else f"not at {known.folder}",
+            "shapes": str(known.n_shapes or "?"),
+            "classes": str(known.n_classes),
+            "source": known.origin or "generated",
+            "summary": known.summary,
+            "url": known.url,
+            "terms": known.terms,
+            "use": known.other_use or "retrieval",
+        }
+        for name, known in CATALOGUE.items()
+    ]
+    for own in map(open_own, data_sets_of(plugins).values()):
+        classes = {entry.subject for entry in own.entries}
+        facts = {"name": own.name, "kind": "plugin", "state": "present", "shapes": str(len(own.entries))}
+        facts |= {"classes": str(len(classes)), "source": own.code, "summary": own.made.info.summary}
+        rows.append({**facts, "url": "", "terms": "", "use": "retrieval"})
+    return rows
+
+
+def _tables(data_root: Path | None) -> Rows:
+    from benchmark.datasets.catalogue import is_present
+    from benchmark.protocols.tables import TABLES
+
+    rows = []
+    for table in TABLES:
+        present = [name for name in (table.dataset, *table.any_of) if name and is_present(name, data_root)]
+        none = f"none of {len(table.any_of)} sets is here" if table.any_of else ""
+        data = ", ".join(present) or none or f"{table.stand_in} (stand-in for {table.dataset})"
+        caption = table.caption_over(len(table.folds))
+        rows.append({"table": table.identifier, "dataset": data, "caption": caption})
+    return rows
+
+
+def _models(results: Path) -> Rows:
+    """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
+    from benchmark.api.learning import CARD, Learner, read_card
+    from benchmark.pipeline.storage.store import Store
+    from benchmark.protocols.models import MODELS_VARIABLE, model_places
+
+    folders = {Store(results / "runs").models: "trained here"}
+    for method in (spec.create() for spec in registry.methods().values() if spec.learns):
+        if isinstance(method, Learner):
+            for folder in model_places(method):
+                folders.setdefault(folder, "shipped" if folder == method.shipped_models else MODELS_VARIABLE)
+    rows = []
+    for folder, origin in folders.items():
+        for path in sorted(folder.glob(f"*/*/{CARD}")):
+            try:
+                card = read_card(path.parent)
+                digest, schedule = card["digest"][:12], str(card.get("schedule_in_words", ""))
+            except ConfigurationError as error:
+                digest, schedule = "", f"unusable: {error}"
+            row = {"training": path.parent.parent.name, "model": path.parent.name, "origin": origin}
+            rows.append({**row, "digest": digest, "schedule": schedule})
+    return rows
+
+
+@verb
+def describe(
+    method: str = argument("METHOD", shell_complete=complete_methods),
+    as_json: bool = flag("--json", help="Print JSON."),
+    plugins: tuple[Path, ...] = shared("plugins"),
+) -> None:
+    """Describe a method: parameters, source, inputs."""
+    with explained(method, "method"):
+        spec = variant(method, registry.methods(plugins))
+    facts = _facts(spec)
+    if as_json:
+        click.echo(json.dumps(facts, indent=1))
+        return
+    for line in _fact_lines(facts, shutil.get_terminal_size((100, 24)).columns):
+        say(line)
+
+
+def trained_on_people(spec: MethodSpec) -> str:
+    """Warn of a method whose model was shown people alone; "" for any other, and where a table chooses the model."""
+    from benchmark.protocols.trainings import TRAININGS
+
+    if spec.is_foreign or not spec.learns or spec.missing_packages():
+        return ""
+    folder = getattr(spec.create(), "model_folder", None)
+    training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
+    if training is None or training.dataset not in _PEOPLE:
+        return ""
+    return f"its model of training '{training.name}' was shown people alone: it turns any other shape into a person"
+
+
+def _facts(spec: MethodSpec) -> dict[str, Any]:
+    """Everything that is to be known of a method before it is run, in plain values."""
+    from benchmark.reference.bibliography import source_of
+
+    info = spec.info
+    chosen = {name: format_value(value) for name, value in spec.parameters.items()}
+    return {
+        "name": spec.name,
+        "title": info.title,
+        "family": info.family,
+        "kind": "learner" if spec.learns else "descriptor" if spec.describes else "method",
+        "summary": clean(spec.summary),
+        "source": source_of(info.cite),
+        "departs": info.departs,
+        "inputs": list(info.inputs),
+        "scale": info.scale,
+        "deterministic": info.deterministic,
+        "warning": trained_on_people(spec),
+        "requires": list(info.requires),
+        "missing": list(spec.missing_packages()),
+        "defined_in": spec.target,
+        "parameters": [dataclasses.asdict(text) | {"chosen": chosen.get(text.name)} for text in spec.parameter_texts],
+    }
+
+
+def _fact_lines(facts: Mapping[str, Any], width: int) -> list[str]:
+    """The same for a reader: a line for each fact, and two or more for each parameter."""
+    needs = ", ".join(facts["requires"]) or "nothing beyond the core"
+    if facts["missing"]:
+        needs += f" (not installed: {', '.join(facts['missing'])})"
+    rows = {
+        "": facts["summary"],
+        "kind": f"{facts['kind']}, {_KINDS.get(facts['family'], facts['family'])}",
+        "source": facts["source"] or "none",
+        "departs": facts["departs"],
+        "inputs": " and ".join(facts["inputs"]),
+        "scale": facts["scale"],
+        "random": "no" if facts["deterministic"] else "yes: the form depends on --seed",
+        "warning": facts["warning"],
+        "needs": needs,
+        "defined in": facts["defined_in"],
+    }
+    lines = [f"{facts['name']}: {facts['title']}"]
+    for name, text in rows.items():
+        if text or name not in ("departs", "warning"):
+            lines += _wrapped(f"  {name:<12}" if name else "  ", text, width)
+    lines.append("  parameters" + ("" if facts["parameters"] else "  none"))
+    for parameter in facts["parameters"]:
+        chosen = "" if parameter["chosen"] is None else f", here {parameter['chosen']}"
+        values = f"{parameter['values']}; default {parameter['default'] or repr('')}{chosen}"
+        lines += _wrapped(f"    {parameter['name']:<16}", values, width)
+        lines += _wrapped(" " * 20, parameter["meaning"], width) if parameter["meaning"] else []
+    return lines
+
+
+def _wrapped(head: str, text: str, width: int) -> list[str]:
+    width = max(20 + len(head), width)
+    blank = " " * len(head)
+    return textwrap.wrap(clean(text), width, initial_indent=head, subsequent_indent=blank, break_on_hyphens=False) or [
+        head
+    ]
+
+
+def _new(kind: str) -> click.Command:
+    def write(name: str) -> None:
+        from benchmark.plugins.scaffold import new_plugin
+
+        paths = new_plugin(kind, name)
+        for path in paths:
+            say(path)
+        build = f"'g++ -O2 -o {paths[0].stem} {paths[2]}' and " if kind == "external" else ""
+        say(f"next: edit it, then {build}'python -m benchmark check {paths[0]}'", err=True)
+
+    text = f"Write a working plugin file with {_NEW[kind]} called NAME, and its test, into this folder."
+    return click.Command(kind, params=[click.Argument(["name"])], callback=write, help=text)
+
+
+new = click.Group("new", help="Write a plugin to start from, with a test.", commands=list(map(_new, _NEW)))

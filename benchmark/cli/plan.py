@@ -1,0 +1,228 @@
+"""``plan`` and ``why``: what would run, and how a job stands."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+from benchmark.cli.options import (
+    EVERY,
+    FINISHED,
+    PLAN,
+    SELECTION,
+    RunOptions,
+    argument,
+    complete_methods,
+    flag,
+    name_skipped,
+    name_unusable,
+    shared,
+    verb,
+)
+from benchmark.datasets.catalogue import sources
+from benchmark.datasets.own import data_sets_of
+from benchmark.errors import ConfigurationError
+from benchmark.execution.job_specs import Job
+from benchmark.execution.plan import JobSettings, estimate, make_plan, require_jobs
+from benchmark.pipeline.storage.environment import in_words
+from benchmark.pipeline.storage.keys import bare_key
+from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.records import Record
+from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.registry import methods, select, variants
+from benchmark.plugins.scorers import scorer_of, scorers
+from benchmark.plugins.specs import ScorerSpec
+from benchmark.protocols.galleries import galleries
+from benchmark.protocols.tables import INPUTS, TABLES
+from benchmark.reference import paper
+from benchmark.report.rounding import number
+from benchmark.text import brief, clean, say, say_lines
+from benchmark.threads import available_cores
+from retrieval.measures import PRINTED
+
+#: Most jobs that have a line each, unless somebody asks for all.
+_SCREEN = 100
+
+#: Reasons that are named where jobs have no line each.
+_REASONS = 5
+
+#: Characters of a key that name a job, and those more that tell apart some that begin alike.
+_SHORTEST_KEY, _FURTHER = 6, 6
+
+
+def scorer_spec(options: RunOptions) -> ScorerSpec:
+    """The scorer; raises ``ConfigurationError`` if there is none of this name."""
+    return scorer_of(options.scorer, scorers(options.plugins))
+
+
+def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
+    """Plan a run, or the shard of it; without tables and data sets, those of plugin files are meant."""
+    specs = select(_method_names(options, store), methods(options.plugins), options.plugins)
+    if not options.methods or EVERY in options.methods:
+        name_unusable()
+    named = bool(options.datasets or options.tables or options.everything)
+    datasets = sources(options.datasets if named else tuple(data_sets_of(options.plugins)), options.plugins)
+    chosen = galleries(options.tables, datasets, options.data_root, options.quick, options.repeat or 0)
+    for gallery in chosen:
+        for input_ in options.inputs:
+            gallery.check_input(input_)
+    inputs = [input_ for input_ in INPUTS if not options.inputs or input_ in options.inputs]
+    settings = JobSettings(options.seed, frozenset(options.retry), scorer_spec(options))
+    jobs = make_plan(chosen, inputs, specs, store, settings)
+    name_skipped(store)
+    require_jobs(jobs)
+    if options.paper:
+        jobs = _of_paper(jobs)
+    if options.shard is not None:
+        say(options.shard.told(jobs))
+        jobs = options.shard.of(jobs)
+    return jobs
+
+
+def _method_names(options: RunOptions, store: Store) -> tuple[str, ...]:
+    """Names of methods, with those of all finished jobs where these are asked for."""
+    if FINISHED not in options.methods:
+        return options.methods
+    known, finished = methods(options.plugins), []
+    for record in (*store.published, *store.records):
+        with suppress(ConfigurationError):  # one of a plugin that was not passed, or of parameters of old
+            finished += [spec.name for spec in variants(record["method"], known) if record["status"] == "ok"]
+    if not finished:
+        raise ConfigurationError(f"no job under {options.results} has finished", "name methods, or run some first")
+    return tuple(dict.fromkeys([*(name for name in options.methods if name != FINISHED), *finished]))
+
+
+def _of_paper(jobs: list[Job]) -> list[Job]:
+    from benchmark.report.content import row_of
+
+    tables = {table.identifier: table for table in TABLES}
+    printed = [
+        job for job in jobs if job.table in tables and row_of(tables[job.table], job.facts) in paper.rows(job.table)
+    ]
+    if not printed:
+        raise ConfigurationError(
+            "no row of the paper is selected", "drop --paper, or select of Tables I to IV and their methods"
+        )
+    return printed
+
+
+@verb
+def plan(
+    options: RunOptions = shared(*PLAN),
+    all_jobs: bool = flag("--all-jobs", help="A line for each job, however many there are."),
+) -> None:
+    """Show what would run, why, and how long it would take."""
+    store = Store.open(options.results)
+    jobs = planned_jobs(options, store)
+    n_to_run = sum(job.to_run for job in jobs)
+    lines = _job_lines(jobs) if all_jobs or len(jobs) <= _SCREEN else _gallery_lines(jobs)
+    for line in [*lines, *estimate(jobs, store).lines(n_to_run, available_cores())]:
+        say(line)
+    say(f"{n_to_run} of {len(jobs)} jobs to run")
+
+
+def _job_lines(jobs: Sequence[Job]) -> list[str]:
+    width = max((len(clean(job.name)) for job in jobs), default=0)
+    return [f"{job.state:<11}  {clean(job.name):<{width}}  {brief(job.reason)}" for job in jobs]
+
+
+def _gallery_lines(jobs: Sequence[Job]) -> list[str]:
+    """Count the jobs of each table and input by state, where a line for each would fill several screens."""
+    states: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    for job in jobs:
+        states[clean(f"{job.table} {job.input}")][job.state] += 1
+    width = max(map(len, states))
+    lines = [
+        f"{name:<{width}}  {', '.join(f'{count} {state}' for state, count in counts.most_common())}"
+        for name, counts in states.items()
+    ]
+    reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.to_run or job.state == "failed")
+    lines += [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]
+    return [*lines, "--all-jobs lists each job with its reason"]
+
+
+@verb
+def why(
+    target: str = argument("METHOD|KEY", shell_complete=complete_methods),
+    options: RunOptions = shared(*SELECTION),
+    everything: bool = flag("--all", help="Explain each job in full."),
+) -> None:
+    """Explain a job: state, reason, versions, cost, failure.
+
+    Several jobs get one line each, unless --all is given.
+    """
+    store = Store.open(options.results)
+    if record := _record_of_key(target, store):
+        say(told(record))
+        _explain(record["key"], record)
+        return
+    jobs = planned_jobs(replace(options, methods=(target,)), store)
+    width = max(len(clean(job.name)) for job in jobs)
+    for job in jobs:
+        record = store.records.read(job.key) or store.published.read(job.key)
+        if everything or len(jobs) == 1:
+            say(f"{job.state:<11}  {job.name}  {job.reason}")
+            _explain(job.key, record)
+        else:
+            scores = scores_in_words(record) if record else ""
+            key = bare_key(job.key)[:12] or "none"
+            say(f"{key:<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
+    if len(jobs) > 1 and not everything:
+        say(f"{len(jobs)} jobs: 'why KEY' explains one; select with -t, -d and --input, or explain all with --all")
+
+
+def _record_of_key(start: str, store: Store) -> Record | None:
+    """The record whose key begins like this; raises ``ConfigurationError`` if several do."""
+    if len(start) < _SHORTEST_KEY or not set(start) <= set("0123456789abcdef"):
+        return None
+    records = {record["key"]: record for place in (store.published, store.records) for record in place}
+    keys = [key for key in records if bare_key(key).startswith(start)]
+    name_skipped(store)
+    if len(keys) > 1:
+        listed = ", ".join(bare_key(key)[: len(start) + _FURTHER] for key in keys)
+        raise ConfigurationError(f"{len(keys)} jobs have keys that begin with {start}: {listed}", "write more of it")
+    return records[keys[0]] if keys else None
+
+
+def _explain(key: str, record: Record | None) -> None:
+    say(f"  key         {key or 'none'}")
+    if record is None:
+        return
+    recipe = record["recipe"]
+    facts = [
+        ("status", f"{record['status']} {scores_in_words(record)}".strip()),
+        ("reason", record.get("reason")),
+        ("finished", str(record.get("finished", ""))),
+        ("parameters", _listed(recipe.get("parameters"))),
+        ("scorer", record.get("scorer")),
+    ]
+    if cost := record.get("cost"):
+        phases = ", ".join(f"{name} {seconds:.3f}" for name, seconds in cost["seconds_per_shape"].items())
+        facts.append(("seconds", f"{phases} (median of a shape)"))
+        if record.get("peak_mib") is not None:
+            facts.append(("memory", f"{record['peak_mib']} MiB above the process at rest"))
+    for made in record.get("environments", ()):
+        count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
+        facts.append(("made with", count + in_words(made.get("environment", made))))
+    if digests := record.get("digests"):
+        facts.append(("digests", _listed(digests)))
+    facts += [("unsupported", f"{shape}: {reason}") for shape, reason in record.get("unsupported", ())[:10]]
+    facts += [(part, _listed(recipe[part])) for part in ("models", "versions", "plugin") if part in recipe]
+    for name, text in facts:
+        if text is not None and text != "":
+            say(f"  {name:<10}  {text}")
+    if trace := record.get("traceback"):
+        say_lines("  " + trace.rstrip().replace("\n", "\n  "))
+
+
+def scores_in_words(record: Record) -> str:
+    """Scores of a record in a line; "" where it has none."""
+    scores = record.get("scores")
+    return " ".join(f"{name} {number(scores[name], 3)}" for name in PRINTED) if scores else ""
+
+
+def _listed(values: Mapping[str, Any] | None) -> str:
+    return ", ".join(f"{name} {value}" for name, value in (values or {}).items()) or "none"

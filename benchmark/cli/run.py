@@ -1,0 +1,290 @@
+"""``run``: carry out a plan, show how it goes, then print its tables."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import cast
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from benchmark.api.contracts import Input
+from benchmark.cli.options import NOT_OK, OK, PATH, PLAN, RunOptions, name_skipped, option, shared, timeout_option, verb
+from benchmark.cli.plan import planned_jobs, scorer_spec
+from benchmark.cli.selection import results_of
+from benchmark.cli.terminal import counting, print_tables
+from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present, sources
+from benchmark.datasets.folder import unread_files
+from benchmark.errors import ConfigurationError
+from benchmark.execution.claims import Claims
+from benchmark.execution.job_specs import Job
+from benchmark.execution.plan import unavailable_record
+from benchmark.execution.pools import LocalPool, Pool, PoolHere
+from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.scheduler import Scheduler
+from benchmark.kernel_cache import VARIABLE
+from benchmark.kernels import compiled_files, drop_stale_kernels
+from benchmark.pipeline.storage.environment import environment_text
+from benchmark.pipeline.storage.records import Record, by_place
+from benchmark.pipeline.storage.store import Store, sweep_leftovers
+from benchmark.plugins.scorers import ScorerSpec
+from benchmark.protocols.galleries import Gallery, galleries
+from benchmark.report.content import contents
+from benchmark.report.results import Result
+from benchmark.report.robustness import markdown as robustness_markdown
+from benchmark.report.robustness import robustness
+from benchmark.report.rounding import number
+from benchmark.results import frame_of
+from benchmark.source_code import ROOT
+from benchmark.text import brief, clean, say, say_lines
+from benchmark.threads import available_cores
+from retrieval.measures import PRINTED
+
+#: Seconds between two lines about progress where there is no terminal.
+_SILENCE = 15.0
+
+#: Seconds without a further shape after which what is waited for is named.
+_LONG = 10.0
+
+#: States of jobs that need nothing and are no failure.
+_FINE = ("cached", "unsupported")
+
+
+@verb
+def run(
+    options: RunOptions = shared(*PLAN, "workers", "executor", "scheduler"),
+    timeout: float = timeout_option("one job", "2h"),
+    retry: tuple[str, ...] = shared("retry"),
+    forms: tuple[str, ...] = option(
+        "--forms", multiple=True, metavar="NAME=DIR",
+        help="Instead of methods: score DIR/SHAPE.off, ..., made by another program.",
+    ),
+    frame: Path | None = option(
+        "--frame", type=PATH, hidden=True, help="Write the records as JSON, and print no tables."
+    ),
+) -> None:  # fmt: skip
+    """Run the missing jobs of a selection, then print its tables."""
+    selected = (options.tables, options.methods, options.datasets, options.plugins)
+    if not (forms or options.everything or options.paper or any(selected)):
+        raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
+    store, ok = Store.open(options.results), True
+    if forms:
+        results, tables = _score_forms(forms, options, store)
+    else:
+        jobs = planned_jobs(options, store)
+        _announce(jobs, options.data_root)
+        ok = run_plan(jobs, store, options)
+        results, tables = _results(jobs, options, store), {job.table for job in jobs}
+    if frame is not None:
+        frame_of(results).to_json(frame, orient="table")
+    else:
+        narrow = bool(forms) or options.is_narrow
+        print_tables(contents(results, tables, blanks=not narrow, named=options.is_by_name))
+        for perturbed in robustness(results):
+            say_lines("\n" + robustness_markdown(perturbed))
+    sys.exit(OK if ok else NOT_OK)
+
+
+def _results(jobs: Sequence[Job], options: RunOptions, store: Store) -> list[Result]:
+    """The results of a plan; a finished job of the same shapes, in a folder of another name, is one of them."""
+    known = results_of(options, store)
+    places = by_place(known.records())
+    results: dict[object, Result] = {}
+    for result in known.all(options.seed, scorer=scorer_spec(options).name, places=places):
+        record = result.record
+        results[record["key"]] = results[record["gallery"], record["input"], record["method"]] = result
+    name_skipped(store)
+    pairs = [(job, results.get(job.key) or results.get((job.gallery, job.input, job.method.name))) for job in jobs]
+    return [replace(result, record={**result.record, **job.facts}) for job, result in pairs if result]
+
+
+def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
+    """Say which data sets stand in for others, and which files of a folder are skipped."""
+    stand_ins = {job.facts["data"]["name"]: job.facts["data"]["stand_in_for"] for job in jobs}
+    for name, official in stand_ins.items():
+        if official in CATALOGUE and name in CATALOGUE:
+            where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
+            absent = "" if is_present(official, data_root) else f", which is not at {where}; see --data-root"
+            say(f"{name}: generated stand-in for {official}{absent}", err=True)
+    for folder in dict.fromkeys(job.dataset for job in jobs if not is_known(job.dataset)):
+        if Path(folder).is_dir() and (unread := unread_files(Path(folder))):
+            more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
+            say(f"{folder}: skipped {unread[0].name}{more}: formats that are not read; see 'data check'", err=True)
+
+
+def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
+    """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
+
+    Parameters
+    ----------
+    jobs
+        The plan.
+    store
+        Where the results are.
+    options
+        How they are run. Where they name no method, a job whose models are not here is no failure.
+
+    Returns
+    -------
+    bool
+        Whether every job of the plan, run now or before, is ok.
+    """
+    jobs = list({job.key or job.name: job for job in jobs}.values())  # two tables may hold the same job
+    to_run = [job for job in jobs if job.to_run]
+    say(f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before")
+    for job in jobs:
+        if job.state in ("failed", "unavailable"):
+            again = "; --retry runs it again" if job.state == "failed" else ""
+            say(f"{job.state:<11}  {job.name}  {brief(job.reason)}{again}")
+        if job.state == "unavailable":
+            made = {"environment": environment_text(), "artefacts": 0}
+            store.write_record({**unavailable_record(job), "environments": [made]})
+    sweep_leftovers(store)
+    passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
+    fine = all(job.state in passed_over for job in jobs if not job.to_run)
+    _check_executor(options)
+    with Claims.of(store) as claims:
+        fine &= not to_run or _carry_out(to_run, store, options, claims)
+        if claims.is_last():
+            store.drop_scratch()
+    return fine
+
+
+def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: Claims) -> bool:
+    """Run jobs; returns whether every one is ok."""
+    drop_stale_kernels(ROOT)
+    if VARIABLE not in os.environ and next(compiled_files(ROOT), None) is None:
+        _say("the first run compiles kernels, which takes minutes; 'compile' does so in advance")
+    for job in jobs:
+        if claims.take(job.key):
+            store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
+            claims.release(job.key)
+    fine = True
+    with _Display(jobs) as display, make_pool(options, jobs) as pool:
+        for done, record in Scheduler(jobs, pool, claims, options.timeout, display.watch).records():
+            display.ended(done, record)
+            fine &= record["status"] == "ok"
+    return fine
+
+
+def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
+    """Return what does the tasks of a run: this process, others beside it, or the workers of a dask cluster."""
+    if options.executor == "dask":
+        from benchmark.execution.dask_pool import DaskPool
+
+        return DaskPool(options.scheduler, jobs, options.workers)
+    if options.executor == "serial":
+        return PoolHere()
+    pool = LocalPool(wanted := options.workers or available_cores())
+    if pool.size < wanted:
+        _say(f"only {pool.size} of {wanted} processes at a time: memory is too small for more")
+    return pool
+
+
+def _check_executor(options: RunOptions) -> None:
+    """Raise ``ConfigurationError`` where the executor is unknown, not installed, or lacks its scheduler."""
+    if options.executor not in ("serial", "processes", "dask"):
+        raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
+    if options.executor != "dask" and options.scheduler:
+        raise ConfigurationError("--scheduler needs dask", "pass --executor dask")
+    if options.executor == "dask" and not options.scheduler:
+        raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
+    if options.executor == "dask" and importlib.util.find_spec("distributed") is None:
+        raise ConfigurationError(
+            "the executor dask needs the package distributed", "run `pip install 'dask[distributed]'`"
+        )
+
+
+class _Display:
+    """A progress bar over shapes; plain lines when there is no terminal."""
+
+    def __init__(self, jobs: Sequence[Job]) -> None:
+        self._bar = Progress(
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
+            TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
+            console=Console(file=sys.stderr), disable=not (jobs and sys.stderr.isatty()),
+        )  # fmt: skip
+        self._total = len({(job.dataset, job.input, job.package, shape) for job in jobs for shape in job.identifiers})
+        self._task = self._bar.add_task("starting", total=self._total)
+        self._start = self._shown = self._moved = time.monotonic()
+        self._done = 0
+
+    def __enter__(self) -> _Display:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def watch(self, names: Sequence[str], done: int) -> None:
+        """Show which jobs are at work, and how many shapes are done; where that stays the same, what is waited for."""
+        done = min(done, self._total)
+        self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
+        now = time.monotonic()
+        if done != self._done:
+            self._done, self._moved = done, now
+        if self._bar.disable and now - self._shown >= _SILENCE:
+            self._shown = now
+            waits = now - self._moved >= _LONG  # for one shape: an estimate by their number would be none
+            left = f", about {(now - self._start) * (self._total - done) / done:.0f} s left" if done else ""
+            at = f", {names[0]}" if names and (waits or not done or done >= self._total) else ""
+            _say(f"{done} of {self._total} shapes after {now - self._start:.0f} s{'' if waits else left}{at}")
+
+    def ended(self, job: Job, record: Record) -> None:
+        """Print the line of a job that has ended."""
+        text = brief(record.get("reason", ""))
+        if record["status"] == "ok":
+            scores = " ".join(f"{name} {number(record['scores'][name])}" for name in PRINTED)
+            seconds = sum(record["cost"]["seconds_per_shape"].values())
+            differ = "; two runs on one shape differ, see check" if "runs_differ" in record.get("notes", {}) else ""
+            text = f"{scores}  ({seconds:.2f} s a shape{differ})"
+        line = f"{record['status']:<11}  {job.name}  {text}"
+        if self._bar.disable:
+            _say(line)
+        else:
+            self._bar.console.print(clean(line), highlight=False, markup=False, soft_wrap=True)
+
+
+def _say(text: str) -> None:
+    """Report progress; a run does not end because nobody reads it."""
+    with suppress(OSError):
+        say(text, err=True)
+
+
+def _score_forms(forms: Sequence[str], options: RunOptions, store: Store) -> tuple[list[Result], set[str]]:
+    """Score forms of other programs; returns the rows of their galleries, and the tables in which they stand."""
+    folders = dict(form.split("=", 1) for form in forms if form.partition("=")[0] and "=" in form)
+    if len(folders) < len(forms) or not options.datasets or options.methods:
+        raise ConfigurationError(
+            "--forms scores the meshes of a folder as forms of a data set",
+            "pass -d FOLDER --forms NAME=DIR, without -m",
+        )
+    inputs = cast("tuple[Input, ...]", options.inputs or ("mesh",))
+    datasets = sources(options.datasets, options.plugins)
+    chosen = galleries(options.tables, datasets, options.data_root, options.quick)
+    for gallery, input_, (title, folder) in product(chosen, inputs, folders.items()):
+        gallery.check_input(input_)
+        guard = Guard(f"scoring {title}", "simplify its meshes, or raise --timeout", options.timeout)
+        call_apart(_score_folder, gallery, input_, title, Path(folder), scorer_spec(options), store, guard=guard)
+    names = {gallery.name for gallery in chosen}
+    results = results_of(options, store).all(options.seed, scorer=scorer_spec(options).name)
+    rows = [result for result in results if result.record["gallery"] in names and result.record["input"] in inputs]
+    return rows, {gallery.table.identifier for gallery in chosen}
+
+
+def _score_folder(
+    gallery: Gallery, input_: Input, title: str, folder: Path, spec: ScorerSpec, store: Store
+) -> None:  # fmt: skip
+    """Score the forms of one folder, in a process of its own."""
+    from benchmark.external.records import score_forms
+
+    score_forms(gallery, input_, title, folder, spec, store, partial(counting, f"scoring {title}"))

@@ -1,0 +1,131 @@
+"""Records and tables that the options of a verb select."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from benchmark.cli.options import FINISHED, RunOptions, name_skipped
+from benchmark.cli.plan import scorer_spec
+from benchmark.datasets.catalogue import is_known, is_path
+from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.pipeline.storage.records import EXTERNAL, Record
+from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.registry import methods, select
+from benchmark.plugins.scorers import scorers
+from benchmark.protocols.tables import TABLES
+from benchmark.report.content import TableContent, contents
+from benchmark.report.results import Result, Results
+
+
+def stored(options: RunOptions, output: Path | None = None) -> Store:
+    """Open the results folder to read from it.
+
+    Parameters
+    ----------
+    options
+        Options of the verb.
+    output
+        Folder of the files that are made of it. In ``RESULTS/tables``, where the suite keeps its published tables, they
+        are made from published records alone, where there are any.
+    """
+    store = Store.open(options.results)
+    is_of_suite = output is not None and output.resolve() == (options.results / "tables").resolve()
+    return replace(store, published_only=options.published or (is_of_suite and store.published.has_files))
+
+
+def results_of(options: RunOptions, store: Store) -> Results:
+    """The records of a store, looked at with the methods and scorers that are known."""
+    return Results(store, methods(options.plugins), options.data_root, scorers(options.plugins))
+
+
+def is_of_data(record: Record, options: RunOptions) -> bool:
+    """Return whether a record is of the data sets, by name or by path, and of the inputs, where some are named."""
+    asked = {*options.datasets, *map(os.path.realpath, options.datasets)}
+    is_of_set = not asked or bool(asked & _names(record["data"]))
+    return is_of_set and (not options.inputs or record["input"] in options.inputs)
+
+
+def recorded(options: RunOptions, store: Store, *, fresh: bool = False) -> list[Result]:
+    """The records that the selection stands for, whether or not their data and models are here.
+
+    Parameters
+    ----------
+    options
+        The selection.
+    store
+        Where the records are.
+    fresh
+        Whether to omit those that this code would not make again.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none, or a method, a data set or a table is unknown.
+    """
+    results = results_of(options, store).all(options.seed, fresh=fresh, scorer=scorer_spec(options).name)
+    finished = FINISHED in options.methods
+    names: set[str] = set()
+    if options.is_narrow and not finished:
+        names = {result.record["method"] for result in results if result.record["family"] == EXTERNAL}
+        names &= set(options.methods)
+        others = [name for name in options.methods if name not in names]
+        names |= {spec.name for spec in select(others, methods(options.plugins))} if others else set()
+    name_skipped(store)
+    _check_names(options, results)
+    chosen = [
+        result
+        for result in results
+        if bool(result.record["data"]["quick"]) == options.quick
+        and (not names or result.record["method"] in names)
+        and (not finished or result.record["status"] == "ok")
+        and is_of_data(result.record, options)
+    ]
+    if not chosen:
+        hint = "run it first, select less, or drop --quick" if options.quick else "run it first, or select less"
+        raise ConfigurationError(f"no finished job under {options.results} fits the selection", hint)
+    return chosen
+
+
+def recorded_tables(options: RunOptions, store: Store) -> list[TableContent]:
+    """Tables of the selected records; raises ``ConfigurationError`` if there is none."""
+    tables = tables_of(options, recorded(options, store))
+    if not tables:
+        raise no_table(options)
+    return tables
+
+
+def tables_of(options: RunOptions, results: list[Result]) -> list[TableContent]:
+    """Tables of results, of the named methods alone where methods are named."""
+    return contents(results, options.tables, blanks=not options.is_narrow, named=options.is_by_name)
+
+
+def no_table(options: RunOptions) -> ConfigurationError:
+    """Return the error where no finished job belongs to a table."""
+    what = f"table {', '.join(options.tables)}" if options.tables else "any table"
+    return ConfigurationError(
+        f"no finished job under {options.results} belongs to {what}", "run it first, or select less"
+    )
+
+
+def _check_names(options: RunOptions, results: list[Result]) -> None:
+    """Raise ``ConfigurationError`` for a data set or a table that neither the suite nor a record knows."""
+    recorded_sets = {result.record["data"]["name"] for result in results}
+    places = set().union(*(_names(result.record["data"]) for result in results))
+    for name in options.datasets:
+        if results and not {name, os.path.realpath(name)} & places and not (is_known(name) or is_path(name)):
+            raise did_you_mean("data set", name, recorded_sets)
+    tables = {table.identifier for table in TABLES} | recorded_sets
+    for name in options.tables:
+        if name not in tables:
+            raise did_you_mean("table", name, tables)
+
+
+def _names(data: Mapping[str, str]) -> set[str]:
+    """Return what a data set may be called; under a perturbation, also what the clean set may be."""
+    names = {data["name"], data["source"]}
+    names |= {parts[0] for name in names if (parts := parsed(name))}
+    return names | set(map(os.path.realpath, names))

@@ -1,0 +1,182 @@
+"""``tables`` and ``compare``: what finished jobs say."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from benchmark.cli.options import (
+    NOT_OK,
+    OK,
+    PATH,
+    SELECTION,
+    RunOptions,
+    argument,
+    flag,
+    name_skipped,
+    option,
+    shared,
+    verb,
+)
+from benchmark.cli.selection import is_of_data, no_table, recorded, results_of, stored, tables_of
+from benchmark.cli.terminal import print_tables
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline.storage.merging import records_under
+from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.registry import methods, variant
+from benchmark.plugins.scorers import scorer_of, scorers
+from benchmark.report.comparison import compare_folders, compare_methods, lines
+from benchmark.report.files import render
+from benchmark.report.formats import overview
+from benchmark.report.latex import Notes
+from benchmark.report.output import Folder
+from benchmark.report.robustness import file_stem, rendered, robustness
+from benchmark.report.statistics.agreement import agreements, markdown
+from benchmark.text import say, say_lines
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+#: Tables that are printed whole where methods are named; of more, each row has a line.
+_FEW = 2
+
+FORMATS = ("latex", "markdown", "csv", "json")
+
+#: Names of files that this verb writes for single tables.
+_WRITTEN = re.compile(r"(table|paper-table|intervals-table|splits-table|robustness)-.*\.(md|tex|png)")
+
+
+@verb
+def tables(
+    options: RunOptions = shared(*SELECTION),
+    formats: tuple[str, ...] = option(
+        "--format", multiple=True, type=click.Choice(FORMATS), help="[markdown; with -o, all]"
+    ),
+    output: Path | None = option(
+        "-o", "--output", type=PATH, metavar="DIR", help="Write files instead of printing."
+    ),
+    check: bool = flag("--check", help="Compare with the files in -o DIR; exit 1 if they differ."),
+    notes: Notes = option(
+        "--notes", type=click.Choice(["table", "appendix", "none"]), default="table",
+        help="LaTeX notes: below each table, in files notes-TABLE.tex, or none.",
+    ),
+    rows_only: bool = flag("--rows-only", help="LaTeX: the rows of each table, without float, heading and notes."),
+    bibliography: bool = flag(
+        "--bibliography", help="Print BibTeX entries after LaTeX; with -o, they are a file."
+    ),
+    everything: bool = flag("--all", help="Print whole tables for many methods, too."),
+    force: bool = shared("force"),
+    published: bool = shared("published"),
+    fresh: bool = flag("--fresh", help="Omit rows made by other code or versions."),
+) -> None:  # fmt: skip
+    """Print tables of finished jobs, or write them to files; needs no data."""
+    if check and output is None:
+        raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
+    store = stored(options, output)
+    if store.published_only and not published and Store(store.root).records.has_files:
+        say(f"{output} holds published tables, so your own records are omitted; choose another -o for them", err=True)
+    results = recorded(options, store, fresh=fresh)
+    content = tables_of(options, results)
+    perturbed = robustness(results) if "robustness" in options.tables or not options.tables else []
+    if not content and not perturbed:
+        raise no_table(options)
+    if output is None:
+        is_plain = not formats
+        if is_plain and options.is_narrow and len(content) > _FEW and not everything:
+            say_lines(overview(content))
+            say(f"{len(content)} tables: select with -t and -d, or print them with notes, intervals and tests by --all")
+            return
+        formats, texts = formats or ("markdown",), {}
+        if is_plain and sys.stdout.isatty():
+            print_tables(content)
+        else:
+            texts = render(content, formats, notes, has_variants=False, rows_only=rows_only, has_sources=bibliography)
+        for text in (texts | rendered(perturbed, formats)).values():
+            say_lines(text)
+        return
+    formats, is_whole = formats or FORMATS, not (formats or options.tables or options.methods or options.datasets)
+    texts = render(content, formats, notes, rows_only=rows_only) | rendered(perturbed, formats)
+    files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=force)
+    drawn = perturbed if "markdown" in formats else []
+    if check:
+        sys.exit(_check(folder, files, drawn, is_whole=is_whole and not options.inputs))
+    folder.write(files)
+    if drawn:
+        from benchmark.report.pictures.charts import draw_curves
+
+        draw_curves(drawn, output)
+    say(f"wrote {', '.join(files)} to {output}")
+
+
+def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, is_whole: bool) -> int:
+    """Compare files with those in their folder; a whole set of tables has no others beside it."""
+    pictures = {f"{file_stem(frame)}.png" for frame in drawn}
+    stale = [*folder.stale(files), *sorted(name for name in pictures if not (folder.root / name).is_file())]
+    others = {path.name for path in folder.root.glob("*")} - files.keys() - pictures
+    left_over = sorted(name for name in others if is_whole and _WRITTEN.fullmatch(name))
+    if stale:
+        say(f"stale: {', '.join(stale)}")
+    if left_over:
+        say(f"left over: {', '.join(left_over)}; remove these files, which belong to no table any more")
+    if stale or left_over:
+        return NOT_OK
+    say(f"{len(files) + len(pictures)} files are up to date")
+    return OK
+
+
+@verb
+def compare(
+    first: str = argument("A"),
+    second: str = argument("B"),
+    options: RunOptions = shared("datasets", "inputs", "scorer"),
+    everything: bool = flag("--all", help="Compare every pair, with perturbed sets, intervals and tests."),
+    plugins: tuple[Path, ...] = shared("plugins"),
+    published: bool = shared("published"),
+    results: Path = shared("results"),
+) -> None:
+    """Compare two methods, two results folders, or two scorers.
+
+    For two scorers, print Kendall's tau between their orders of the methods, for each table and measure.
+    """
+    known_scorers = scorers(plugins)
+    if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
+        names = [scorer_of(name, known_scorers).name for name in (first, second)]
+        _compare_scorers(names[0], names[1], options)
+        return
+    are_folders = Path(first).is_dir() and Path(second).is_dir()
+    folders = (Path(first), Path(second)) if are_folders else (results,)
+    stores = [Store(folder / "runs", published_only=published) for folder in folders]
+    try:
+        records = [[record for record in records_under(store) if is_of_data(record, options)] for store in stores]
+    finally:
+        name_skipped(*stores)
+    if are_folders:
+        comparison = compare_folders(*records)
+    else:
+        known, recorded_methods = methods(plugins), {record["method"] for record in records[0]}
+        one, other = (name if name in recorded_methods else variant(name, known).name for name in (first, second))
+        comparison = compare_methods(records[0], one, other, scorer_of(options.scorer, known_scorers).name)
+        if not comparison.differences:
+            raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
+    for line in lines(comparison, first, second, everything=everything):
+        say(line)
+
+
+def _compare_scorers(first: str, second: str, options: RunOptions) -> None:
+    store = Store.open(options.results, published_only=options.published)
+    known = results_of(options, store)
+    sides = [
+        [result for result in known.all(scorer=name) if is_of_data(result.record, options)] for name in (first, second)
+    ]
+    rows = agreements(*sides)
+    name_skipped(store)
+    if not rows:
+        raise ConfigurationError(
+            f"no table has scores of three methods by both {first} and {second}",
+            f"run them: run -t TABLE --scorer {second}",
+        )
+    say_lines(markdown(rows, first, second))
