@@ -23,8 +23,7 @@ from benchmark.pipeline.storage.record_schema import fault_of
 from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_name
 from benchmark.plugins.parameters import split_name
 from benchmark.plugins.registry import BUILT_IN
-from benchmark.report.statistics.queries import queries_of
-from benchmark.report.statistics.significance import intervals
+from benchmark.report.significance import intervals, queries_of
 from benchmark.source_code import digest_of_source
 from benchmark.text import is_name
 from retrieval.measures import PRINTED
@@ -207,8 +206,8 @@ class _Check:
             said = "its distances are made by a package that is not of the suite"
             work.faults.append(claim("not-run", said, "ask its author for a plug-in of one file"))
         found = scored or record
-        queries = queries_of([{**record, "per_query": found["per_query"]}], PRINTED)
-        ends = intervals(np.column_stack([queries.values[name] for name in PRINTED]), queries.labels)
+        queries = queries_of([{**record, "per_query": found["per_query"]}])
+        ends = intervals(queries[[*PRINTED]].to_numpy(), queries["label"].tolist())
         cost = record.get("cost", {}).get("seconds_per_shape", {})
         return RowOutcome(
             key=entry.key, gallery=record["gallery"], data=record["data"]["name"], data_title=record["data"]["title"],

@@ -29,13 +29,11 @@ from benchmark.pipeline.storage.merging import records_under
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.plugins.scorers import scorer_of, scorers
-from benchmark.report.comparison import compare_folders, compare_methods, lines
-from benchmark.report.files import render
-from benchmark.report.formats import overview
+from benchmark.report.comparison import agreement_markdown, compare_folders, compare_methods, compare_scorers, lines
+from benchmark.report.formats import overview, render
 from benchmark.report.latex import Notes
 from benchmark.report.output import Folder
 from benchmark.report.robustness import file_stem, rendered, robustness
-from benchmark.report.statistics.agreement import agreements, markdown
 from benchmark.text import say, say_lines
 
 if TYPE_CHECKING:
@@ -172,11 +170,11 @@ def _compare_scorers(first: str, second: str, options: RunOptions) -> None:
     sides = [
         [result for result in known.all(scorer=name) if is_of_data(result.record, options)] for name in (first, second)
     ]
-    rows = agreements(*sides)
+    rows = compare_scorers(*sides)
     name_skipped(store)
     if not rows:
         raise ConfigurationError(
             f"no table has scores of three methods by both {first} and {second}",
             f"run them: run -t TABLE --scorer {second}",
         )
-    say_lines(markdown(rows, first, second))
+    say_lines(agreement_markdown(rows, first, second))

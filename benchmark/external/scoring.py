@@ -14,8 +14,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.external.files import SEVERAL, DistanceMatrix, Labels, as_distances, as_labels
 from benchmark.report.escaping import csv_text, latex_text, markdown_line, markdown_table, markdown_text
 from benchmark.report.rounding import number
-from benchmark.report.statistics.queries import UNIT
-from benchmark.report.statistics.significance import intervals
+from benchmark.report.significance import UNIT, intervals
 from retrieval.chance import chance_of_queries
 from retrieval.measures import MEASURES
 from retrieval.metrics import ASYMMETRY, Query, Scores, evaluate_queries

@@ -1,25 +1,38 @@
-"""Differences between two sets of records, measure by measure and query by query."""
+"""Differences between two sets of records, measure by measure and query by query, and between two scorers."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchmark.api.contracts import Input
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.merging import told
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
-from benchmark.report.rounding import number
-from benchmark.report.statistics.queries import queries_of
-from benchmark.report.statistics.significance import (
+from benchmark.report.content import TableContent, contents
+from benchmark.report.escaping import markdown_table, markdown_text
+from benchmark.report.results import Result
+from benchmark.report.rounding import BLANK, millionths, number
+from benchmark.report.significance import (
+    ALPHA,
     class_permutation_test,
     intervals,
     least_class_probability,
+    paired_gains,
     permutation_test,
+    queries_of,
 )
+from retrieval.agreement import FEWEST, Agreement, agreement
 from retrieval.measures import PRINTED
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 #: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
@@ -27,11 +40,14 @@ _SMALLEST = 5e-7
 #: Pairs that are always shown in full, and pairs that a first screen has lines for.
 _IN_FULL, _FIRST_SCREEN = 3, 20
 
-#: Probability below which an overview marks a difference.
-_LEVEL = 0.05
+_LEGEND = (
+    "In brackets: 95 % of the differences when classes are drawn anew. p: of so large a difference if there were none "
+    "for other poses of these subjects (paired permutation test over queries); classes: the same for other subjects "
+    "(test over whole classes)."
+)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Difference:
     """Two records that can be compared.
 
@@ -39,44 +55,34 @@ class Difference:
     ----------
     where
         What they have in common.
-    first, second
-        Scores of each by printed measure.
-    intervals
-        By measure: 95 % interval of the difference of means over the queries that both have, classes drawn anew.
-    probabilities
-        By measure: of so large a difference of means if there were none for other poses of these subjects; of one pair,
-        not adjusted.
-    class_probabilities
-        The same for other subjects.
+    measures
+        By printed measure: the score of the ``first`` and the ``second`` record; ``low`` and ``high``, the 95 %
+        interval of the difference of means over the queries that both have, classes drawn anew; the probability of so
+        large a difference of means if there were none for other ``poses`` of these subjects, not adjusted, and for
+        other ``subjects``.
+    gains
+        How much better the second one is for each query that both have, a column for each measure.
     n_classes
-        Classes of the queries that both have.
-    changed
-        Queries for which a measure differs.
-    better, worse
-        Queries for which the second one has a higher, and a lower, DCG.
-    n_queries
-        Queries that both have.
+        Classes of these queries.
     is_perturbed
         Whether the shapes are those of a set under a perturbation.
     """
 
     where: str
-    first: Mapping[str, float]
-    second: Mapping[str, float]
-    intervals: Mapping[str, tuple[float, float]]
-    probabilities: Mapping[str, float]
-    class_probabilities: Mapping[str, float]
+    measures: DataFrame
+    gains: NDArray[np.float64]
     n_classes: int
-    changed: int
-    better: int
-    worse: int
-    n_queries: int
-    is_perturbed: bool = False
+    is_perturbed: bool
 
     @property
-    def largest(self) -> float:
-        """Largest difference of a printed measure."""
-        return max(abs(self.second[name] - self.first[name]) for name in self.first)
+    def changed(self) -> int:
+        """Queries for which a measure differs."""
+        return int(np.count_nonzero(self.gains.any(axis=1)))
+
+    @property
+    def is_empty(self) -> bool:
+        """Return whether the records are equal in print and query by query."""
+        return not self.changed and (self.measures["second"] - self.measures["first"]).abs().max() <= _SMALLEST
 
 
 @dataclass(frozen=True)
@@ -95,28 +101,23 @@ def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Compar
 
 def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
     """Compare two methods on every gallery and input that both have scores for; a descriptor needs no scorer."""
-    newest = {where: record for where, record in _newest(records).items() if scorer_name(record) in (scorer, "")}
-
-    def of(method: str) -> dict[str, Record]:
-        return {
-            f"{where.gallery} {where.input}{f' seed {where.seed}' if where.seed else ''}": record
-            for where, record in newest.items()
-            if where.method == method
-        }
-
-    return _compare(of(first), of(second))
+    sides: dict[str, dict[str, Record]] = {first: {}, second: {}}
+    for place, record in _newest(records).items():
+        if place.method in sides and scorer_name(record) in (scorer, ""):
+            seed = f" seed {place.seed}" if place.seed else ""
+            sides[place.method][f"{place.gallery} {place.input}{seed}"] = record
+    return _compare(sides[first], sides[second])
 
 
 def _newest(records: Iterable[Record]) -> dict[Place, Record]:
     """The newest record with scores of each place; jittered preparations have none."""
     scored = (record for record in records if record["status"] == "ok" and not parsed_jitter(record["data"]["name"]))
-    return {where: rivals[-1] for where, rivals in by_place(scored).items()}
+    return {place: rivals[-1] for place, rivals in by_place(scored).items()}
 
 
 def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Comparison:
-    both = [where for where in first if where in second]
     return Comparison(
-        tuple(_difference(where, first[where], second[where]) for where in both),
+        tuple(_difference(where, first[where], second[where]) for where in first if where in second),
         tuple(where for where in first if where not in second),
         tuple(where for where in second if where not in first),
     )
@@ -124,27 +125,16 @@ def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Compa
 
 def _difference(where: str, first: Record, second: Record) -> Difference:
     """Test the differences of single queries, one column a measure; those of one class are drawn together."""
-    here, there = queries_of([first], PRINTED), queries_of([second], PRINTED)
-    shapes = {shape for _, shape in there.names}
-    both = [name for name in here.names if name[1] in shapes]
-    here, there = here.among(both), there.among((second["gallery"], shape) for _, shape in both)
-    gains = np.column_stack([there.values[name] - here.values[name] for name in PRINTED])
-    gain = gains[:, -1]
-    ends = [(low, high) for low, high in intervals(gains, here.labels).tolist()]
-    return Difference(
-        where,
-        {name: first["scores"][name] for name in PRINTED},
-        {name: second["scores"][name] for name in PRINTED},
-        dict(zip(PRINTED, ends, strict=True)),
-        dict(zip(PRINTED, permutation_test(gains).tolist(), strict=True)),
-        dict(zip(PRINTED, class_permutation_test(gains, here.labels).tolist(), strict=True)),
-        len(set(here.labels)),
-        int(np.count_nonzero(gains.any(axis=1))),
-        int(np.count_nonzero(gain > 0)),
-        int(np.count_nonzero(gain < 0)),
-        len(gains),
-        is_perturbed=parsed(first["data"]["name"]) is not None,
-    )
+    from pandas import DataFrame
+
+    here, there = (queries_of([record]).droplevel(0) for record in (first, second))
+    gains, labels = paired_gains(here, there)
+    low, high = intervals(gains, labels).T
+    columns = {"first": [first["scores"][name] for name in PRINTED], "low": low, "high": high}
+    columns |= {"second": [second["scores"][name] for name in PRINTED], "poses": permutation_test(gains)}
+    columns["subjects"] = class_permutation_test(gains, labels)
+    is_perturbed = parsed(first["data"]["name"]) is not None
+    return Difference(where, DataFrame(columns, PRINTED), gains, len(set(labels)), is_perturbed)
 
 
 def lines(comparison: Comparison, first: str, second: str, *, everything: bool = True) -> list[str]:
@@ -160,89 +150,126 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
         Whether each pair has a head and a line for each measure however many there are. Otherwise, where there are
         more than a few, the first have a line each, clean data first, and the others are counted.
     """
-    said: list[str] = []
-    different = [pair for pair in comparison.differences if pair.changed or pair.largest > _SMALLEST]
-    if not everything and len(different) > _IN_FULL:
-        return _overview(comparison, different, first, second)
-    for pair in different:
-        said.append(
-            f"{pair.where}: {pair.changed} of {pair.n_queries} queries changed, "
-            f"{pair.better} better, {pair.worse} worse in {PRINTED[-1]}"
-        )
-        for name in pair.first:
-            before, after = pair.first[name], pair.second[name]
-            low, high = pair.intervals[name]
-            said.append(
-                f"  {name:<3}  {number(before, 3)} -> {number(after, 3)}  {_signed(after - before)}  "
-                f"({_signed(low)} to {_signed(high)})  p {number(pair.probabilities[name], 4)}  "
-                f"classes {number(pair.class_probabilities[name], 4)}{_better(pair, name, first, second)}"
-            )
-        if (least := least_class_probability(pair.n_classes)) >= _LEVEL:
-            said.append(
-                f"  with {pair.n_classes} classes no p over classes is below {number(least, 4)}: of other subjects "
-                "nothing can be said"
-            )
-    said += _counted(comparison, different)
-    said += _alone(comparison, first, second, everything=everything)
-    if different:
-        said.append(
-            "In brackets: 95 % of the differences when classes are drawn anew. p: of so large a difference if there "
-            "were none for other poses of these subjects (paired permutation test over queries); classes: the same for "
-            "other subjects (test over whole classes)."
-        )
-    return said
-
-
-def _better(pair: Difference, name: str, first: str, second: str) -> str:
-    """Which side is better by a measure, and for what that holds; "" where neither test says so."""
-    over = [
-        what
-        for what, found in (("other poses", pair.probabilities), ("other subjects", pair.class_probabilities))
-        if found[name] < _LEVEL
-    ]
-    ahead = second if pair.second[name] > pair.first[name] else first
-    return f"  {ahead} is better for {' and '.join(over)}" if over else ""
-
-
-def _overview(comparison: Comparison, different: Sequence[Difference], first: str, second: str) -> list[str]:
-    """A line for each of the first pairs, clean data first, and how to see the others."""
-    shown = sorted(different, key=lambda pair: pair.is_perturbed)[:_FIRST_SCREEN]
-    width = max(len(pair.where) for pair in shown)
-    said = [f"{'':<{width}}  queries" + "".join(f"  {name:<14}" for name in PRINTED).rstrip()]
-    for pair in shown:
-        cells = [
-            f"{number(pair.first[name])} {_signed(pair.second[name] - pair.first[name])}"
-            f"{'*' if pair.probabilities[name] < _LEVEL else ' '}"
-            for name in PRINTED
-        ]
-        said.append(f"{pair.where:<{width}}  {pair.n_queries:>7}" + "".join(f"  {cell:<14}" for cell in cells).rstrip())
-    said.append(f"{first}, and how much {second} is above it; *: p < {_LEVEL:.2f} for other poses of these subjects.")
-    said += _counted(comparison, different)
-    said += _alone(comparison, first, second)
-    hidden = len(different) - len(shown)
-    said.append(
-        f"{f'{hidden} more pairs differ; ' if hidden else ''}--all shows intervals and tests; -d and --input choose"
-    )
-    return said
-
-
-def _counted(comparison: Comparison, different: Sequence[Difference]) -> list[str]:
+    different = [pair for pair in comparison.differences if not pair.is_empty]
     n_pairs = len(comparison.differences)
-    return [f"{n_pairs - len(different)} of {n_pairs} pairs are equal"]
+    counted = [f"{n_pairs - len(different)} of {n_pairs} pairs are equal"]
+    if not everything and len(different) > _IN_FULL:
+        shown = sorted(different, key=lambda pair: pair.is_perturbed)[:_FIRST_SCREEN]
+        more = f"{len(different) - len(shown)} more pairs differ; " if len(different) > len(shown) else ""
+        hint = f"{more}--all shows intervals and tests; -d and --input choose"
+        return [*_overview(shown, first, second), *counted, *_alone(comparison, first, second), hint]
+    in_full = [line for pair in different for line in _in_full(pair, first, second)]
+    alone = _alone(comparison, first, second, everything=everything)
+    return [*in_full, *counted, *alone, *([_LEGEND] if different else [])]
+
+
+def _in_full(pair: Difference, first: str, second: str) -> list[str]:
+    """A head, and a line for each measure: both scores, interval, tests, and which side is better for what."""
+    gain = pair.gains[:, -1]
+    text = [
+        f"{pair.where}: {pair.changed} of {len(gain)} queries changed, {np.count_nonzero(gain > 0)} better, "
+        f"{np.count_nonzero(gain < 0)} worse in {PRINTED[-1]}"
+    ]
+    for name, row in pair.measures.iterrows():
+        holds = [f"other {kind}" for kind in ("poses", "subjects") if row[kind] < ALPHA]
+        better = second if row["second"] > row["first"] else first
+        text.append(
+            f"  {name:<3}  {number(row['first'], 3)} -> {number(row['second'], 3)}  "
+            f"{_signed(row['second'] - row['first'])}  ({_signed(row['low'])} to {_signed(row['high'])})  "
+            f"p {number(row['poses'], 4)}  classes {number(row['subjects'], 4)}"
+            + (f"  {better} is better for {' and '.join(holds)}" if holds else "")
+        )
+    if (least := least_class_probability(pair.n_classes)) >= ALPHA:
+        text.append(
+            f"  with {pair.n_classes} classes no p over classes is below {number(least, 4)}: of other subjects "
+            "nothing can be said"
+        )
+    return text
+
+
+def _overview(pairs: Sequence[Difference], first: str, second: str) -> list[str]:
+    """A line for each pair, below the names of the measures."""
+    width = max(len(pair.where) for pair in pairs)
+    text = [f"{'':<{width}}  queries" + "".join(f"  {name:<14}" for name in PRINTED).rstrip()]
+    for pair in pairs:
+        cells = [
+            f"{number(row['first'])} {_signed(row['second'] - row['first'])}{'*' if row['poses'] < ALPHA else ' '}"
+            for _, row in pair.measures.iterrows()
+        ]
+        figures = "".join(f"  {cell:<14}" for cell in cells).rstrip()
+        text.append(f"{pair.where:<{width}}  {len(pair.gains):>7}{figures}")
+    legend = f"{first}, and how much {second} is above it; *: p < {ALPHA:.2f} for other poses of these subjects."
+    return [*text, legend]
 
 
 def _alone(comparison: Comparison, first: str, second: str, *, everything: bool = False) -> list[str]:
     """Name what only one side has, or the first of many."""
-    said = []
+    text = []
     for name, alone in ((first, comparison.only_first), (second, comparison.only_second)):
         if everything or len(alone) <= _IN_FULL:
-            said += [f"only {name}: {where}" for where in alone]
+            text += [f"only {name}: {where}" for where in alone]
         else:
-            said.append(f"only {name}: {len(alone)} more, the first is {alone[0]}; --all names them")
-    return said
+            text.append(f"only {name}: {len(alone)} more, the first is {alone[0]}; --all names them")
+    return text
 
 
 def _signed(value: float) -> str:
     """Three decimals with a sign."""
     text = number(value, 3)
     return text if text.startswith("-") else f"+{text}"
+
+
+def compare_scorers(first: Iterable[Result], second: Iterable[Result]) -> list[list[str]]:
+    """Compare the orders of the methods in each table, input and measure that both scorers have three methods of.
+
+    Parameters
+    ----------
+    first, second
+        What each scorer brought; descriptors, which have no scorer, are not compared.
+
+    Returns
+    -------
+    list of list of str
+        Numeral, data, input, number of methods, and Kendall's tau by measure, as Markdown.
+    """
+    one, other = _tables(first), _tables(second)
+    rows = []
+    both = [(table, other[place]) for place, table in one.items() if place in other]
+    for table, rival, input_ in ((*pair, input_) for pair in both for input_ in pair[0].inputs):
+        ours, theirs = _scores(table, input_), _scores(rival, input_)
+        methods = [name for name in ours if name in theirs]
+        if len(methods) >= FEWEST:
+            data = f"{table.data_title}{' (quick)' if table.quick else ''}"
+            row = [markdown_text(part) for part in (table.identifier, data, input_, len(methods))]
+            scores = [[[side[name][measure] for name in methods] for side in (ours, theirs)] for measure in PRINTED]
+            rows.append(row + [_tau(agreement(*of_measure)) for of_measure in scores])
+    return rows
+
+
+def _tables(results: Iterable[Result]) -> dict[Any, TableContent]:
+    tables = contents(result for result in results if scorer_name(result.record))
+    return {(table.identifier, table.data["name"], table.quick): table for table in tables}
+
+
+def _scores(table: TableContent, input_: Input) -> dict[str, dict[str, float]]:
+    """Scores by method; a mean over fewer galleries than there are is no score of the table."""
+    cells = {row.method: row.cells[input_] for row in table.rows if input_ in row.cells}
+    return {
+        method: {name: millionths(value) for name, value in cell.scores.items()}
+        for method, cell in cells.items()
+        if cell.scores is not None and cell.n_averaged == cell.n_wanted
+    }
+
+
+def _tau(of_order: Agreement) -> str:
+    return BLANK if math.isnan(of_order.tau) else f"{number(of_order.tau)} ({number(of_order.p_value, 4)})"
+
+
+def agreement_markdown(rows: Sequence[Sequence[str]], first: str, second: str) -> str:
+    """Agreements as a Markdown table with the share of random orders that agree or disagree as much."""
+    heading = (
+        f"Kendall's tau-b between the orders of the methods by {first} and by {second}; in brackets the share of "
+        "random orders with a tau as far from 0."
+    )
+    table = markdown_table(["table", "data", "input", "methods", *PRINTED], rows, 3)
+    return "\n".join([heading, "", *table]) + "\n"

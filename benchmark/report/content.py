@@ -6,7 +6,7 @@ import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,11 +20,11 @@ from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
 from benchmark.report.rounding import number
-from benchmark.report.statistics.table_significance import SignificanceTable, table_significance
+from benchmark.report.significance import CONTROL, TableSignificance, table_significance
 from benchmark.text import brief
 
 #: Parameter of learners that tells trainings of one row apart.
-TRAINING_SEED = "training_seed"
+_TRAINING_SEED = "training_seed"
 
 OFFICIAL_TITLES = {"shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA"}
 
@@ -39,6 +39,9 @@ OUTDATED = "†"
 
 #: Marks rows with results at the same distance at the first rank of a query.
 TIED = "‡"
+
+#: Characters of a file name, which has room for 255 bytes.
+_LONGEST_NAME = 60
 
 
 @dataclass(frozen=True)
@@ -65,16 +68,18 @@ class Row:
     def label(self) -> str:
         """Title as printed, with training data beyond the paper's, number of models, marks of ties and old records."""
         extra = "extra training data"
-        told = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
+        facts = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
         if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
-            told.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
-        told += [
-            f"{input_}: coverage {number(cell.coverage)}" for input_, cell in self.cells.items() if cell.is_partial
-        ]
-        told += [EXTERNAL] if self.family == EXTERNAL else []
+            facts.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
+        facts += [f"{name}: coverage {number(cell.coverage)}" for name, cell in self.cells.items() if cell.is_partial]
+        facts += [EXTERNAL] if self.family == EXTERNAL else []
         marks = [TIED] if any(cell.n_tied for cell in self.cells.values()) else []
         marks += [OUTDATED] if any(cell.outdated for cell in self.cells.values()) else []
-        return " ".join([brief(self.title), *([f"({', '.join(told)})"] if told else []), *marks])
+        return " ".join([brief(self.title), *([f"({', '.join(facts)})"] if facts else []), *marks])
+
+    def is_run(self, input_: Input) -> bool:
+        """Return whether there is a job under an input."""
+        return input_ in self.cells and self.cells[input_].status != "missing"
 
 
 @dataclass(frozen=True)
@@ -111,22 +116,25 @@ class TableContent:
     scorer_title: str = ""
     seed: int = 0
 
+    @property
+    def cells(self) -> list[tuple[Row, Input, Cell]]:
+        """All cells, row by row."""
+        return [(row, input_, cell) for row in self.rows for input_, cell in row.cells.items()]
+
     @cached_property
-    def significance(self) -> SignificanceTable:
+    def significance(self) -> TableSignificance:
         """Return how sure each of our figures is, and which rows differ from the best."""
         return table_significance(self.rows, self.inputs)
 
     @cached_property
     def departures(self) -> Mapping[str, str]:
         """How rows with scores depart from their sources, by the raised number of the note that says so."""
-        rows = (row for row in self.rows if row.departs and any(cell.scores for cell in row.cells.values()))
-        texts = dict.fromkeys(row.departs for row in rows)
+        texts = dict.fromkeys(row.departs for row, _, cell in self.cells if row.departs and cell.scores)
         return {str(number).translate(_RAISED): text for number, text in enumerate(texts, 1)}
 
     def label(self, row: Row) -> str:
         """Return the label of a row with the number of the note on its departures."""
-        mark = next((f" {number}" for number, text in self.departures.items() if text == row.departs), "")
-        return row.label + mark
+        return " ".join([row.label, *(number for number, text in self.departures.items() if text == row.departs)])
 
     @property
     def identifier(self) -> str:
@@ -136,7 +144,7 @@ class TableContent:
     @property
     def is_own(self) -> bool:
         """Return whether it shows somebody's own data, which no table of this suite is about."""
-        return _is_own(self.identifier, self.data["name"])
+        return _known_table(self.identifier, self.data["name"]) is None
 
     @property
     def caption(self) -> str:
@@ -153,8 +161,10 @@ class TableContent:
 
     @property
     def file_stem(self) -> str:
-        """Name of the files of this table."""
-        return file_stem(self.identifier, self.data["name"], quick=self.quick, scorer=self.scorer, seed=self.seed)
+        """Name of the files of this table: letters, digits, dots, hyphens and underscores."""
+        name, seed = self.data["name"], f"seed-{self.seed}" if self.seed else ""
+        dataset = name if name != self.identifier else ""
+        return stem("table", self.identifier, dataset, "quick" if self.quick else "", self.scorer, seed)
 
     @property
     def has_paper(self) -> bool:
@@ -171,42 +181,28 @@ class TableContent:
     @property
     def size(self) -> str:
         """Number of shapes and classes in words."""
-        each = f"{self.data['n_shapes']} shapes, {self.data['n_classes']} classes"
-        return f"{self.n_galleries} x {each}" if self.n_galleries > 1 else each
+        of_gallery = f"{self.data['n_shapes']} shapes, {self.data['n_classes']} classes"
+        return f"{self.n_galleries} x {of_gallery}" if self.n_galleries > 1 else of_gallery
 
     def of(self, input_: Input, *, paper_only: bool = False) -> TableContent:
         """The same for one input: the rows of the paper, and if wanted those others that were run under it."""
-        rows = [row for row in self.rows if row.paper or (not paper_only and _is_run(row, input_))]
-        alone = [
+        rows = [
             replace(
                 row,
                 cells={name: cell for name, cell in row.cells.items() if name == input_},
-                elsewhere=tuple(other for other in self.inputs if other != input_ and _is_run(row, other)),
+                elsewhere=tuple(other for other in self.inputs if other != input_ and row.is_run(other)),
             )
-            for row in rows
+            for row in self.rows
+            if row.paper or (not paper_only and row.is_run(input_))
         ]
-        return replace(self, inputs=(input_,), rows=tuple(alone))
-
-
-#: Characters of a file name, which has room for 255 bytes.
-_LONGEST_NAME = 60
-
-
-def _is_run(row: Row, input_: Input) -> bool:
-    return input_ in row.cells and row.cells[input_].status != "missing"
-
-
-def file_stem(table: str, dataset: str, *, quick: bool, scorer: str = "", seed: int = 0) -> str:
-    """Name of the files of a table on a data set: letters, digits, dots, hyphens and underscores.
-
-    A name that had to be changed gets a digest, so that two tables never share a file.
-    """
-    parts = (dataset if dataset != table else "", "quick" if quick else "", scorer, f"seed-{seed}" if seed else "")
-    return stem("table", table, *parts)
+        return replace(self, inputs=(input_,), rows=tuple(rows))
 
 
 def stem(*parts: str) -> str:
-    """Name of a file from parts, empty ones left out; see :func:`file_stem`."""
+    """Name of a file from parts, empty ones left out.
+
+    A name that had to be changed gets a digest, so that two tables never share a file.
+    """
     whole = "-".join(filter(None, parts))
     name = re.sub(r"[^\w.-]", "-", whole)[:_LONGEST_NAME]
     return name if name == whole else f"{name}-{digest(whole)[:8]}"
@@ -231,88 +227,68 @@ def contents(
     """
     chosen = set(tables)
     wanted = chosen | {table.identifier for table in TABLES if table.part_of in chosen}
-    grouped: dict[tuple[str, str, bool], list[Result]] = {}
+    grouped: dict[tuple[Table, str, bool], list[Result]] = {}
     for result in results:
-        data = result.record["data"]
-        for table in tables_of(result.record["gallery"], data["name"], quick=bool(data["quick"])):
-            if table in wanted or not (wanted or parsed(data["name"])):  # the table of robustness sums these up
-                place = (table, _shown_as(table, data["name"]), bool(data["quick"]))
-                grouped.setdefault(place, []).append(result)
-    order = {table.identifier: number for number, table in enumerate(TABLES)}
-    places = sorted(grouped, key=lambda place: (order.get(place[0], len(order)), place[0], _is_stand_in(place), place))
-    made = (_content(_table(*place[:2]), grouped[place], blanks=blanks, named=named) for place in places)
-    return [table for table in made if table.rows]
+        dataset, quick = result.record["data"]["name"], bool(result.record["data"]["quick"])
+        for identifier in tables_of(result.record["gallery"], dataset, quick=quick):
+            if identifier in wanted or not (wanted or parsed(dataset)):  # the table of robustness sums these up
+                table = _known_table(identifier, dataset) or own_table(dataset)
+                name = table.dataset if table.mean_over_sets else dataset
+                grouped.setdefault((table, name, quick), []).append(result)
+
+    def place(key: tuple[Table, str, bool]) -> tuple[int, bool, str, bool]:
+        table, name, quick = key
+        return TABLES.index(table) if table in TABLES else len(TABLES), table.stand_in == name, name, quick
+
+    filled = (_content(*key[:2], grouped[key], blanks=blanks, named=named) for key in sorted(grouped, key=place))
+    return [table for table in filled if table.rows]
 
 
-def _table(identifier: str, dataset: str) -> Table:
-    """The paper's table of a data set; for all other sets one of its own, even for a folder that is called "I"."""
-    known = (t for t in TABLES if t.identifier == identifier and dataset in t.datasets)
-    return next(known, None) or own_table(dataset)
+def _known_table(identifier: str, dataset: str) -> Table | None:
+    """The suite's table of a data set; None for sets of one's own, even for a folder that is called "I"."""
+    return next((table for table in TABLES if table.identifier == identifier and dataset in table.datasets), None)
 
 
-def _shown_as(identifier: str, dataset: str) -> str:
-    """Name of the data of a table: that of all of its sets where rows are means over them, else the set's own."""
-    tables = (t for t in TABLES if t.identifier == identifier and t.mean_over_sets and dataset in t.datasets)
-    return next((table.dataset for table in tables), dataset)
-
-
-def _is_own(identifier: str, dataset: str) -> bool:
-    return not any(table.identifier == identifier and dataset in table.datasets for table in TABLES)
-
-
+@cache
 def own_table(dataset: str) -> Table:
     """Table of a set that no table of the paper uses."""
     name = Path(dataset).name
     return Table(name, f"Retrieval on {name}", dataset, all_unseen=False)
 
 
-def _is_stand_in(place: tuple[str, str, bool]) -> bool:
-    return any(table.identifier == place[0] and table.stand_in == place[1] for table in TABLES)
-
-
-def _content(table: Table, results: Sequence[Result], *, blanks: bool, named: bool) -> TableContent:
-    is_own = _is_own(table.identifier, results[0].record["data"]["name"])
-    galleries = sorted({result.record["gallery"] for result in results})
+def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool, named: bool) -> TableContent:
     by_row: dict[str, dict[Input, list[Result]]] = {}
     for result in results:
-        if _belongs(table, result, everything=named or is_own):
-            row = row_of(table, result.record)
-            by_row.setdefault(row, {}).setdefault(cast(Input, result.record["input"]), []).append(result)
-    inputs = tuple(i for i in INPUTS if any(i in cells for cells in by_row.values()))
+        if _belongs(table, result, everything=named or table not in TABLES):
+            of_row = by_row.setdefault(row_of(table, result.record), {})
+            of_row.setdefault(cast(Input, result.record["input"]), []).append(result)
+    # Of each gallery the last record with scores, if there is one.
+    by_gallery = {r.record["gallery"]: r.record for r in sorted(results, key=lambda r: bool(r.record.get("scores")))}
+    samples = [by_gallery[gallery] for gallery in sorted(by_gallery)]
+    quick = bool(samples[0]["data"]["quick"])
+    n_folds = len(samples) if table.mean_over_sets else 1 if quick else max(1, len(table.folds))
+    inputs = tuple(input_ for input_ in INPUTS if any(input_ in of_row for of_row in by_row.values()))
     printed = paper.rows(table.identifier) if table in TABLES else {}
-    quick = bool(results[0].record["data"]["quick"])
-    n_folds = len(galleries) if table.mean_over_sets else 1 if quick else max(1, len(table.folds))
-    cells: dict[str, dict[Input, Cell]] = {
-        name: {i: cell_of(found, n_folds) for i, found in by_input.items()} for name, by_input in by_row.items()
-    }
-    blank: dict[Input, Cell] = {input_: Cell() for input_ in inputs}
-    rows = [
-        Row(
-            name,
-            row.title,
-            "paper",
-            row.values[table.identifier],
-            blank | cells.get(name, {}),
-            departs=departs_of(name),
-        )
-        for name, row in printed.items()
-        if blanks or name in cells
-    ]
-    rows += [_further_row(name, by_row[name], cells[name], is_own) for name in _others(by_row, printed)]
-    one_each = {result.record["gallery"]: result.record for result in results}
-    scored_each = {result.record["gallery"]: result.record for result in results if result.record.get("scores")}
-    chance = [
-        chance_of(scored_each[name]) if name in scored_each else one_each[name]["data"]["chance"] for name in galleries
-    ]
-    data = one_each[galleries[0]]["data"]
-    scored = next((r.record for r in results if "scorer_title" in r.record), None)
+    names = [method for method in printed if blanks or method in by_row] + _others(by_row, printed)
+    rows = []
+    for method in names if by_row else ():
+        of_row = by_row.get(method, {})
+        cells: dict[Input, Cell] = {input_: cell_of(found, n_folds) for input_, found in of_row.items()}
+        if method in printed:
+            cells = dict.fromkeys(inputs, Cell()) | cells
+            row = Row(method, printed[method].title, "paper", printed[method].values[table.identifier], cells)
+        else:
+            row = _further_row(method, of_row, cells, is_own=table not in TABLES)
+        rows.append(replace(row, departs=departs_of(method)))
+    chance = [chance_of(record) if record.get("scores") else record["data"]["chance"] for record in samples]
+    scored = next((result.record for result in results if "scorer_title" in result.record), None)
     return TableContent(
         table,
-        {**data, "name": _shown_as(table.identifier, data["name"])},
+        {**samples[0]["data"], "name": name},
         inputs,
-        tuple(rows) if by_row else (),
-        {name: statistics.fmean(levels[name] for levels in chance) for name in min(chance, key=len)},
-        len(galleries),
+        tuple(rows),
+        {measure: statistics.fmean(levels[measure] for levels in chance) for measure in min(chance, key=len)},
+        len(samples),
         scored["scorer"] if scored is not None else "",
         brief(scored["scorer_title"]) if scored is not None else "",
         int(results[0].record["recipe"].get("seed", 0)),
@@ -324,35 +300,31 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
 
     What belongs to an ablation alone, as the seeds of a training do, is shown elsewhere only where everything is.
     """
-    record = result.record
-    base = record["method"].partition("[")[0]
+    base = result.record["method"].partition("[")[0]
     if table.ablation:
         return base in {row.method for row in paper.ABLATION}
-    return everything or (TRAINING_SEED not in record["parameters"] and base not in ONLY_ABLATED)
+    return everything or (_TRAINING_SEED not in result.record["parameters"] and base not in ONLY_ABLATED)
 
 
 def row_of(table: Table, record: Mapping[str, Any]) -> str:
     """Row that a record belongs to: in some tables, trainings of a learner share it."""
-    name = str(record["method"])
-    return without(name, table.rows.averaged) if table.rows.averaged else name
-
-
-def without(method: str, parameter: str) -> str:
-    """Return the name that a method has without one of its parameters."""
-    base, _, rest = method.partition("[")
-    kept = [part for part in rest.removesuffix("]").split(",") if part and not part.startswith(f"{parameter}=")]
-    return f"{base}[{','.join(kept)}]" if kept else base
+    base, _, parameters = str(record["method"]).partition("[")
+    if not (table.rows.averaged and parameters):
+        return str(record["method"])
+    rest = [part for part in parameters.removesuffix("]").split(",") if not part.startswith(f"{table.rows.averaged}=")]
+    return f"{base}[{','.join(rest)}]" if any(rest) else base
 
 
 def _further_row(
-    name: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell], is_own: bool
+    method: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell], *, is_own: bool
 ) -> Row:
+    """Row of a method that the paper does not have, by the titles of its records."""
     records = [result.record for results in by_input.values() for result in results]
-    titled = next((r for r in records if r["method"] == name), records[0])
-    title = str(titled["title"])
-    if is_own and name.partition("[")[0] in BUILT_IN:
+    record = next((record for record in records if record["method"] == method), records[0])
+    title = str(record["title"])
+    if is_own and method.partition("[")[0] in BUILT_IN:
         title = re.sub(r"^Our\b", _NETWORK, title)
-    return Row(name, title, str(titled["family"]), None, cells, departs=departs_of(name))
+    return Row(method, title, str(record["family"]), None, cells)
 
 
 def departs_of(method: str) -> str:
@@ -363,10 +335,10 @@ def departs_of(method: str) -> str:
 
 def _others(by_row: Mapping[str, Mapping[Input, Sequence[Result]]], printed: Iterable[str]) -> list[str]:
     """Methods without a row in the paper: variants and further forms in the order of the methods, controls last."""
-    order = {name: place for place, name in enumerate(BUILT_IN)}
+    order = list(BUILT_IN)
 
-    def place(name: str) -> tuple[bool, int, str]:
-        record = next(iter(by_row[name].values()))[0].record
-        return record["family"] == "control", order.get(name.partition("[")[0], len(order)), name
+    def place(method: str) -> tuple[bool, int, str]:
+        record, base = next(iter(by_row[method].values()))[0].record, method.partition("[")[0]
+        return record["family"] == CONTROL, order.index(base) if base in BUILT_IN else len(order), method
 
-    return sorted((name for name in by_row if name not in set(printed)), key=place)
+    return sorted(by_row.keys() - set(printed), key=place)

@@ -1,52 +1,183 @@
-"""Tables as Markdown, CSV and JSON: pure functions of their content, stable to the byte."""
+"""Tables as Markdown, CSV and JSON, and as files by name: pure functions of their content, stable to the byte."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
 from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.pipeline.storage.records import chance_of
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.cell import Cell, Figures
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TIED, Row, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_table, markdown_text
 from benchmark.report.frame import Style, figures, labels, printed
+from benchmark.report.latex import Notes, latex_files, latex_rows
 from benchmark.report.notes import notes
+from benchmark.report.reproduction import paper_tables, reproduction_markdown
 from benchmark.report.rounding import number
-from benchmark.report.statistics.table_significance import FigureSignificance
+from benchmark.report.significance import DRAWS, RESAMPLES, FigureSignificance
 from retrieval.measures import PRINTED
 
 _STYLE = Style("**{}**", "*{}*")
+
+#: First line of the BibTeX file, by which it is told from the list of somebody's paper.
+_BIBLIOGRAPHY = (
+    "% Sources of the canonical forms benchmark, written by 'tables'; keep entries of your own elsewhere.\n\n"
+)
+
+_OF_INTERVALS = (
+    f"- In brackets: 95 % of {DRAWS} means over classes drawn anew with replacement; with few classes rather too "
+    "narrow.",
+    "- Codebooks NN: standard deviation of NN over the codebooks of the scorer, the mean over the jobs of the row; "
+    "0 for a descriptor, which has none.",
+    "- p: probability of so large a difference from the best row of the column if there were none "
+    f"({RESAMPLES + 1} exchanges of the two methods, query by query; Holm's correction over the rows). Best: the "
+    "best row itself. Controls take no part.",
+)
+
+
+def render(
+    tables: Sequence[TableContent], formats: Iterable[str], where: Notes = "table", *, has_variants: bool = True,
+    rows_only: bool = False, has_sources: bool = True,
+) -> dict[str, str]:  # fmt: skip
+    """Texts by file name: LaTeX and Markdown files per table, one CSV and JSON file for all.
+
+    Parameters
+    ----------
+    tables, formats
+        The tables, and names of formats.
+    where, has_variants
+        For LaTeX, see :func:`benchmark.report.latex.latex_files`.
+    rows_only
+        Whether LaTeX is the rows of each table alone.
+    has_sources
+        Whether the BibTeX entries of the methods, the scorer and the data come with LaTeX.
+    """
+    files: dict[str, str] = {}
+    for name in formats:
+        if name == "latex":
+            rows = {f"{table.file_stem}.tex": latex_rows(table) for table in tables if rows_only}
+            files |= rows or latex_files(tables, where, has_variants=has_variants)
+            files |= {"references.bib": bibliography()} if has_sources else {}
+        elif name == "markdown":
+            files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
+            files |= {f"splits-{t.file_stem}.md": text for t in tables if (text := splits_markdown(t))}
+            files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if t.significance}
+            files |= {"reproduction.md": reproduction_markdown(tables)} if paper_tables(tables) else {}
+        elif name == "csv":
+            files["tables.csv"] = as_csv(tables)
+        else:
+            files["tables.json"] = as_json(tables)
+    return files
+
+
+def bibliography() -> str:
+    """Return the BibTeX file of the sources of methods, scorers and data."""
+    return _BIBLIOGRAPHY + resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
 
 
 def markdown(table: TableContent) -> str:
     """A table as aligned Markdown with its notes, to be read in a terminal as well."""
     wide = printed(figures(table), _STYLE)
-    header = ["Method", *map(" ".join, wide.columns)]
     *names, chance = labels(table)
     names = [*map(markdown_text, names), f"*{chance}*"]
     body = [[name, *row] for name, row in zip(names, wide.to_numpy().tolist(), strict=True)]
     caption = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
     lines = [f"**{markdown_text(caption)}**", ""]
-    lines += markdown_table(header, body, aligned=True)
-    told = notes(table)
-    return "\n".join([*lines, *([""] if told else []), *(f"- {markdown_line(note)}" for note in told)]) + "\n"
+    lines += markdown_table(["Method", *map(" ".join, wide.columns)], body, aligned=True)
+    below = [f"- {markdown_line(note)}" for note in notes(table)]
+    return "\n".join([*lines, *([""] if below else []), *below]) + "\n"
 
 
 def overview(tables: Sequence[TableContent]) -> str:
     """One line for each row of several tables, as aligned Markdown without notes: where it is, and our figures."""
     inputs = [input_ for input_ in INPUTS if any(input_ in table.inputs for table in tables)]
-    header = ["Table", "data", "Method", *(f"{input_} {metric}" for input_ in inputs for metric in PRINTED)]
+    head = ["Table", "data", "Method", *(f"{input_} {measure}" for input_ in inputs for measure in PRINTED)]
     body = []
-    for table in tables:
-        where = [markdown_text(part) for part in (table.identifier, table.data["name"])]
-        for row in table.rows:
-            found = [row.cells[input_].scores if input_ in row.cells else None for input_ in inputs]
-            figures = [number(scores.get(metric) if scores else None) for scores in found for metric in PRINTED]
-            body.append([*where, markdown_text(row.label), *figures])
-    return "\n".join(markdown_table(header, body, n_left=3, aligned=True)) + "\n"
+    rows = [(table, row) for table in tables for row in table.rows]
+    for table, row in rows:
+        scores = [row.cells.get(input_, Cell()).scores or {} for input_ in inputs]
+        where = map(markdown_text, (table.identifier, table.data["name"], row.label))
+        body.append([*where, *(number(of_input.get(measure)) for of_input in scores for measure in PRINTED)])
+    return "\n".join(markdown_table(head, body, n_left=3, aligned=True)) + "\n"
+
+
+def intervals_markdown(table: TableContent) -> str:
+    """Each figure of ours with its interval, its spread over codebooks, and its test against the best, as Markdown."""
+    title = f"How sure the figures of table {markdown_text(table.identifier)} are: {markdown_text(table.data_title)}"
+    body = []
+    rows = [(input_, row) for input_ in table.inputs for row in table.of(input_).rows]
+    for input_, row in rows:
+        if judged := _judged(table, row, input_):
+            cell = row.cells[input_]
+            scores = cell.scores or {}
+            codebooks = [record["codebook_deviation"] for record in cell.records if record.get("codebook_deviation")]
+            spread = sum(deviation["NN"] for deviation in codebooks) / len(codebooks) if codebooks else None
+            body.append([
+                markdown_text(row.label),
+                input_,
+                *(f"{number(scores[m])} ({number(one.low)} to {number(one.high)})" for m, one in judged.items()),
+                number(spread, 3),
+                *("best" if one.is_best else number(one.probability, 4) for one in judged.values()),
+            ])  # fmt: skip
+    head = ["Method", "input", *PRINTED, "codebooks NN", *(f"p {measure}" for measure in PRINTED)]
+    has_ties = any(judged.is_tied for judged in table.significance.values())
+    below = [*_OF_INTERVALS, *([f"- {TIED}: results tie at the first rank."] if has_ties else [])]
+    return "\n".join([f"**{title} ({table.size}).**", "", *markdown_table(head, body, 2), "", *below]) + "\n"
+
+
+def splits_markdown(table: TableContent) -> str:
+    """Median and quantiles .05 and .95 of each measure over all splits as Markdown; "" where no row has any."""
+    rows = [
+        (row.label, input_, splits)
+        for input_ in table.inputs
+        for row in table.of(input_).rows
+        if input_ in row.cells and (splits := row.cells[input_].record.get("splits"))
+    ]
+    if not rows:
+        return ""
+    counts = rows[0][-1]
+    names = [name for name in PRINTED if all(name in splits["quantiles"] for *_, splits in rows)]
+    title = (
+        f"**All {counts['count']} ways to take {counts['size']} of {table.data['n_classes']} subjects for testing: "
+        f"{markdown_text(table.data_title)}. Median (5 % to 95 %).**"
+    )
+    body = []
+    for label, input_, splits in rows:
+        ends = [[number(value) for value in splits["quantiles"][name]] for name in names]
+        body.append([markdown_text(label), input_, *(f"{median} ({low} to {high})" for low, median, high in ends)])
+    return "\n".join([title, "", *markdown_table(["Method", "input", *names], body, 2)]) + "\n"
+
+
+def as_json(tables: Sequence[TableContent]) -> str:
+    """All tables as one JSON list."""
+    return json.dumps(rows_as_json(tables), indent=1) + "\n"
+
+
+def as_csv(tables: Sequence[TableContent]) -> str:
+    """All tables as one flat CSV: one line per table, input and method."""
+    rows = []
+    for row in rows_as_json(tables):
+        ends = row.pop("interval") or {}
+        row |= {"low": {name: low for name, (low, _) in ends.items()}}
+        row |= {"high": {name: high for name, (_, high) in ends.items()}}
+        nested = {
+            f"{part}_{name}": value for part, of in row.items() if isinstance(of, dict) for name, value in of.items()
+        }
+        rows.append(row | nested)
+    names = ["table", "dataset", "stand_in", "input", "method", "title", *PRINTED, *_of_measures("paper", "chance")]
+    names += ["n_shapes", "n_classes", "unsupported", "coverage", "seconds", "peak_mib"]
+    names += _of_measures("low", "high", "p_best", "spread")
+    names += ["n_models", "n_galleries", "origin", "status", "outdated"]
+    names += _of_measures("preparation_sd") if any("preparation_sd" in row for row in rows) else []
+    return csv_text(names, rows)
+
+
+def _of_measures(*parts: str) -> list[str]:
+    return [f"{part}_{name}" for part in parts for name in PRINTED]
 
 
 def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
@@ -60,44 +191,9 @@ def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
     ]
 
 
-def as_json(tables: Sequence[TableContent]) -> str:
-    """All tables as one JSON list."""
-    return json.dumps(rows_as_json(tables), indent=1) + "\n"
-
-
-def as_csv(tables: Sequence[TableContent]) -> str:
-    """All tables as one flat CSV: one line per table, input and method."""
-    names = ["table", "dataset", "stand_in", "input", "method", "title", *PRINTED]
-    names += [f"paper_{m}" for m in PRINTED] + [f"chance_{m}" for m in PRINTED]
-    names += ["n_shapes", "n_classes", "unsupported", "coverage", "seconds", "peak_mib"]
-    names += [f"{part}_{m}" for part in ("low", "high", "p_best", "spread") for m in PRINTED] + [
-        "n_models",
-        "n_galleries",
-        "origin",
-        "status",
-        "outdated",
-    ]
-    rows, made = [], rows_as_json(tables)
-    if any("preparation_sd" in row for row in made):
-        names += [f"preparation_sd_{m}" for m in PRINTED]
-    for row in made:
-        flat = {name: row[name] for name in names if name in row}
-        for part in ("paper", "chance", "spread", "p_best"):
-            flat |= {f"{part}_{metric}": (row[part] or {}).get(metric) for metric in PRINTED}
-        flat |= {f"preparation_sd_{metric}": value for metric, value in row.get("preparation_sd", {}).items()}
-        for metric, ends in (row["interval"] or {}).items():
-            flat |= {f"low_{metric}": ends[0], f"high_{metric}": ends[1]}
-        rows.append(flat)
-    return csv_text(names, rows)
-
-
 def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[str, Any]:
-    record, scores = cell.record, cell.scores
-    judged: dict[str, FigureSignificance] = {
-        metric: table.significance[row.method, input_, metric]
-        for metric in PRINTED
-        if (row.method, input_, metric) in table.significance
-    }
+    record, scores, judged = cell.record, cell.scores, _judged(table, row, input_)
+    supported = record.get("supported", {})
     return {
         "table": table.identifier,
         "dataset": table.data["name"],
@@ -106,24 +202,24 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
         "input": input_,
         "method": row.method,
         "title": row.title,
-        **{metric: round(scores[metric], 6) if scores and metric in scores else None for metric in PRINTED},
+        **(_rounded(scores) or dict.fromkeys(PRINTED)),
         "paper": dict(row.paper) if row.paper else None,
-        "chance": {metric: round(_chance(table, cell)[metric], 6) for metric in PRINTED},
+        "chance": _rounded(_chance(table, cell)),
         "n_shapes": record.get("n_shapes"),
         "n_classes": record.get("n_classes"),
         "unsupported": len(record.get("unsupported", [])),
         "coverage": round(cell.coverage, 6) if scores else None,
-        **_supported(cell),
+        **{f"{name}_supported": round(supported[name], 6) for name in PRINTED if name in supported},
         "seconds": None if cell.seconds is None else round(cell.seconds, 4),
         "peak_mib": record.get("peak_mib"),
-        "spread": {m: round(cell.deviation[m], 6) for m in PRINTED} if cell.deviation else None,
-        "interval": {metric: [round(one.low, 6), round(one.high, 6)] for metric, one in judged.items()} or None,
-        "p_best": {metric: one.rounded_probability for metric, one in judged.items()} or None,
+        "spread": _rounded(cell.deviation),
+        "interval": {name: [round(one.low, 6), round(one.high, 6)] for name, one in judged.items()} or None,
+        "p_best": {name: one.rounded_probability for name, one in judged.items()} or None,
         "codebook_deviation": record.get("codebook_deviation"),
         "n_models": len(cell.models) or None,
         "n_galleries": table.n_galleries,
         **({"scorer": table.scorer} if table.scorer else {}),
-        **_preparations(cell),
+        **({"preparation_sd": _rounded(cell.preparation_sd)} if cell.repeats else {}),
         "origin": cell.origin or None,
         "outdated": cell.outdated or None,
         **({"departs": row.departs} if row.departs else {}),
@@ -131,21 +227,18 @@ def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[
     }
 
 
+def _judged(table: TableContent, row: Row, input_: Input) -> dict[str, FigureSignificance]:
+    """Significance of the figures of a row by measure; empty without scores."""
+    judged = {name: table.significance.get((row.method, input_, name)) for name in PRINTED}
+    return {name: one for name, one in judged.items() if one is not None}
+
+
+def _rounded(values: Figures | None) -> Mapping[str, float | None] | None:
+    return {name: round(values[name], 6) if name in values else None for name in PRINTED} if values else None
+
+
 def _chance(table: TableContent, cell: Cell) -> Figures:
     """Scores of a random ranking of what a cell shows: of its gallery, or the mean over several."""
     if "chance" in cell.record and "labels" not in cell.record:
         return cell.record["chance"]  # type: ignore[no-any-return]
     return chance_of(cell.record) if cell.scores else table.chance
-
-
-def _supported(cell: Cell) -> dict[str, float]:
-    """Scores over the shapes with a result alone, where there are others."""
-    found = cell.record.get("supported", {})
-    return {f"{metric}_supported": round(found[metric], 6) for metric in PRINTED if metric in found}
-
-
-def _preparations(cell: Cell) -> dict[str, Any]:
-    """Standard deviation of a row over its jittered preparations; nothing where there are none."""
-    if (deviation := cell.preparation_sd) is None:
-        return {}
-    return {"preparation_sd": {metric: round(deviation[metric], 6) for metric in PRINTED}}

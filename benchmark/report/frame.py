@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from benchmark.api.contracts import Input
 from benchmark.report.content import Row, TableContent
 from benchmark.report.rounding import BLANK, number
-from benchmark.report.statistics.table_significance import CONTROL
+from benchmark.report.significance import CONTROL
 from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
     groups += [(_TITLES[extra].format(input_), extra, input_) for input_ in table.inputs if extra]
     frame = DataFrame(
         {"row": place, "group": group, "kind": kind, "input": input_, "measure": name}
+        | {"text": BLANK, "mark": "", "spread": "", "interval": "", "competes": False}
         | _figure(table, row, kind, input_, name)
         for place, row in enumerate([*table.rows, None])
         for group, kind, input_ in groups
@@ -83,26 +84,28 @@ def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
 
 
 def _figure(table: TableContent, row: Row | None, kind: str, input_: Input | None, measure: str) -> dict[str, object]:
-    """Return text, mark, spread and interval of one figure; without a row, of chance."""
-    text, mark, spread, interval, competes = BLANK, "", "", "", False
+    """Return what there is of text, mark, spread and interval of one figure; without a row, of chance."""
     if row is None:
-        text = number(table.chance[measure]) if kind in ("paper", "ours") else BLANK
-    elif kind == "paper":
-        text = number(row.paper[measure] if row.paper else None)
-    elif input_ is not None and input_ in row.cells:
-        cell, judged = row.cells[input_], table.significance.get((row.method, input_, measure))
-        text = number(cell.scores.get(measure) if cell.scores else None)
-        if judged:
-            interval = f"{number(judged.low)} to {number(judged.high)}"
-        if kind == "difference":
-            text = _difference(text, number(row.paper[measure] if row.paper else None))
-        elif kind == "interval":
-            text = interval.replace(" to ", "\u2013") or BLANK
-        else:
-            competes = row.family != CONTROL and not cell.is_partial
-            mark = "inseparable" if judged and judged.is_inseparable else ""
-            spread = number(cell.deviation[measure]) if cell.deviation and measure in cell.deviation else ""
-    return {"text": text, "mark": mark, "spread": spread, "interval": interval, "competes": competes}
+        return {"text": number(table.chance[measure])} if kind in ("paper", "ours") else {}
+    theirs = row.paper[measure] if row.paper else None
+    if kind == "paper" or input_ is None:
+        return {"text": number(theirs)}
+    cell = row.cells.get(input_)
+    if cell is None or not cell.scores:
+        return {}
+    judged, ours = table.significance.get((row.method, input_, measure)), number(cell.scores.get(measure))
+    interval = f"{number(judged.low)} to {number(judged.high)}" if judged else ""
+    if kind == "difference":
+        return {"text": _difference(ours, number(theirs)), "interval": interval}
+    if kind == "interval":
+        return {"text": interval.replace(" to ", "\u2013") or BLANK, "interval": interval}
+    return {
+        "text": ours,
+        "mark": "inseparable" if judged and judged.is_inseparable else "",
+        "spread": number(cell.deviation[measure]) if cell.deviation and measure in cell.deviation else "",
+        "interval": interval,
+        "competes": row.family != CONTROL and not cell.is_partial,
+    }
 
 
 def _difference(ours: str, theirs: str) -> str:

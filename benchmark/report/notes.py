@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
+from benchmark.report.cell import Cell
 from benchmark.report.content import OUTDATED, TIED, Row, TableContent
 from benchmark.report.rounding import number
 from benchmark.text import brief
@@ -35,50 +36,111 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     reasons
         Whether to say of each outdated row what has changed.
     """
-    lines = []
-    if table.quick:
-        lines.append("Quick run: some poses of each subject were left out.")
-    if table.n_galleries > 1:
-        lines.append(_OF_MEANS)
-    if any(judged.is_inseparable for judged in table.significance.values()):
-        lines.append(_MARKS)
-    lines += _tied(table)
-    lines += _preparations(table)
-    lines += _left_out(table)
-    if trained := _trainings(table):
-        lines += trained
-        printed = {row.method for row in (*paper.ROWS, *paper.ABLATION)}
-        if not table.is_own and any(row.models and row.method in printed for row in table.rows):
-            lines.append(f"The paper's schedule: {paper.SCHEDULE}.")
-    lines += _area(table)
-    lines += [line for row in table.rows for line in _of_jobs(row)]
-    lines += [f"{', '.join(titles)}, {what}" for what, titles in _without_scores(table).items()]
-    outdated = _outdated(table)
+    lines = ["Quick run: some poses of each subject were left out."] if table.quick else []
+    lines += [_OF_MEANS] if table.n_galleries > 1 else []
+    lines += [_MARKS] if any(judged.is_inseparable for judged in table.significance.values()) else []
+    lines += [*_tied(table), *_preparations(table), *_refused(table), *_trainings(table), *_area(table)]
+    lines += [line for row, input_, cell in table.cells for line in _of_jobs(f"{row.title}, {input_}", cell)]
+    failed = (
+        (f"{input_}: {': '.join(filter(None, (cell.status, brief(cell.record.get('reason', '')))))}", row)
+        for row, input_, cell in table.cells
+        if cell.status not in ("ok", "missing")
+    )
+    lines += [f"{', '.join(titles)}, {failure}" for failure, titles in _titles(failed).items()]
+    outdated = _titles((brief(cell.outdated), row) for row, _, cell in table.cells if cell.outdated)
     if reasons:
-        lines += [f"{OUTDATED} {', '.join(titles)}: {what}" for what, titles in outdated.items()]
+        lines += [
+            f"{OUTDATED} {', '.join(titles)}: made before the last change ({change})"
+            for change, titles in outdated.items()
+        ]
     elif outdated:
         lines.append(f"{OUTDATED} Made before the last change of code or packages.")
-    lines += _not_here(table)
-    if bridges := _bridges(table):
-        lines.append(bridges)
-    return [*lines, *_lost(table), *(f"{number} {text}" for number, text in table.departures.items())]
+    lines += [*_not_here(table), *_of_preparation(table)]
+    return [*lines, *(f"{number} {text}" for number, text in table.departures.items())]
 
 
-def _area(table: TableContent) -> Iterable[str]:
-    """Say what metric size alone scores, which the learned network reads and no form shows."""
+def _titles(rows: Iterable[tuple[str, Row]]) -> dict[str, list[str]]:
+    """Titles of the rows that share a text, by that text."""
+    grouped: dict[str, dict[str, None]] = {}
+    for text, row in rows:
+        grouped.setdefault(text, {})[row.title] = None
+    return {text: list(titles) for text, titles in grouped.items()}
+
+
+def _tied(table: TableContent) -> Iterator[str]:
+    """Rows whose figures are means over the orders of results that tie at the first rank."""
+    tied = [
+        f"{row.title}, {input_} ({cell.n_tied} of {cell.n_queries} queries)"
+        for row, input_, cell in table.cells
+        if cell.n_tied
+    ]
+    if tied:
+        yield f"{TIED} Results tie at the first rank; means over their orders, never italic: {'; '.join(tied)}."
+
+
+def _preparations(table: TableContent) -> Iterator[str]:
+    """Return how far rows move from one preparation to the next, for those that were prepared several times."""
+    for input_ in table.inputs:
+        spreads: dict[int, list[str]] = {}
+        for row, of_input, cell in table.cells:
+            if of_input == input_ and (deviation := cell.preparation_sd):
+                figures = " ".join(number(deviation[measure], 3) for measure in PRINTED)
+                spreads.setdefault(len(cell.repeats), []).append(f"{row.title} {figures}")
+        for count, rows in spreads.items():
+            yield _OF_PREPARATIONS.format(count, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
+
+
+def _refused(table: TableContent) -> Iterator[str]:
+    for row, input_, cell in table.cells:
+        if refused := cell.record.get("unsupported", []):
+            names = ", ".join(brief(name) for name, _ in refused[:3]) + (" ..." if len(refused) > 3 else "")
+            yield f"{row.title}, {input_}: {len(refused)} unsupported ({names}): {brief(refused[0][1])}"
+
+
+def _trainings(table: TableContent) -> Iterator[str]:
+    """Return which schedule made the models, and on which data; rows that share them share a line."""
+    trainings: list[tuple[str, Row]] = []
     for row in table.rows:
-        scored = {input_: cell.scores for input_, cell in row.cells.items() if cell.scores}
-        if row.method == "surface-area" and scored:
-            figures = (
-                f"{' '.join(f'{metric} {number(scores[metric], 2)}' for metric in PRINTED)} ({input_})"
-                for input_, scores in scored.items()
-            )
-            yield f"The area alone, which rows that see metric size can read, scores {', '.join(figures)}."
+        by_schedule: dict[tuple[str, bool], dict[str, None]] = {}
+        for model in row.models:
+            by_schedule.setdefault((model["schedule"], model["extra_data"]), {})[model["data"]] = None
+        for (schedule, has_extra), (first, *others) in by_schedule.items():
+            named = first + (f" (and {len(others)} more such sets)" if others else "")
+            trainings.append((f"trained on {'extra data, ' if has_extra else ''}{named}: {schedule}", row))
+    yield from (f"{'; '.join(titles)}: {training}" for training, titles in _titles(trainings).items())
+    printed = {row.method for row in (*paper.ROWS, *paper.ABLATION)}
+    if not table.is_own and any(row.method in printed for _, row in trainings):
+        yield f"The paper's schedule: {paper.SCHEDULE}."
 
 
-def _not_here(table: TableContent) -> Iterable[str]:
+def _area(table: TableContent) -> Iterator[str]:
+    """Say what metric size alone scores, which the learned network reads and no form shows."""
+    figures = [
+        f"{' '.join(f'{measure} {number(cell.scores[measure])}' for measure in PRINTED)} ({input_})"
+        for row, input_, cell in table.cells
+        if row.method == "surface-area" and cell.scores
+    ]
+    if figures:
+        yield f"The area alone, which rows that see metric size can read, scores {', '.join(figures)}."
+
+
+def _of_jobs(where: str, cell: Cell) -> Iterator[str]:
+    """Return whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
+    if seen := cell.record.get("seen"):
+        yield f"{where}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
+    if differ := (cell.record.get("notes") or {}).get("runs_differ"):
+        yield (
+            f"{where}: not repeatable, two runs on one shape differ by {differ['max']:.1e} of the largest number; "
+            "`check` says more"
+        )
+    if 0 < cell.n_averaged < cell.n_wanted:
+        reason = brief(cell.record.get("reason", "the others were not run"))
+        yield f"{where}: mean of {cell.n_averaged} instead of {cell.n_wanted} ({reason})"
+
+
+def _not_here(table: TableContent) -> Iterator[str]:
     """Rows without a job under the inputs of the table: those that have one under another input, and the others."""
-    blank = [row for row in table.rows if all(cell.status == "missing" for cell in row.cells.values())]
+    blank = [row for row in table.rows if not any(map(row.is_run, row.cells))]
     for input_ in INPUTS:
         if titles := [row.title for row in blank if input_ in row.elsewhere]:
             yield f"Run on the {input_} input alone: {', '.join(titles)}."
@@ -86,118 +148,27 @@ def _not_here(table: TableContent) -> Iterable[str]:
         yield f"Not run: {', '.join(titles)}."
 
 
-def _tied(table: TableContent) -> Iterable[str]:
-    """Rows whose figures are means over the orders of results that tie at the first rank."""
-    tied = [
-        f"{row.title}, {input_} ({cell.n_tied} of {cell.n_queries} queries)"
-        for row in table.rows
-        for input_, cell in row.cells.items()
-        if cell.n_tied
-    ]
-    if tied:
-        yield f"{TIED} Results tie at the first rank; means over their orders, never italic: {'; '.join(tied)}."
-
-
-def _preparations(table: TableContent) -> Iterable[str]:
-    """Return how far rows move from one preparation to the next, for those that were prepared several times."""
+def _of_preparation(table: TableContent) -> Iterator[str]:
+    """Return how many bridges joined pieces, and how much was lost before any method saw it, where it is much."""
+    if (bridges := _noted(table, "bridges", "view")) and bridges["max"] > 0:
+        yield f"View input: {number(bridges['mean'], 1)} bridges per shape on average, {bridges['max']:.0f} at most."
     for input_ in table.inputs:
-        told: dict[int, list[str]] = {}
-        for row in table.rows:
-            cell = row.cells.get(input_)
-            if cell and (deviation := cell.preparation_sd):
-                figures = " ".join(number(deviation[metric], 3) for metric in PRINTED)
-                told.setdefault(len(cell.repeats), []).append(f"{row.title} {figures}")
-        for count, rows in told.items():
-            yield _OF_PREPARATIONS.format(count, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
-
-
-def _left_out(table: TableContent) -> Iterable[str]:
-    for row in table.rows:
-        for input_, cell in row.cells.items():
-            if left_out := cell.record.get("unsupported", []):
-                names = ", ".join(brief(name) for name, _ in left_out[:3]) + (" ..." if len(left_out) > 3 else "")
-                yield f"{row.title}, {input_}: {len(left_out)} unsupported ({names}): {brief(left_out[0][1])}"
-
-
-def _without_scores(table: TableContent) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for row in table.rows:
-        for input_, cell in row.cells.items():
-            if cell.status not in ("ok", "missing"):
-                reason = brief(cell.record.get("reason", ""))
-                found.setdefault(f"{input_}: {cell.status}{': ' + reason if reason else ''}", []).append(row.title)
-    return found
-
-
-def _outdated(table: TableContent) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for row in table.rows:
-        for cell in row.cells.values():
-            if cell.outdated:
-                of_rows = found.setdefault(f"made before the last change ({brief(cell.outdated)})", [])
-                of_rows += [row.title] if row.title not in of_rows else []
-    return found
-
-
-def _trainings(table: TableContent) -> list[str]:
-    """Return which schedule made the models, and on which data; rows that share them share a line."""
-    titles: dict[str, list[str]] = {}
-    for row in table.rows:
-        by_schedule: dict[tuple[str, bool], list[str]] = {}
-        for model in (model for cell in row.cells.values() for model in cell.models):
-            by_schedule.setdefault((model["schedule"], model["extra_data"]), []).append(model["data"])
-        for (schedule, extra), data in by_schedule.items():
-            sets = list(dict.fromkeys(data))
-            named = sets[0] + (f" (and {len(sets) - 1} more such sets)" if len(sets) > 1 else "")
-            what = f"trained on {'extra data, ' if extra else ''}{named}: {schedule}"
-            titles.setdefault(what, []).append(row.title)
-    return [f"{'; '.join(of_rows)}: {what}" for what, of_rows in titles.items()]
-
-
-def _bridges(table: TableContent) -> str:
-    if (found := _noted(table, "bridges", "view")) and found["max"] > 0:
-        return f"View input: {number(found['mean'], 1)} bridges per shape on average, {found['max']:.0f} at most."
-    return ""
-
-
-def _lost(table: TableContent) -> Iterable[str]:
-    """Return how much of the shapes was lost before any method saw them, where it is worth telling."""
-    for input_ in table.inputs:
-        found = _noted(table, "lost_area", input_)
-        if found and found["max"] > _WORTH_TELLING:
-            what = "of what the camera sees" if input_ == "view" else "of the area"
+        if (lost := _noted(table, "lost_area", input_)) and lost["max"] > _WORTH_TELLING:
+            share = "of what the camera sees" if input_ == "view" else "of the area"
             yield (
-                f"{input_.capitalize()} input: preparation lost {found['mean']:.1%} {what} per shape on average, "
-                f"{found['max']:.1%} at most."
+                f"{input_.capitalize()} input: preparation lost {lost['mean']:.1%} {share} per shape on average, "
+                f"{lost['max']:.1%} at most."
             )
 
 
 def _noted(table: TableContent, name: str, input_: Input) -> Mapping[str, float] | None:
     """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
-    for row in table.rows:
-        records = row.cells[input_].records if input_ in row.cells else ()
+    for records in (cell.records for _, of_input, cell in table.cells if of_input == input_):
         noted = [(record.get("notes", {}).get(name), record["n_shapes"]) for record in records]
         # A method may note something else by this name.
-        found = [(each, shapes) for each, shapes in noted if each and {"mean", "max"} <= each.keys()]
-        if found:
-            total = sum(shapes for _, shapes in found)
-            mean = sum(each["mean"] * shapes for each, shapes in found) / total
-            return {"mean": mean, "max": max(each["max"] for each, _ in found)}
+        noted = [(summary, n_shapes) for summary, n_shapes in noted if summary and {"mean", "max"} <= summary.keys()]
+        if noted:
+            total = sum(n_shapes for _, n_shapes in noted)
+            mean = sum(summary["mean"] * n_shapes for summary, n_shapes in noted) / total
+            return {"mean": mean, "max": max(summary["max"] for summary, _ in noted)}
     return None
-
-
-def _of_jobs(row: Row) -> Iterable[str]:
-    """Return whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
-    for input_, cell in row.cells.items():
-        if seen := cell.record.get("seen"):
-            yield f"{row.title}, {input_}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
-        if differ := (cell.record.get("notes") or {}).get("runs_differ"):
-            yield (
-                f"{row.title}, {input_}: not repeatable, two runs on one shape differ by {differ['max']:.1e} of the "
-                "largest number; `check` says more"
-            )
-        if 0 < cell.n_averaged < cell.n_wanted:
-            yield (
-                f"{row.title}, {input_}: mean of {cell.n_averaged} instead of {cell.n_wanted} "
-                f"({brief(cell.record.get('reason', 'the others were not run'))})"
-            )

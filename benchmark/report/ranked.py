@@ -16,9 +16,7 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
 from benchmark.report.pictures.posing import have_same_poses
-from benchmark.report.rounding import millionths
-from benchmark.report.statistics.queries import UNIT, queries_of
-from benchmark.report.statistics.rankings import (
+from benchmark.report.rankings import (
     Attraction,
     Ranking,
     attraction,
@@ -27,6 +25,8 @@ from benchmark.report.statistics.rankings import (
     mean_distances,
     ranking,
 )
+from benchmark.report.rounding import millionths
+from benchmark.report.significance import UNIT, queries_of
 from retrieval.measures import PRINTED
 
 #: Kinds of confusions.
@@ -98,11 +98,11 @@ class RankedCell:
 
     def by_class(self, classes: Sequence[str]) -> dict[str, list[float | None]]:
         """Mean of each measure over the queries of each class."""
-        queries = queries_of(self.cell.records, PRINTED)
+        queries = queries_of(self.cell.records)
         place = {name: number for number, name in enumerate(classes)}
-        numbers = np.array([place[label] for label in queries.labels], dtype=np.intp)
+        numbers = np.array([place[label] for label in queries["label"]], dtype=np.intp)
         counts = np.bincount(numbers, minlength=len(classes))
-        sums = {name: np.bincount(numbers, queries.values[name], len(classes)) * UNIT for name in PRINTED}
+        sums = {name: np.bincount(numbers, queries[name], len(classes)) * UNIT for name in PRINTED}
         return {
             name: [millionths(s / n) if n else None for s, n in zip(of_measure, counts, strict=True)]
             for name, of_measure in sums.items()

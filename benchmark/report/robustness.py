@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
@@ -24,6 +24,12 @@ _LEGEND = (
     "perturbation destroys counts as a query without success. > : not up to the largest amount. n/a: half of the clean "
     f"value is not above chance. {BLANK}: not all strengths were run."
 )
+
+#: Columns of the files, in their order.
+_COLUMNS = (
+    "dataset", "input", "scorer", "method", "title", "perturbation", "strength", "amount", "clean_NN", "NN",
+    "unsupported", "half_at",
+)  # fmt: skip
 
 
 def half_at(clean: float, values: Sequence[float | None], chance: float, amounts: Sequence[float]) -> float | str:
@@ -78,151 +84,138 @@ def robustness(results: Iterable[Result]) -> list[DataFrame]:
             base = f"{place[0]} (quick)" if record["data"]["quick"] else place[0]
             by_strength = perturbed.setdefault((base, record["input"], place[1], record["method"]), {})
             by_strength[place[2]] = record
-        else:
+        elif record["status"] == "ok":
             clean[record["gallery"], record["input"], record["method"]] = record
 
     def order(place: tuple[str, str, str, str]) -> tuple[Any, ...]:
         return place[0], INPUTS.index(place[1]), [*PERTURBATIONS].index(place[2]), _table_order(place[3])
 
-    sets: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    rows = []
     for base, input_, perturbation, method in sorted(perturbed, key=order):
-        whole = clean.get((base, input_, method))
-        if whole is None or whole["status"] != "ok":
-            continue
-        found = [perturbed[base, input_, perturbation, method].get(strength) for strength in STRENGTHS]
-        values, amounts = [_counted(each) for each in found], PERTURBATIONS[perturbation].amounts
-        nn, chance = _counted(whole) or 0.0, chance_of(whole)["NN"]
-        half = half_at(nn, values, chance, amounts)
-        sets.setdefault((base, input_), []).extend(
-            {
-                "dataset": base,
-                "n_shapes": whole["data"]["n_shapes"],
-                "input": input_,
-                "scorer": whole["scorer"] if "scorer_title" in whole else "",
-                "method": method,
-                "title": whole["title"],
-                "perturbation": perturbation,
-                "strength": strength,
-                "amount": amount,
-                "clean_NN": nn,
-                "NN": value,
-                "unsupported": len(record.get("unsupported", ())) if record else None,
-                "half_at": None if isinstance(half, str) else half,
-                "half": half if isinstance(half, str) else f"{half:g}",
-                "chance": chance,
-            }
-            for strength, amount, value, record in zip(STRENGTHS, amounts, values, found, strict=True)
-        )
-    frames = [DataFrame(rows, dtype=object) for rows in sets.values()]
+        if whole := clean.get((base, input_, method)):
+            records = [perturbed[base, input_, perturbation, method].get(strength) for strength in STRENGTHS]
+            same = {"dataset": base, "input": input_, "method": method, "perturbation": perturbation}
+            rows += [same | row for row in _curve(whole, records, PERTURBATIONS[perturbation].amounts)]
+    if not rows:
+        return []
+    frames = [frame for _, frame in DataFrame(rows, dtype=object).groupby(["dataset", "input"], sort=False)]
     return [frame.assign(n_shapes=frame["n_shapes"].max(), scorer=frame["scorer"].max()) for frame in frames]
 
 
-def file_stem(found: DataFrame) -> str:
-    """Name of the files of a set under an input."""
-    return stem("robustness", *found.iloc[0][["dataset", "input", "scorer"]])
-
-
-def titles(found: DataFrame) -> dict[str, str]:
-    """Title of each method by its name, in the order of the tables."""
-    named = dict(zip(found["method"], found["title"], strict=True))
-    return {name: named[name] for name in sorted(named, key=_table_order)}
-
-
-def _table_order(method: str) -> tuple[int, str]:
-    """Built-in methods in the order of the tables, then all others by name."""
-    names = list(BUILT_IN)
-    base = method.partition("[")[0]
-    return (names.index(base) if base in BUILT_IN else len(names)), method
+def _curve(clean: Record, records: Sequence[Record | None], amounts: Sequence[float]) -> list[dict[str, Any]]:
+    """Rows of one method under one perturbation, by strength."""
+    nn, values = _counted(clean) or 0.0, [_counted(record) for record in records]
+    chance = chance_of(clean)["NN"]
+    half = half_at(nn, values, chance, amounts)
+    same = {
+        "n_shapes": clean["data"]["n_shapes"],
+        "scorer": clean["scorer"] if "scorer_title" in clean else "",
+        "title": clean["title"],
+        "chance": chance,
+        "clean_NN": nn,
+        "half_at": None if isinstance(half, str) else half,
+        "half": half if isinstance(half, str) else f"{half:g}",
+    }
+    refused = [len(record.get("unsupported", ())) if record else None for record in records]
+    columns = zip(STRENGTHS, amounts, values, refused, strict=True)
+    return [same | dict(zip(("strength", "amount", "NN", "unsupported"), row, strict=True)) for row in columns]
 
 
 def _counted(record: Record | None) -> float | None:
     """NN over all shapes: one that was destroyed finds nothing."""
-    if record is None:
-        return None
-    if record["status"] == "unsupported":
+    if record is not None and record["status"] == "unsupported":
         return 0.0  # no shape was left to rank
-    if record["status"] != "ok":
+    if record is None or record["status"] != "ok":
         return None
     # Records of before did not count what was refused.
     return float(record["scores"]["NN"]) * (1.0 if "coverage" in record else coverage_of(record))
 
 
-def rendered(found: Sequence[DataFrame], formats: Iterable[str]) -> dict[str, str]:
-    """Texts by file name, as :func:`benchmark.report.files.render` makes those of the other tables."""
+def file_stem(frame: DataFrame) -> str:
+    """Name of the files of a set under an input."""
+    return stem("robustness", *frame.iloc[0][["dataset", "input", "scorer"]])
+
+
+def titles(frame: DataFrame) -> dict[str, str]:
+    """Title of each method by its name, in the order of the tables."""
+    by_name = dict(zip(frame["method"], frame["title"], strict=True))
+    return {name: by_name[name] for name in sorted(by_name, key=_table_order)}
+
+
+def _table_order(method: str) -> tuple[int, str]:
+    """Built-in methods in the order of the tables, then all others by name."""
+    base = method.partition("[")[0]
+    return list(BUILT_IN).index(base) if base in BUILT_IN else len(BUILT_IN), method
+
+
+def rendered(frames: Sequence[DataFrame], formats: Iterable[str]) -> dict[str, str]:
+    """Texts by file name, as :func:`benchmark.report.formats.render` makes those of the other tables."""
     files: dict[str, str] = {}
-    for name in formats if found else ():
+    for name in formats if frames else ():
         if name == "markdown":
-            files |= {f"{file_stem(each)}.md": markdown(each) for each in found}
+            files |= {f"{file_stem(frame)}.md": markdown(frame) for frame in frames}
         elif name == "latex":
-            files |= {f"{file_stem(each)}.tex": latex(each) for each in found}
+            files |= {f"{file_stem(frame)}.tex": latex(frame) for frame in frames}
         elif name == "csv":
-            files["robustness.csv"] = as_csv(found)
+            files["robustness.csv"] = as_csv(frames)
         else:
-            files["robustness.json"] = json.dumps(_rows(found), indent=1) + "\n"
+            files["robustness.json"] = json.dumps(_rows(frames), indent=1) + "\n"
     return files
 
 
-def markdown(found: DataFrame) -> str:
+def markdown(frame: DataFrame) -> str:
     """The amounts at which each method fails, then NN at each strength."""
-    named, halves = titles(found), _halves(found)
-    rows = zip(map(markdown_text, named.values()), *halves.values(), strict=True)
-    lines = [f"**What breaks the methods: {markdown_text(_title(found))}.**", "", _LEGEND, ""]
-    lines += markdown_table(["Method", *halves], [[*row] for row in rows])
-    for perturbation, part in found.groupby("perturbation", sort=False):
+    titled, halves = titles(frame), _halves(frame)
+    rows = zip(map(markdown_text, titled.values()), *halves.values(), strict=True)
+    lines = [f"**What breaks the methods: {markdown_text(_title(frame))}.**", "", _LEGEND, ""]
+    lines += markdown_table(["Method", *halves], map(list, rows))
+    for perturbation, part in frame.groupby("perturbation", sort=False):
         known = PERTURBATIONS[str(perturbation)]
         body = [
-            [markdown_text(named[method]), *map(number, (curve["clean_NN"].iloc[0], *curve["NN"]))]
+            [markdown_text(titled[method]), *map(number, (curve["clean_NN"].iloc[0], *curve["NN"]))]
             for method, curve in part.groupby("method", sort=False)
         ]
         lost = part.fillna({"unsupported": 0}).groupby("strength")["unsupported"].max()
-        if any(lost):
-            body.append(["*Shapes destroyed, at most*", "0", *map(str, lost)])
-        header = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
-        lines += ["", f"NN under {known.title} ({known.unit}):", "", *markdown_table(header, body)]
+        body += [["*Shapes destroyed, at most*", "0", *map(str, lost)]] if any(lost) else []
+        head = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
+        lines += ["", f"NN under {known.title} ({known.unit}):", "", *markdown_table(head, body)]
     return "\n".join(lines) + "\n"
 
 
-def latex(found: DataFrame) -> str:
+def latex(frame: DataFrame) -> str:
     r"""The amounts at which each method fails, for ``\input``."""
     columns = []
-    for head, cells in _halves(found).items():
+    for head, cells in _halves(frame).items():
         words = r"\\".join(map(latex_text, head.split()))  # each word of a heading has a line
         columns.append(Columns("", (rf"\shortstack[r]{{{words}}}",), [latex_text(cell) for cell in cells], 2))
-    caption = latex_text(f"What breaks the methods: {_title(found)}. {_LEGEND}")
-    return float_of(file_stem(found), caption, [latex_text(title) for title in titles(found).values()], columns)
+    caption = latex_text(f"What breaks the methods: {_title(frame)}. {_LEGEND}")
+    return float_of(file_stem(frame), caption, [latex_text(title) for title in titles(frame).values()], columns)
 
 
-def as_csv(found: Sequence[DataFrame]) -> str:
+def as_csv(frames: Sequence[DataFrame]) -> str:
     """One line per data set, input, method, perturbation and strength."""
-    names = ["dataset", "input", "scorer", "method", "perturbation", "strength", "amount"]
-    names += ["clean_NN", "NN", "unsupported", "half_at"]
-    return csv_text(names, _rows(found))
+    return csv_text([name for name in _COLUMNS if name != "title"], _rows(frames))
 
 
-def _rows(found: Sequence[DataFrame]) -> list[dict[str, Any]]:
-    return [
-        {
-            **{str(name): value for name, value in row.items() if name not in ("n_shapes", "half", "chance")},
-            "scorer": row["scorer"] or None,
-            "clean_NN": round(row["clean_NN"], 6),
-            "NN": None if row["NN"] is None else round(row["NN"], 6),
-        }
-        for frame in found
-        for row in frame.to_dict("records")
-    ]
+def _rows(frames: Sequence[DataFrame]) -> list[dict[str, Any]]:
+    rows = [row for frame in frames for row in frame[[*_COLUMNS]].to_dict("records")]
+    for row in rows:
+        row["scorer"] = row["scorer"] or None
+        row |= {name: None if row[name] is None else round(row[name], 6) for name in ("clean_NN", "NN")}
+    return rows
 
 
-def _halves(found: DataFrame) -> Mapping[str, list[str]]:
+def _halves(frame: DataFrame) -> dict[str, list[str]]:
     """Clean NN, and where each perturbation halves it, by heading: a text for each method."""
-    names, clean = [*titles(found)], found.drop_duplicates("method").set_index("method")["clean_NN"]
-    columns = {"clean NN": [number(clean[name]) for name in names]}
-    for perturbation, part in found.groupby("perturbation", sort=False):
+    names, by_method = list(titles(frame)), frame.drop_duplicates("method").set_index("method")
+    columns = {"clean NN": [number(value) for value in by_method.loc[names, "clean_NN"]]}
+    for perturbation, part in frame.groupby("perturbation", sort=False):
         half = dict(zip(part["method"], part["half"], strict=True))
         columns[PERTURBATIONS[str(perturbation)].title] = [half.get(name, BLANK) for name in names]
     return columns
 
 
-def _title(found: DataFrame) -> str:
-    first = found.iloc[0]
+def _title(frame: DataFrame) -> str:
+    first = frame.iloc[0]
     by = f", scored by {first['scorer']}" if first["scorer"] else ""
     return f"{first['dataset']}, {first['n_shapes']} shapes, {first['input']} input{by}"

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from benchmark.plugins.registry import BUILT_IN
-from benchmark.report.statistics.significance import permutation_test
+from benchmark.report.significance import permutation_test
 from benchmark.results import open_results
 from retrieval.measures import PRINTED
 from tests.rows import is_form

@@ -19,7 +19,7 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
-from benchmark.report.files import render
+from benchmark.report.formats import render
 from benchmark.report.html.data import chart_data
 from benchmark.report.html.forms import DrawnSet
 from benchmark.report.html.pages import TablePages, index_page, table_pages

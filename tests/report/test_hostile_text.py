@@ -18,7 +18,7 @@ from benchmark.protocols.tables import Table
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_line, markdown_text
-from benchmark.report.files import render
+from benchmark.report.formats import render
 from benchmark.report.frame import lines
 from benchmark.report.html.data import chart_data
 from benchmark.report.html.forms import DrawnSet, Sheets

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.report.content import contents
-from benchmark.report.files import render
+from benchmark.report.formats import render
 from benchmark.report.latex import Columns, float_of, latex_files
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record

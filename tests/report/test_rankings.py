@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.report.statistics.rankings import (
+from benchmark.report.rankings import (
     RECALLS,
     confusion,
+    pareto_front,
     ranking,
 )
-from benchmark.report.statistics.table_significance import pareto_front
 from retrieval.metrics import evaluate
 
 LABELS = ["a", "a", "a", "b", "b", "c"]

@@ -14,7 +14,7 @@ from benchmark.report import html
 from benchmark.report.cell import Cell
 from benchmark.report.comparison import compare_folders, lines
 from benchmark.report.content import Row, TableContent
-from benchmark.report.files import render
+from benchmark.report.formats import render
 from benchmark.report.frame import figures
 from benchmark.report.notes import notes
 from benchmark.report.paper import facts

@@ -9,9 +9,9 @@ import pytest
 from scipy import stats
 
 from benchmark.report.content import contents
-from benchmark.report.files import render
+from benchmark.report.formats import render
 from benchmark.report.results import Result
-from benchmark.report.statistics.significance import (
+from benchmark.report.significance import (
     ALPHA,
     class_permutation_test,
     holm,

@@ -10,8 +10,7 @@ from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import Table
 from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent, departs_of
-from benchmark.report.files import render
-from benchmark.report.formats import as_csv, markdown, rows_as_json
+from benchmark.report.formats import as_csv, markdown, render, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
 from benchmark.report.output import Folder

@@ -13,9 +13,9 @@ from benchmark.report.html.forms import Sheets
 from benchmark.report.html.scripts import Files, add_script
 from benchmark.report.pictures.posing import spread
 from benchmark.report.ranked import CLASSES, POSES, RankedCell, RankedGallery, classes_of, poses_of
+from benchmark.report.rankings import RECALLS, pareto_front
 from benchmark.report.rounding import millionths
-from benchmark.report.statistics.rankings import RECALLS
-from benchmark.report.statistics.table_significance import CONTROL, pareto_front
+from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import PRINTED
 

@@ -29,9 +29,9 @@ from benchmark.report.html.scripts import Files, Progress, add_script, script_js
 from benchmark.report.notes import notes
 from benchmark.report.output import Folder
 from benchmark.report.ranked import RankedCell, poses_of, ranked_cells
-from benchmark.report.reproduction.figures import reproduced_figures
+from benchmark.report.reproduction import reproduced_figures
 from benchmark.report.rounding import BLANK, millionths, number
-from benchmark.report.statistics.table_significance import CONTROL
+from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import MEASURES, PRINTED
 
@@ -132,8 +132,9 @@ class TablePages:
     @property
     def reproduction(self) -> list[list[object]]:
         """Figures of the paper beside ours, and what can be said of them."""
-        figures = (figure for figure in reproduced_figures([self.table]) if figure.ours is not None)
-        return [[f.title, f.input, f.measure, f.outcome, number(f.paper), number(f.ours)] for f in figures]
+        figures = reproduced_figures([self.table]).dropna(subset="ours")
+        shown = figures[["title", "input", "measure", "outcome", "paper", "ours"]]
+        return [[*facts, number(paper), number(ours)] for *facts, paper, ours in shown.to_numpy().tolist()]
 
     def costs(self) -> tuple[list[str], list[list[object]]]:
         """Headings and rows of the table of costs: method, input, seconds by phase, their sum, peak memory."""

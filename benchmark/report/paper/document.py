@@ -19,16 +19,15 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.cell import Cell
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import latex_prose
-from benchmark.report.files import bibliography
+from benchmark.report.formats import bibliography
 from benchmark.report.latex import ENVIRONMENT, Latex, appendix, data_source, latex, scorer_cited
 from benchmark.report.notes import notes
 from benchmark.report.paper import facts
 from benchmark.report.pictures.charts import MEASURE, scores_figure
 from benchmark.report.pictures.forms import stored_forms_figure
 from benchmark.report.pictures.painting import as_file
-from benchmark.report.reproduction.claims import assess_claims
-from benchmark.report.reproduction.figures import AGREEING, OUTCOMES, TOLERANCE, paper_tables, reproduced_figures
-from benchmark.report.statistics.significance import DRAWS, RESAMPLES
+from benchmark.report.reproduction import AGREEING, OUTCOMES, TOLERANCE, assess_claims, paper_tables, reproduced_figures
+from benchmark.report.significance import DRAWS, RESAMPLES
 
 Template = Literal["article", "ieee"]
 """Classes of a paper."""
@@ -178,10 +177,9 @@ def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
 
 def _reproduced(tables: Sequence[TableContent]) -> dict[str, Any]:
     """Return how many figures of the paper got which outcome, and what of its claims can be judged."""
-    counts: dict[tuple[str, str], Counter[str]] = {}
-    for each in reproduced_figures(tables):
-        if each.ours is not None:
-            counts.setdefault((each.table, each.input), Counter())[each.outcome] += 1
+    figures = reproduced_figures(tables).dropna(subset="ours")
+    by_table = figures.groupby(["table", "input"], sort=False)["outcome"]
+    counts = {place: Counter(outcomes) for place, outcomes in by_table}
     names = [name for name in OUTCOMES if any(found[name] for found in counts.values())]
     claims = assess_claims(paper_tables(tables)) if counts else []
     return {

@@ -21,10 +21,10 @@ from benchmark.report.content import Row, TableContent
 from benchmark.report.pictures.forms import WIDTH
 from benchmark.report.pictures.painting import save
 from benchmark.report.ranked import CLASSES, RankedCell, classes_of, ranked_cells
+from benchmark.report.rankings import RECALLS, pareto_front
 from benchmark.report.robustness import file_stem, titles
 from benchmark.report.rounding import millionths, number
-from benchmark.report.statistics.rankings import RECALLS
-from benchmark.report.statistics.table_significance import CONTROL, pareto_front
+from benchmark.report.significance import CONTROL
 from benchmark.text import clean
 
 if TYPE_CHECKING:

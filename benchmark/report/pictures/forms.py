@@ -24,7 +24,7 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import centred, have_same_poses, reach, spread, upright
-from benchmark.report.statistics.table_significance import CONTROL
+from benchmark.report.significance import CONTROL
 from benchmark.text import clean
 
 if TYPE_CHECKING:

@@ -5,18 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from pandas import DataFrame
+
 from benchmark.reference import paper
 from benchmark.reference.paper import CLAIMS, Claim
 from benchmark.report.content import TableContent, contents
-from benchmark.report.files import render
-from benchmark.report.reproduction.claims import AssessedClaim, assess_claims
-from benchmark.report.reproduction.document import reproduction_markdown
-from benchmark.report.reproduction.figures import (
+from benchmark.report.formats import render
+from benchmark.report.reproduction import (
     TOLERANCE,
-    ReproducedFigure,
+    AssessedClaim,
+    assess_claims,
     keeps_order,
     paper_tables,
     reproduced_figures,
+    reproduction_markdown,
 )
 from benchmark.report.results import Result
 from tests.records import MEASURES, record
@@ -33,9 +35,9 @@ def printed(method: str, table: str = "III") -> dict[str, float]:
     return dict(paper.rows(table)[method].values[table])
 
 
-def of(figures: list[ReproducedFigure], method: str, input_: str = "mesh", table: str = "III") -> dict[str, str]:
-    chosen = [each for each in figures if (each.table, each.method, each.input) == (table, method, input_)]
-    return {each.measure: each.outcome for each in chosen}
+def of(figures: DataFrame, method: str, input_: str = "mesh", table: str = "III") -> dict[str, str]:
+    chosen = figures[(figures["table"] == table) & (figures["method"] == method) & (figures["input"] == input_)]
+    return dict(zip(chosen["measure"], chosen["outcome"], strict=True))
 
 
 # Figures -------------------------------------------------------------------------------------------------------------
@@ -43,10 +45,9 @@ def of(figures: list[ReproducedFigure], method: str, input_: str = "mesh", table
 
 def test_the_paper_has_31_rows_of_four_figures_and_its_classical_rows_may_have_seen_either_input() -> None:
     figures = reproduced_figures([])
-    assert sum(each.input == "view" for each in figures) == 31 * 4
-    assert sum(each.input == "mesh" for each in figures) == 24 * 4
-    assert {each.outcome for each in figures} == {"not comparable"}
-    assert not [each for each in figures if each.input == "mesh" and each.method.startswith("learned")]
+    assert figures["input"].value_counts().to_dict() == {"view": 31 * 4, "mesh": 24 * 4}
+    assert set(figures["outcome"]) == {"not comparable"}
+    assert not figures[figures["input"] == "mesh"]["method"].str.startswith("learned").any()
 
 
 def test_figures_of_the_paper_itself_are_reproduced_up_to_the_tolerance_and_no_further() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,12 +37,10 @@ class Ranking:
 
 def mean_distances(matrices: Iterable[ArrayLike]) -> NDArray[np.float64] | None:
     """Mean of the matrices of several codebooks, shape (N, N); None if there are none."""
-    total, count = None, 0
+    total, count = np.zeros(()), 0
     for matrix in matrices:
-        values = np.asarray(matrix, dtype=np.float64)
-        total = values if total is None else total + values
-        count += 1
-    return None if total is None else total / count
+        total, count = total + np.asarray(matrix, dtype=np.float64), count + 1
+    return total / count if count else None
 
 
 def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEAREST) -> Ranking:
@@ -63,15 +62,14 @@ def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEARES
     """
     matrix, classes = check_distances(distances, labels)
     count = len(matrix)
-    kept = min(n_nearest, count - 1)
-    nearest = np.empty((count, kept), dtype=np.intp)
+    nearest = np.empty((count, min(n_nearest, count - 1)), dtype=np.intp)
     precision = np.full((count, len(RECALLS)), np.nan)
     for start in range(0, count, ROWS):
         rows = matrix[start : start + ROWS].copy()
         queries = np.arange(start, start + len(rows))
         rows[np.arange(len(rows)), queries] = np.inf  # a query is no match of itself: last
         order = np.argsort(rows, axis=1, kind="stable")[:, :-1]
-        nearest[queries] = order[:, :kept]
+        nearest[queries] = order[:, : nearest.shape[1]]
         precision[queries] = _precision(classes[order] == classes[queries, None])
     return Ranking(nearest, precision)
 
@@ -80,21 +78,18 @@ def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Interpolated precision of some queries whose matches are relevant or not, in the order of their ranks."""
     hits = np.cumsum(relevant, axis=1)
     best = np.maximum.accumulate((hits / np.arange(1, relevant.shape[1] + 1))[:, ::-1], axis=1)[:, ::-1]
-    found = np.full((len(relevant), len(RECALLS)), np.nan)
+    precision = np.full((len(relevant), len(RECALLS)), np.nan)
     for row, (of_query, at_best) in enumerate(zip(hits, best, strict=True)):
         if of_query.size and of_query[-1]:
             wanted = [-(-round(100 * recall) * int(of_query[-1]) // 100) for recall in RECALLS]  # hits, rounded up
-            found[row] = at_best[np.searchsorted(of_query, wanted)]
-    return found
+            precision[row] = at_best[np.searchsorted(of_query, wanted)]
+    return precision
 
 
 def confusion(nearest: NDArray[np.intp], kinds: Sequence[str]) -> dict[tuple[str, str], int]:
     """Return how often a query of one kind has a nearest match of another, or of its own: counts by both kinds."""
-    counts: dict[tuple[str, str], int] = {}
-    for query, match in enumerate(nearest[:, 0].tolist() if nearest.size else ()):
-        pair = (kinds[query], kinds[match])
-        counts[pair] = counts.get(pair, 0) + 1
-    return counts
+    matches = nearest[:, 0].tolist() if nearest.size else ()
+    return dict(Counter((kinds[query], kinds[match]) for query, match in enumerate(matches)))
 
 
 #: Shares of all queries by what their nearest match has in common with them: the subject alone, the pose alone,
@@ -106,11 +101,8 @@ def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequen
     """Return whether a method retrieves the subject or the pose; None where no pose is shown by two shapes."""
     if len(set(poses)) == len(poses) or not nearest.size:
         return None
-    who, how = (np.unique(list(kinds), return_inverse=True)[1] for kinds in (subjects, poses))
-    match = nearest[:, 0]
-    same, alike = who[match] == who, how[match] == how
-    counts = (same & ~alike, ~same & alike, ~same & ~alike, same & alike)
-    return _named(*(float(np.mean(each)) for each in counts))
+    same, alike = (np.array(kinds)[nearest[:, 0]] == np.array(kinds) for kinds in (subjects, poses))
+    return _shares(int(same.sum()), int(alike.sum()), int((same & alike).sum()), len(same))
 
 
 def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
@@ -118,13 +110,32 @@ def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attrac
     count = len(subjects)
     if len(set(poses)) == len(poses) or count < 2:
         return None
-    who, how = (np.unique(list(kinds), return_inverse=True)[1] for kinds in (subjects, poses))
-    pairs = count * (count - 1)
-    same = float((np.bincount(who).astype(np.int64) ** 2).sum() - count)
-    alike = float((np.bincount(how).astype(np.int64) ** 2).sum() - count)
-    both = float((np.unique(np.column_stack([who, how]), axis=0, return_counts=True)[1] ** 2).sum() - count)
-    return _named((same - both) / pairs, (alike - both) / pairs, (pairs - same - alike + both) / pairs, both / pairs)
+    kinds = (subjects, poses, zip(subjects, poses, strict=True))
+    same, alike, both = (sum(n * (n - 1) for n in Counter(of_kind).values()) for of_kind in kinds)
+    return _shares(same, alike, both, count * (count - 1))
 
 
-def _named(subject: float, pose: float, neither: float, both: float) -> Attraction:
-    return {"subject": subject, "pose": pose, "neither": neither, "both": both}
+def _shares(same: int, alike: int, both: int, total: int) -> Attraction:
+    """Shares by how many pairs are of one subject, in one pose, and both."""
+    counts = {"subject": same - both, "pose": alike - both, "neither": total - same - alike + both, "both": both}
+    return {name: count / total for name, count in counts.items()}
+
+
+def pareto_front(points: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Names on the front of cost and score: none of the others is both cheaper and better.
+
+    Parameters
+    ----------
+    points
+        Cost, of which less is better, and score, of which more is better, by name.
+
+    Returns
+    -------
+    list of str
+        The cheapest first; of names that are equal in both, all.
+    """
+    front: list[str] = []
+    for name, (cost, score) in sorted(points.items(), key=lambda item: (item[1][0], -item[1][1], item[0])):
+        if not front or score > points[front[-1]][1] or (cost, score) == points[front[-1]]:
+            front.append(name)
+    return front
