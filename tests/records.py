@@ -28,13 +28,7 @@ def record(
     **more: Any,
 ) -> dict[str, Any]:
     """Record of a finished job; other ``code`` makes it one of another recipe in the same place."""
-    recipe = {
-        "seed": 0,
-        "input": input_,
-        "method": method,
-        "gallery": gallery,
-        "versions": {f"method/{method}": code},
-    }
+    recipe = {"seed": 0, "input": input_, "method": method, "gallery": gallery, "versions": {f"method/{method}": code}}
     found = {
         "gallery": gallery, "input": input_, "method": method, "title": method.title(), "family": "extended",
         "parameters": {}, "target": f"baselines.{method}:Method",

@@ -4,11 +4,7 @@ from scipy.spatial.distance import cdist
 
 from baselines._kernels.orientation import canonical_signs, vertex_areas
 from baselines.classic_mds import ClassicMDS, classic_scaling
-from tests.baselines.embedding import (
-    PointShape,
-    points_on_ellipsoid,
-    spread,
-)
+from tests.baselines.embedding import PointShape, points_on_ellipsoid, spread
 
 pytestmark = pytest.mark.kernels
 

@@ -5,14 +5,7 @@ from scipy.spatial.transform import Rotation
 from baselines._kernels.arap import AsRigidAsPossible
 from baselines.constrained_mds import ConstrainedMDS
 from baselines.least_squares_mds import LeastSquaresMDS
-from tests.baselines.deformable import (
-    centre_line,
-    check_real_body,
-    shape_of,
-    sheet,
-    straightness,
-    tube,
-)
+from tests.baselines.deformable import centre_line, check_real_body, shape_of, sheet, straightness, tube
 
 pytestmark = pytest.mark.kernels
 

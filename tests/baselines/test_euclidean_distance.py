@@ -3,13 +3,7 @@ import pytest
 
 from baselines._kernels.springs import Springs
 from baselines.euclidean_distance import EuclideanDistance
-from tests.baselines.deformable import (
-    centre_line,
-    check_real_body,
-    shape_of,
-    straightness,
-    tube,
-)
+from tests.baselines.deformable import centre_line, check_real_body, shape_of, straightness, tube
 from tests.baselines.embedding import sphere
 
 

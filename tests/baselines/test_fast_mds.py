@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.fast_mds import FastMDS
-from tests.baselines.embedding import (
-    PointShape,
-    points_on_ellipsoid,
-    spread,
-)
+from tests.baselines.embedding import PointShape, points_on_ellipsoid, spread
 
 
 class RowsOnly(PointShape):

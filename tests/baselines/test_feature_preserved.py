@@ -4,14 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from baselines.feature_preserved import FeaturePreserved
 from baselines.least_squares_mds import LeastSquaresMDS
-from tests.baselines.deformable import (
-    centre_line,
-    check_real_body,
-    moved_to,
-    shape_of,
-    straightness,
-    tube,
-)
+from tests.baselines.deformable import centre_line, check_real_body, moved_to, shape_of, straightness, tube
 from tests.baselines.test_constrained_mds import lopsided
 
 

@@ -7,12 +7,7 @@ from sklearn.manifold import smacof as sklearn_smacof
 from baselines._kernels.smacof import smacof
 from baselines.least_squares_mds import LeastSquaresMDS
 from benchmark.api.contracts import Shape
-from tests.baselines.embedding import (
-    PointShape,
-    points_on_ellipsoid,
-    sphere,
-    spread,
-)
+from tests.baselines.embedding import PointShape, points_on_ellipsoid, sphere, spread
 
 pytestmark = pytest.mark.kernels
 

@@ -3,15 +3,7 @@ import pytest
 
 from baselines._kernels.arap import AsRigidAsPossible
 from baselines.mesh_unfolding import MeshUnfolding
-from tests.baselines.deformable import (
-    centre_line,
-    check_real_body,
-    moved_to,
-    shape_of,
-    sheet,
-    straightness,
-    tube,
-)
+from tests.baselines.deformable import centre_line, check_real_body, moved_to, shape_of, sheet, straightness, tube
 
 pytestmark = pytest.mark.kernels
 

@@ -8,11 +8,7 @@ from sklearn.manifold import smacof as sklearn_smacof
 
 from baselines._kernels.isotonic import isotonic_regression
 from baselines.non_metric_mds import NonMetricMDS, non_metric_scaling
-from tests.baselines.embedding import (
-    PointShape,
-    points_on_ellipsoid,
-    spread,
-)
+from tests.baselines.embedding import PointShape, points_on_ellipsoid, spread
 
 pytestmark = pytest.mark.kernels
 

@@ -4,13 +4,7 @@ import pytest
 from baselines._kernels.sampling import farthest_points
 from baselines.classic_mds import ClassicMDS
 from baselines.nystrom_mds import NystromMDS
-from tests.baselines.embedding import (
-    PointShape,
-    brute_force_stress,
-    limbed,
-    sphere,
-    spread,
-)
+from tests.baselines.embedding import PointShape, brute_force_stress, limbed, sphere, spread
 from tests.baselines.test_fast_classical_scaling import RowsOnly
 
 

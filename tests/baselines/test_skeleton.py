@@ -6,9 +6,7 @@ from baselines._kernels import contraction as contraction_module
 from baselines._kernels.contraction import contract
 from baselines._kernels.curve_skeleton import contraction_skeleton
 from baselines._kernels.deformation_transfer import follow_rotations
-from baselines.skeleton import (
-    Skeleton,
-)
+from baselines.skeleton import Skeleton
 from benchmark.api.contracts import Mesh
 from tests.baselines.deformable import (
     capsule,

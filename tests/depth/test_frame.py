@@ -16,11 +16,7 @@ from tests.depth.scenes import figure, frame, overlap, scene
 TALL = np.ptp(figure().vertices[:, 2])
 
 
-@pytest.mark.parametrize(
-    "given",
-    [{"roll": 9.0}, {"distance": 3.5, "height": 1.7}, {"wall": None}],
-    ids=str,
-)
+@pytest.mark.parametrize("given", [{"roll": 9.0}, {"distance": 3.5, "height": 1.7}, {"wall": None}], ids=str)
 def test_the_rule_finds_the_figure(given):
     depths, mask = frame(**given)
     found = observe(depths, KINECT)

@@ -56,8 +56,7 @@ def test_four_numbers_on_the_command_line_are_no_file():
 
 
 @pytest.mark.parametrize(
-    "coefficients",
-    [(0.1, -0.25, 0.001, -0.002), (-0.3, 0.1, 0, 0, 0.01), (0.5, -2.6, 0.001, 0, 1.5, 0.4, -2.4, 1.4)],
+    "coefficients", [(0.1, -0.25, 0.001, -0.002), (-0.3, 0.1, 0, 0, 0.01), (0.5, -2.6, 0.001, 0, 1.5, 0.4, -2.4, 1.4)]
 )
 def test_rays_of_a_distorted_camera_are_those_of_opencv(tmp_path, coefficients):
     (tmp_path / "camera_info.yaml").write_text(

@@ -8,13 +8,7 @@ from benchmark.datasets.humans import Humans
 from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
-from benchmark.protocols.trainings import (
-    POSE_FOLDS,
-    SUBJECT_FOLDS,
-    TRAININGS,
-    trainings_by_shape,
-    with_validation,
-)
+from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS, TRAININGS, trainings_by_shape, with_validation
 from tests.mean_folds import MeanSampled, MeanStrict
 from tests.mean_target import MeanTarget
 

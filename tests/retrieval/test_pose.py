@@ -8,10 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from retrieval.pose import (
-    normalise,
-    rectilinearity_rotation,
-)
+from retrieval.pose import normalise, rectilinearity_rotation
 from tests.retrieval.figures import figure, turned
 
 pytestmark = pytest.mark.kernels

@@ -10,10 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from learned.paired.configuration import CONFIGURATIONS, LITERAL, configuration
-from learned.paired.network import (
-    SameSizeDeconvolution,
-    build,
-)
+from learned.paired.network import SameSizeDeconvolution, build
 
 PROGRESSIVE = [name for name, each in CONFIGURATIONS.items() if each.architecture == "progressive"]
 

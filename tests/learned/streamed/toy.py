@@ -103,11 +103,7 @@ def surface_stream(surfaces: MakesSurfaces, validation: MakesSurfaces) -> Stream
     """The toy data with a stream of other surfaces."""
     images = Ellipsoids()
     return StreamedData(
-        **vars(toy_data()),
-        fresh=images,
-        validation=images,
-        surfaces=surfaces,
-        validation_surfaces=validation,
+        **vars(toy_data()), fresh=images, validation=images, surfaces=surfaces, validation_surfaces=validation
     )
 
 
