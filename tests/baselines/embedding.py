@@ -55,6 +55,13 @@ class PointShape(Shape):
         return self.matrix[np.asarray(sources)]
 
 
+class RowsOnly(Shape):
+    """A shape that has no all pairs of distances to give."""
+
+    def geodesics(self, solver: str = "default") -> np.ndarray:
+        raise AssertionError("all pairs were asked for")
+
+
 def points_on_ellipsoid(n: int = 200) -> np.ndarray:
     """Points in general position without any symmetry, all on their convex hull."""
     vertices = sphere(n).vertices

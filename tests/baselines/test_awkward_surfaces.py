@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from trimesh.creation import torus
 
-from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
+from benchmark.api.contracts import Mesh, Shape
 from benchmark.plugins.registry import methods, variant
 from tests.baselines.deformable import sheet
 from tests.baselines.embedding import sphere
@@ -49,13 +49,6 @@ def ring() -> Mesh:
     return Mesh(np.asarray(made.vertices), np.asarray(made.faces))
 
 
-def pieces() -> Mesh:
-    """Three balls that hang together by nothing."""
-    ball = sphere(120)
-    vertices = np.concatenate([ball.vertices + np.array([3.0 * k, 0, 0]) for k in range(3)])
-    return Mesh(vertices, np.concatenate([ball.faces + 120 * k for k in range(3)]))
-
-
 CONNECTED = {
     "ball": lambda: sphere(300),
     "ring": ring,
@@ -72,15 +65,3 @@ def test_connected_surfaces_have_a_form(name, surface):
     assert form.vertices.shape == mesh.vertices.shape
     assert np.isfinite(form.vertices).all()
     assert np.ptp(form.vertices, axis=0).max() > 0
-
-
-@pytest.mark.parametrize("name", FORMS)
-def test_pieces_have_a_form_or_are_refused_by_name(name):
-    shape = Shape(identifier="pieces", mesh=pieces())
-    try:
-        form = variant(name, methods()).create().canonicalise(shape)
-    except UnsupportedShape as refusal:
-        assert "piece" in str(refusal) or "connected" in str(refusal) or "hang" in str(refusal)
-    else:
-        assert np.isfinite(form.vertices).all()
-        assert np.ptp(form.vertices, axis=0).max() > 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,8 @@ import pytest
 
 from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
 from benchmark.plugins.registry import methods, variant
-from tests.baselines.deformable import moved_to
-from tests.baselines.embedding import limbed, moved, relabelled, sphere
+from tests.baselines.deformable import check_real_body, moved_to
+from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, moved, relabelled, sphere
 from tests.baselines.test_perturbation import METHODS
 
 #: Coordinates from the mesh, not from distances: nothing to compare with another numbering, place or size.
@@ -55,3 +56,33 @@ def test_a_method_keeps_the_contract(name: str) -> None:
     for mesh in (TRIANGLE,) if name == "pca" else (TRIANGLE, TWO_BALLS):
         with pytest.raises(UnsupportedShape):
             answer(method, Shape(identifier="unsupported", mesh=mesh))
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "factor"),
+    [
+        ("accelerated-mds[variant=interpolated]", 1200, 1.2),
+        ("fast-classical-scaling", 1000, 1.2),
+        ("nystrom-mds", 1000, 1.1),
+    ],
+)
+def test_the_stress_is_near_that_of_classic_scaling_without_all_pairs(name: str, size: int, factor: float) -> None:
+    shape, known = limbed(size), methods()
+    form = variant(name, known).create().canonicalise(RowsOnly(identifier="limbed", mesh=shape.mesh))
+    classic = variant("classic-mds", known).create().canonicalise(shape).notes["stress"]
+    assert brute_force_stress(form.vertices, shape.geodesics()) < factor * classic
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "strain"),
+    [
+        ("constrained-mds", 0.08),
+        ("feature-preserved", 0.08),
+        ("mesh-unfolding", 0.05),
+        ("euclidean-distance[points=local]", 0.03),
+    ],
+)
+def test_real_bodies_spread_their_limbs(data_root: Path, name: str, strain: float) -> None:
+    form = check_real_body(variant(name, methods()).create(), data_root / "tosca" / "michael6.off")
+    assert form.notes["mean_edge_strain"] <= strain

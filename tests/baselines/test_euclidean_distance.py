@@ -3,7 +3,7 @@ import pytest
 
 from baselines._kernels.springs import Springs
 from baselines.euclidean_distance import EuclideanDistance
-from tests.baselines.deformable import centre_line, check_real_body, shape_of, straightness, tube
+from tests.baselines.deformable import centre_line, shape_of, straightness, tube
 from tests.baselines.embedding import sphere
 
 
@@ -23,11 +23,3 @@ def test_an_even_surface_without_tips_pushes_points_all_over_it():
     form = EuclideanDistance(points="local").canonicalise(shape_of(sphere(800)))
     assert form.notes["points"] > 1
     assert np.isfinite(form.vertices).all()
-
-
-@pytest.mark.data
-@pytest.mark.parametrize("points", ["local"])
-@pytest.mark.parametrize("name", ["michael6"])
-def test_real_bodies_spread_their_limbs(data_root, name, points):
-    form = check_real_body(EuclideanDistance(points=points), data_root / "tosca" / f"{name}.off")
-    assert form.notes["mean_edge_strain"] <= 0.03

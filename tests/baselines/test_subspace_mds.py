@@ -9,8 +9,7 @@ from baselines.subspace_mds import SubspaceMDS
 from benchmark.api.contracts import Shape
 from benchmark.datasets.official.tosca import tosca
 from benchmark.geometry.preparation import prepare
-from tests.baselines.embedding import brute_force_stress, limbed, spread
-from tests.baselines.test_fast_classical_scaling import RowsOnly
+from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, spread
 
 
 def published(shape: Shape, eigenfunctions: int, samples: int, iterations: int) -> np.ndarray:

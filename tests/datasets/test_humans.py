@@ -14,8 +14,7 @@ import trimesh
 from scipy.spatial.distance import pdist
 
 from benchmark.datasets import humans
-from benchmark.datasets.base import Dataset, check_retrievable
-from benchmark.datasets.human_poses import POSES, Column, Pose, bone_rotations
+from benchmark.datasets.human_poses import POSES, Column
 from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, SUBJECTS, adults
 from benchmark.datasets.humans import Humans, human_mesh, human_meshes, recipe, sample_humans
 from benchmark.errors import DatasetError
@@ -31,38 +30,6 @@ def made(*subjects: str) -> list[Mesh]:
 
 def shape(subject: str, pose: str) -> Mesh:
     return human_mesh(SUBJECTS[subject], POSES[pose])
-
-
-def test_is_a_data_set_of_fifteen_by_twenty() -> None:
-    data: Dataset = Humans()
-    assert data.stand_in_for == "shrec14-synthetic"
-    assert len(data.entries) == len({entry.identifier for entry in data.entries}) == 300
-    assert [entry.subject for entry in data.entries[::20]] == list(SUBJECTS)
-    assert [entry.pose for entry in data.entries[:20]] == list(POSES)
-    assert humans.CANONICAL_POSE == data.entries[0].pose == "standing"
-    assert data.camera(data.entries[0]) == FRONT
-    check_retrievable(data)
-
-
-def test_men_women_and_children_are_in_training_and_in_test() -> None:
-    kinds = [name.split("-")[0] for name in SUBJECTS]
-    assert sorted(kinds) == ["child"] * 5 + ["man"] * 5 + ["woman"] * 5
-    assert set(kinds[:10]) == set(kinds[10:]) == {"man", "woman", "child"}
-    for kind, subject in zip(kinds, SUBJECTS.values(), strict=True):
-        assert (subject.age < 0.5) == (kind == "child")
-        assert kind == "child" or subject.gender == (kind == "woman")
-        assert all(0 <= value <= 1 for value in astuple(subject))
-
-
-@pytest.mark.parametrize("pose", POSES.values(), ids=list(POSES))
-def test_a_pose_is_rotations_of_anatomical_angles(pose: Pose) -> None:
-    for rotation in bone_rotations(pose).values():
-        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
-        assert np.linalg.det(rotation) == pytest.approx(1)
-    for limb in (pose.left_arm, pose.right_arm, pose.left_leg, pose.right_leg):
-        assert 0 <= limb.bend <= 150
-    assert Pose.from_angles(pose.angles()) == pose
-    assert pose.mirrored().mirrored() == pose
 
 
 def test_a_body_is_one_closed_surface_of_genus_zero() -> None:

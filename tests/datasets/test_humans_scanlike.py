@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
-
 import igl
 import numpy as np
 import pytest
 import trimesh
 
 from benchmark.datasets import humans, humans_scanlike
-from benchmark.datasets.base import Dataset, check_retrievable
-from benchmark.datasets.human_poses import POSES
 from benchmark.datasets.human_subjects import adults
-from benchmark.datasets.humans_scanlike import POSE_NAMES, HumansScanlike
-from benchmark.geometry.camera import FRONT
+from benchmark.datasets.humans_scanlike import HumansScanlike
 from benchmark.geometry.mesh import Mesh
 
 pytestmark = pytest.mark.kernels
@@ -29,32 +24,6 @@ def pair() -> tuple[Mesh, Mesh]:
     data = HumansScanlike()
     first, second = (entry for entry in data.entries if entry.identifier in ("man-3_waving", "woman-5_waving"))
     return data.load(first), data.load(second)
-
-
-def test_is_a_data_set_of_forty_by_ten() -> None:
-    data: Dataset = HumansScanlike()
-    assert data.stand_in_for == "shrec14-real"
-    assert len(data.entries) == len({entry.identifier for entry in data.entries}) == 400
-    assert [entry.subject for entry in data.entries[::10]] == list(adults())
-    assert len({data.recipe(entry) for entry in data.entries}) == 400
-    assert POSE_NAMES[0] == humans.CANONICAL_POSE
-    assert set(POSE_NAMES) < set(POSES)
-    assert data.camera(data.entries[0]) == FRONT
-    check_retrievable(data)
-
-
-def test_adults_are_twenty_men_and_twenty_women_inside_the_model() -> None:
-    values = np.array([astuple(subject) for subject in adults().values()])
-    assert values[:, 0].tolist() == [0.0, 1.0] * 20
-    assert values.min() >= 0
-    assert values.max() <= 1
-    assert values[:, 1].min() >= 0.6
-    # A golden row: 0.5 plus the powers of 1 / 1.1347..., the root of x^6 = x + 1.
-    golden = 1.1347241384015194
-    share = (0.5 + golden ** -np.arange(1.0, 6)) % 1
-    np.testing.assert_allclose(
-        values[0, 1:], [0.6, 0.2, 0.15, 0.22, 0.15] + share * [0.38, 0.65, 0.75, 0.3, 0.7], atol=1e-3
-    )
 
 
 def test_a_scan_is_one_closed_skin_of_the_body(pair: tuple[Mesh, Mesh]) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import trimesh
 
-from benchmark.api.streaming import N_POINTS
 from benchmark.datasets.human_poses import POSES, bone_rotations
 from benchmark.datasets.human_subjects import CLEARANCE, clearance
 from benchmark.datasets.scans.triangles import collapsed
@@ -14,7 +12,6 @@ from benchmark.datasets.varied import wide
 from benchmark.datasets.varied.bodies import AWAY_FROM, Body, varied_body
 from benchmark.datasets.varied.coarse import coarse_model
 from benchmark.datasets.varied.joints import batch_rotations
-from benchmark.datasets.varied.model import CANONICAL
 from benchmark.datasets.varied.poses import free_pose, range_of_motion
 from benchmark.datasets.varied.wide import WideSampler
 from learned.streamed.configuration import STREAMED
@@ -68,54 +65,9 @@ def test_no_subject_of_a_set_enters_training(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @needs_the_full_body
-def test_a_coarse_body_is_the_body() -> None:
-    model, random = coarse_model(7000), np.random.default_rng(0)
-    bodies = [varied_body(random) for _ in range(6)]
-    poses = [CANONICAL, *(free_pose(random) for _ in bodies[1:])]
-    coarse = model.posed(model.shaped(bodies), np.stack([pose.angles() for pose in poses]))
-    exact = model.full.posed(model.full.shaped(bodies), [[pose] for pose in poses])
-    for one, (other,) in zip(coarse, exact, strict=True):
-        apart = np.linalg.norm((one - one.mean(axis=0)) - (other - other.mean(axis=0)), axis=1)
-        assert apart.mean() < 1e-3
-        assert apart.max() < 0.03
-        solid = trimesh.Trimesh(one, model.faces, process=False)
-        assert solid.is_watertight
-        assert solid.volume > 0
-    np.testing.assert_allclose(coarse[0] - coarse[0].mean(axis=0), exact[0][0] - exact[0][0].mean(axis=0), atol=1e-3)
-
-
-@needs_the_full_body
 def test_a_coarse_body_does_not_depend_on_the_decimations_before_it() -> None:
     first = coarse_model.__wrapped__(1500)
     collapsed(sphere(3), 100)
     again = coarse_model.__wrapped__(1500)
     np.testing.assert_array_equal(first.faces, again.faces)
     np.testing.assert_array_equal(first.bones, again.bones)
-
-
-@needs_the_full_body
-def test_a_batch_is_a_matter_of_its_number_and_a_body_of_its_place() -> None:
-    sampler = WideSampler(seed=7, views=2)
-    first, again, other = sampler(0, 3, 96), sampler(0, 3, 96), sampler(1, 3, 96)
-    for name in ("images", "fronts", "backs", "pixels", "places", "points"):
-        np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
-        assert not np.array_equal(getattr(first, name), getattr(other, name), equal_nan=True)
-    alone = sampler(0, 1, 96)
-    np.testing.assert_array_equal(alone.images[0], first.images[0])
-    assert first.images.shape == (3, 4, 96, 96)
-    assert first.points is not None
-    assert first.points.shape == (3, 3 * N_POINTS)
-    assert not set(first.identifiers) & set(other.identifiers)
-    assert ((first.images > 0).sum(axis=(2, 3)) > 150).all()
-    np.testing.assert_array_equal(first.fronts > 0, first.backs > 0)
-
-
-@needs_the_full_body
-def test_a_pixel_shows_the_points_that_are_told_for_it() -> None:
-    made = WideSampler(seed=3, held=0, perspective=0)(0, 4, 128)
-    assert made.pixels is not None
-    for images, pixels in zip(made.images, made.pixels, strict=True):
-        for image, pixel in zip(images, pixels, strict=True):
-            shown = pixel[~np.isnan(pixel[:, 0])].astype(int)
-            assert 0.2 < len(shown) / len(pixel) < 0.8
-            assert np.mean(image[shown[:, 0], shown[:, 1]] > 0) > 0.6
