@@ -28,10 +28,18 @@ LARGEST = 2**31
 #: Marks, behind kind and shape, a symmetric matrix of which the rows of the upper triangle are kept.
 _UPPER = "upper triangle"
 
-#: Rows that are compared with columns at a time.
-_BLOCK = 256
+#: Ways to pack a file that unfold in little memory.
+PACKED = frozenset({zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED})
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+
+
+class UnsafeArrays(ValueError):
+    """A file of arrays that may run a program or fill the memory, by the name of its fault."""
+
+    def __init__(self, name: str, problem: str) -> None:
+        super().__init__(problem)
+        self.name = name
 
 
 def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> None:
@@ -54,7 +62,7 @@ def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> Non
     whole = {name: np.asanyarray(array) for name, array in arrays.items()}
     halved = {name for name, array in whole.items() if compressed and _is_symmetric(array)}
     kinds = {name: [*_kind(array), *([_UPPER] if name in halved else [])] for name, array in whole.items()}
-    kept = {name: _upper(array) if name in halved else array for name, array in whole.items()}
+    kept = {name: array[_upper(len(array))] if name in halved else array for name, array in whole.items()}
     contents = np.array(json.dumps({"key": key, "arrays": kinds}))
     # Not by numpy.savez, whose own arguments are names that no array can have.
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED) as archive:
@@ -77,7 +85,7 @@ def digest_of(arrays: Arrays) -> str:
 
 
 def load_arrays(
-    source: Path | IO[bytes], key: str, wanted: Callable[[str], bool] | None = None
+    source: Path | IO[bytes], key: str, wanted: Callable[[str], bool] | None = None, *, largest: int | None = None
 ) -> dict[str, NDArray[Any]]:
     """Read what :func:`save_arrays` wrote.
 
@@ -92,32 +100,47 @@ def load_arrays(
         What it is kept under.
     wanted
         Chooses the arrays to read by name; all by default.
+    largest
+        Bytes of all arrays together beyond which none is read; None for :data:`LARGEST`.
 
     Raises
     ------
     FileNotFoundError
         If there is no file.
+    UnsafeArrays
+        If it is too large, or an array holds Python objects.
     Exception
         Of many kinds, if it is damaged or something else.
     """
     with zipfile.ZipFile(source) as archive:
         parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
-        if sum(part.file_size for part in parts.values()) > LARGEST:
-            raise ValueError("the arrays are too large")
-        told = json.loads(str(read_array(archive, parts.pop(_CONTENTS))))
-        if told["key"] != key or told["arrays"].keys() != parts.keys():
+        _require_size(sum(part.file_size for part in parts.values()), largest)
+        if any(part.compress_type not in PACKED for part in parts.values()):
+            raise ValueError("the arrays are packed in an unusual way")
+        described = json.loads(str(read_array(archive, parts.pop(_CONTENTS))))
+        kinds = described["arrays"]
+        if described["key"] != key or kinds.keys() != parts.keys():
             raise ValueError("the file holds something else than its name says")
-        if sum(part.file_size * (2 if _is_half(told["arrays"][name]) else 1) for name, part in parts.items()) > LARGEST:
-            raise ValueError("the arrays are too large once unfolded")
-        chosen = {name: part for name, part in parts.items() if wanted is None or wanted(name)}
-        return {name: _as_told(read_array(archive, part), told["arrays"][name]) for name, part in chosen.items()}
+        _require_size(
+            sum(part.file_size * (2 if _is_half(kinds[name]) else 1) for name, part in parts.items()), largest
+        )
+        return {
+            name: _unfolded(read_array(archive, part), kinds[name])
+            for name, part in parts.items()
+            if wanted is None or wanted(name)
+        }
+
+
+def _require_size(size: int, largest: int | None) -> None:
+    if size > (largest or LARGEST):
+        raise UnsafeArrays("too-large", f"unpacks to more than {largest or LARGEST:,} bytes")
 
 
 def _kind(array: NDArray[Any]) -> list[Any]:
     return [array.dtype.str, list(array.shape)]
 
 
-def _as_told(array: NDArray[Any], kind: list[Any]) -> NDArray[Any]:
+def _unfolded(array: NDArray[Any], kind: list[Any]) -> NDArray[Any]:
     """The array that a file says it holds, unfolded where half of it was kept."""
     if not _is_half(kind):
         if _kind(array) == kind:
@@ -125,7 +148,9 @@ def _as_told(array: NDArray[Any], kind: list[Any]) -> NDArray[Any]:
     else:
         dtype, (count, width), _ = kind
         if count == width and _kind(array) == [dtype, [count * (count + 1) // 2]]:
-            return _unfolded(array, count)
+            matrix = np.empty((count, count), array.dtype)
+            matrix[_upper(count)] = matrix.T[_upper(count)] = array
+            return matrix
     raise ValueError("an array is not what the file says of it")
 
 
@@ -139,24 +164,12 @@ def _is_symmetric(array: NDArray[Any]) -> bool:
     if not is_square or array.dtype.kind != "f" or array.itemsize > 8 or not array.flags.c_contiguous:
         return False
     bits = array.view(f"u{array.itemsize}")
-    starts = range(0, len(bits), _BLOCK)
-    return all(np.array_equal(bits[k : k + _BLOCK, k:], bits[k:, k : k + _BLOCK].T) for k in starts)
+    return np.array_equal(bits, bits.T)
 
 
-def _upper(matrix: NDArray[Any]) -> NDArray[Any]:
-    """Rows of the upper triangle with the diagonal, one after the other."""
-    return np.concatenate([row[k:] for k, row in enumerate(matrix)])
-
-
-def _unfolded(upper: NDArray[Any], count: int) -> NDArray[Any]:
-    """The symmetric matrix of such rows."""
-    matrix = np.empty((count, count), upper.dtype)
-    start = 0
-    for k in range(count):
-        row = upper[start : start + count - k]
-        matrix[k, k:] = matrix[k:, k] = row
-        start += count - k
-    return matrix
+def _upper(count: int) -> NDArray[np.bool_]:
+    """Mask of the upper triangle with the diagonal."""
+    return np.tri(count, dtype=bool).T
 
 
 def read_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
@@ -167,7 +180,9 @@ def read_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
             raise ValueError("an array has another size than the file says")
     stream = io.BytesIO(content)
     shape, is_fortran, dtype = _HEADERS[np.lib.format.read_magic(stream)](stream)
-    if dtype.hasobject or stream.tell() + math.prod(shape) * dtype.itemsize != len(content):
+    if dtype.hasobject:
+        raise UnsafeArrays("pickle", "holds Python objects, which may be programs")
+    if stream.tell() + math.prod(shape) * dtype.itemsize != len(content):
         raise ValueError("an array has another size than its header says")
     found: NDArray[Any] = np.ndarray(shape, dtype, content, stream.tell(), order="F" if is_fortran else "C")
     return found.copy(order="K")

@@ -1,29 +1,23 @@
-"""Forms of a bundle made again, in a process of its own that imports no plug-in; the plug-in has another one."""
+"""Forms of a bundle made again, in a process of its own that imports no plugin; the plugin has another one."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.arrays import Arrays, load_arrays
-from benchmark.bundles.archive import Archive
-from benchmark.bundles.manifest import Entry, Plugin
-from benchmark.bundles.outcome import Fault, claim, lie
-from benchmark.bundles.writing import FACES
-from benchmark.datasets.catalogue import open_dataset
-from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.bundles.reading import Entry
+from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.process import ForeignError
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import Preparation, require_arrays
+from benchmark.pipeline.preparation import require_arrays
 from benchmark.pipeline.ranking import in_shuffled_order
 from benchmark.pipeline.recipes import method_components
 from benchmark.pipeline.storage.lock import versions_of
@@ -34,184 +28,119 @@ from benchmark.plugins.registry import MethodSpec, methods, variant
 from benchmark.plugins.remote import close_to_plugins
 from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
-from benchmark.protocols.galleries import Gallery
-from benchmark.protocols.models import Model, find_models
-from benchmark.report.content import own_table
+from benchmark.report.artefact_reader import ArtefactReader
 
-#: Farthest that a form, or a descriptor, made again may be from that of a bundle, relative to its size; and a signature
-#: in distances of the scorer, relative to their mean. Other processors move forms by 2e-4 at most.
-TOLERANCE = {"forms": 0.01, "descriptors": 0.01, "signatures": 0.05}
+#: Array of a form that holds its faces where they are those of the shape; it counts to no digest.
+FACES = "about:faces"
 
 
-@dataclass(frozen=True)
-class Remade:
-    """Outcome of making forms again.
-
-    Parameters
-    ----------
-    faults
-        Why they are not the same, or could not be made.
-    shapes
-        Whose forms were made again.
-    apart
-        How far they are from those of the bundle at most.
-    distances
-        Of all pairs of descriptors, by their own method; None where they are nobody's but ours to make.
-    """
-
-    faults: tuple[Fault, ...] = ()
-    shapes: tuple[str, ...] = ()
-    apart: float = 0.0
-    distances: list[list[float]] | None = None
-
-
-@dataclass(frozen=True)
-class Remaking:
+class Remaking(NamedTuple):
     """Forms to make again.
 
     Parameters
     ----------
-    record, entry
-        Of which record.
+    record, entry, arrays
+        Of which record, and the file of its forms.
+    shapes
+        Names of the shapes.
     source, data_root
         Its data set, as it is opened here; "" where it is not here.
-    results
-        Results folder with models that were trained here.
-    shapes
-        The shapes.
+    models
+        Folder of the models that were trained here.
+    target
+        The method of the plugin; "" for one of the suite.
+    folder
+        An empty folder.
     """
 
     record: Record
     entry: Entry
+    arrays: bytes
+    shapes: tuple[str, ...]
     source: str
     data_root: Path | None
-    results: Path
-    shapes: tuple[str, ...]
+    models: Path
+    target: str
+    folder: Path
 
 
-def unpack_plugin(archive: Archive, plugin: Plugin, folder: Path) -> Path:
-    """Write the source of a plug-in into an empty folder and return its path; names were looked at before."""
-    for name in plugin.digests:
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(archive.read(name))
-    return (folder / plugin.file).resolve()
+def remake(remaking: Remaking) -> dict[str, Any]:
+    """Make forms again.
 
-
-def made_again(remaking: Remaking, archive: Archive, plugin: Plugin | None, limit: float | None) -> Remade:
-    """Make forms again and compare them with those of the bundle.
-
-    Parameters
-    ----------
-    remaking
-        Which forms.
-    archive, plugin
-        The bundle, and its plug-in, which is run; None for a method of the suite.
-    limit
-        Seconds that it may take.
+    Returns
+    -------
+    dict
+        ``apart``: largest distance from those of the bundle, relative to their size; ``distances`` of all pairs of
+        descriptors of a plugin, else None; ``is_same_code``: whether the method is the one of the record.
     """
-    name = remaking.record["method"]
-    with TemporaryDirectory(prefix="canonical-forms-") as place:
-        folder = Path(place)
-        content = archive.read(remaking.entry.arrays)  # in no file that the plug-in could read
-        target = f"{unpack_plugin(archive, plugin, folder)}:{plugin.attribute}" if plugin else ""
-        guard = Guard(f"method '{name}'", "ask its author, or pass a longer --timeout", limit, quiet=True)
-        try:
-            told = call_apart(_make, remaking, target, content, folder, guard=guard)
-        except BenchmarkError as error:
-            return Remade((claim("not-made-again", error.problem, error.hint),))
-    made = Remade((), remaking.shapes, told["apart"], told["distances"])
-    if told["apart"] <= TOLERANCE[remaking.entry.holds]:
-        return made
-    said = f"forms made again are apart from those of the bundle, by {told['apart']:.2g} of their size at most"
-    if not told["is_same_code"]:
-        hint = "verify it by the version of the suite that made it"
-        fault = claim("other-code", f"{said}; and the method is another one here than the one that made it", hint)
-    else:
-        fault = lie("not-made-again", said, "take the forms for those of something else")
-    return Remade((fault,), made.shapes, made.apart, made.distances)
-
-
-def _make(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict[str, Any]:
-    """Make and compare the forms, in a process of its own."""
     try:
-        return _made(remaking, target, content, folder)
+        return _remake(remaking)
     except ForeignError as error:
         raise ConfigurationError(f"method '{remaking.record['method']}' raises {error}", "ask its author") from error
 
 
-def _made(remaking: Remaking, target: str, content: bytes, folder: Path) -> dict[str, Any]:
-    record, entry = remaking.record, remaking.entry
+def _remake(remaking: Remaking) -> dict[str, Any]:
+    record, entry, target = remaking.record, remaking.entry, remaking.target
     base = str(record["recipe"]["method"])
     if target:
         close_to_plugins()
-        spec = MethodSpec(base, target, record["parameters"])
-        if spec.learns:
-            raise ConfigurationError("its trained model is not in the bundle", "train it yourself, and submit")
-    else:
-        spec = variant(record["method"], methods())
-    items = dict(zip(answered_shapes(record), unfolded(load_arrays(io.BytesIO(content), entry.key)), strict=True))
-    made, apart = None, 0.0
+    known = {base: MethodSpec(base, target)} if target else methods()
+    spec = variant(record["method"], known)
+    if target and spec.learns:
+        raise ConfigurationError("its trained model is not in the bundle", "train it yourself, and submit")
+    forms = unfolded(load_arrays(io.BytesIO(remaking.arrays), entry.key))
+    items = dict(zip(answered_shapes(record), forms, strict=True))
+    apart, distances = 0.0, None
     if remaking.source:
-        run = _method_run(remaking, spec, folder)
-        by_name = {each.identifier: each for each in run.preparation.dataset.entries}
+        run = _method_run(remaking, known)
+        entries = {each.identifier: each for each in run.preparation.dataset.entries}
         for name in remaking.shapes:
-            arrays = dict(require_arrays(run.answer(by_name[name])))
+            arrays = dict(require_arrays(run.answer(entries[name])))
             if entry.holds != "descriptors":
-                arrays.setdefault(FACES, arrays.get("faces", run.preparation.shape(by_name[name]).mesh.faces))
+                arrays.setdefault(FACES, arrays.get("faces", run.preparation.shape(entries[name]).mesh.faces))
             apart = max(apart, _apart(arrays, name, items, run))
     if target and entry.holds == "descriptors":
         method: Any = spec.create()
         vectors = [arrays["descriptor"] for arrays in items.values()]
-        compare = lambda items: distances_of(method, items)  # noqa: E731
-        made = in_shuffled_order(vectors, compare).tolist()
+        distances = in_shuffled_order(vectors, lambda items: distances_of(method, items)).tolist()
     versions = versions_of(method_components(spec))
     is_same = bool(target) or versions.items() <= record["recipe"].get("versions", {}).items()
-    return {"apart": min(apart, 1e9), "distances": made, "is_same_code": is_same}
+    return {"apart": min(apart, 1e9), "distances": distances, "is_same_code": is_same}
 
 
-def _method_run(remaking: Remaking, spec: MethodSpec, folder: Path) -> MethodRun:
-    record, store = remaking.record, Store.open(folder / "results")
-    dataset = open_dataset(remaking.source, remaking.data_root)
-    shapes = set(record["shapes"])
-    entries = tuple(entry for entry in dataset.entries if entry.identifier in shapes)
-    gallery = Gallery(own_table(dataset.name), remaking.source, dataset, entries, data_root=remaking.data_root)
-    models = {} if spec.is_foreign else find_models(spec, gallery, remaking.results / "models")
-    if _digests(models) != record["recipe"].get("models", {}):
+def _method_run(remaking: Remaking, known: Mapping[str, MethodSpec]) -> MethodRun:
+    record = remaking.record
+    store = Store.open(remaking.folder / "results")
+    reader = ArtefactReader(store, known, remaking.data_root, remaking.models)
+    run = reader.method_run({**record, "data": record["data"] | {"source": remaking.source}})
+    if {model.training: model.digest for model in run.models.values()} != record["recipe"].get("models", {}):
         raise ConfigurationError("its trained model is not here", "pass the results folder that has it as --results")
-    scorer = scorer_of(scorer_name(record) or ScorerSpec().name, scorers())
-    seed = int(record["recipe"].get("seed", 0))
-    return MethodRun(Preparation(dataset, record["input"], store), store, spec, seed, models, scorer)
+    return replace(run, scorer_spec=scorer_of(scorer_name(record) or ScorerSpec().name, scorers()))
 
 
-def _digests(models: Mapping[str, Model]) -> dict[str, str]:
-    return {model.training: model.digest for model in models.values()}
-
-
-def _apart(made: Arrays, name: str, items: Mapping[str, Arrays], run: MethodRun) -> float:
+def _apart(arrays: Arrays, name: str, items: Mapping[str, Arrays], run: MethodRun) -> float:
     """Return the distance of what was made again of a shape from what the bundle holds, relative to its size."""
     told = items[name]
-    if "descriptor" in made:
-        if made["descriptor"].shape != told["descriptor"].shape:
+    if "descriptor" in arrays:
+        if arrays["descriptor"].shape != told["descriptor"].shape:
             return np.inf
         size = np.abs(told["descriptor"]).max(initial=1e-300)
-        return float(np.abs(made["descriptor"] - told["descriptor"]).max(initial=0.0) / size)
+        return float(np.abs(arrays["descriptor"] - told["descriptor"]).max(initial=0.0) / size)
+    faces = arrays.get("faces", arrays[FACES])
     if "vertices" in told:
-        one, other = (each.get("faces", each[FACES]) for each in (made, told))
-        if made["vertices"].shape != told["vertices"].shape or not np.array_equal(one, other):
+        is_same = arrays["vertices"].shape == told["vertices"].shape
+        if not (is_same and np.array_equal(faces, told.get("faces", told[FACES]))):
             return np.inf
-        return rigid_distance(made["vertices"], told["vertices"])
-    form = Mesh(made["vertices"], made.get("faces", made[FACES]))
-    others = [arrays for other, arrays in items.items() if other != name][:10]
-    found = form_distances(run.scorer, [signature_of(run.scorer, form), told, *others], 0)
-    return float(found[0, 1] / max(found[1, 2:].mean(), 1e-300))
+        return rigid_distance(arrays["vertices"], told["vertices"])
+    signature = signature_of(run.scorer, Mesh(arrays["vertices"], faces))
+    others = [item for other, item in items.items() if other != name][:10]
+    distances = form_distances(run.scorer, [signature, told, *others], 0)
+    return float(distances[0, 1] / max(distances[1, 2:].mean(), 1e-300))
 
 
 def rigid_distance(one: NDArray[Any], other: NDArray[Any]) -> float:
     """Return the largest distance of two vertices after one is moved rigidly onto the other, relative to its radius."""
-    a, b = (
-        np.asarray(each, dtype=np.float64) - np.asarray(each, dtype=np.float64).mean(axis=0) for each in (one, other)
-    )
+    a, b = (points - points.mean(axis=0) for points in (np.asarray(one, np.float64), np.asarray(other, np.float64)))
     left, _, right = np.linalg.svd(a.T @ b)
     turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right)) or 1.0])
     moves = np.linalg.norm(a @ left @ turn @ right - b, axis=1)

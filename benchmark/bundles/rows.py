@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import secrets
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.arrays import Arrays, digest_of
-from benchmark.bundles.archive import Archive
-from benchmark.bundles.known import Known
-from benchmark.bundles.manifest import BundleError, Entry
-from benchmark.bundles.outcome import Fault, claim, lie
-from benchmark.bundles.writing import FACES
-from benchmark.datasets.catalogue import catalogued
+from benchmark.bundles.outcomes import Fault, RowOutcome
+from benchmark.bundles.reading import Archive, BundleError, Entry, Plugin
+from benchmark.bundles.remaking import FACES, Remaking, remake
+from benchmark.datasets.catalogue import catalogued, is_present
 from benchmark.errors import BenchmarkError, ShapeError
 from benchmark.execution.plan import data_recipe
+from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.recipes import scorer_recipe
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage.keys import digest, plain
 from benchmark.pipeline.storage.lock import versions_of
-from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_name
+from benchmark.pipeline.storage.records import Record, answered_shapes, place, scorer_name
+from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import BUILT_IN, methods, variant
 from benchmark.plugins.scorers import BUILT_IN as SCORERS
 from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
 from benchmark.protocols.galleries import Gallery
+from benchmark.report.results import galleries_of
 from benchmark.report.rounding import number
+from benchmark.report.significance import intervals, queries_of
+from retrieval.measures import PRINTED
 
 #: Largest difference between a score that is told and the one that is computed: half of a printed digit.
 SCORE_TOLERANCE = 0.005
@@ -38,10 +45,57 @@ SCORE_TOLERANCE = 0.005
 #: The same of distances, relative to their mean.
 DISTANCE_TOLERANCE = 0.01
 
-#: Vertices of the largest form.
+#: The same of what is made again: forms and descriptors relative to their size, signatures in distances of the scorer,
+#: relative to their mean. Other processors move forms by 2e-4 at most.
+TOLERANCE = {"forms": 0.01, "descriptors": 0.01, "signatures": 0.05}
+
+#: Forms of a record that are made again, at least.
+FEWEST_AGAIN = 3
+
 _MOST_VERTICES = 1_000_000
 
+_ASK, _EDITED = "ask its author", "it may have been edited; ask its author"
+
 Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Request:
+    """Request to verify a bundle.
+
+    Parameters
+    ----------
+    path
+        The bundle.
+    results
+        Results folder whose records are looked at where data is not here.
+    data_root
+        Folder of the official data sets.
+    folders
+        Folders of meshes by the names of their data sets.
+    run
+        Whether the plugin of the bundle may be run.
+    n_again
+        Forms of each record to make again.
+    limit
+        Seconds that each step may take.
+    """
+
+    path: Path
+    results: Path
+    data_root: Path | None = None
+    folders: Mapping[str, Path] = field(default_factory=dict)
+    run: bool = False
+    n_again: int = FEWEST_AGAIN
+    limit: float | None = None
+
+    @cached_property
+    def records(self) -> list[Record]:
+        """Records with scores that are here."""
+        store = Store(self.results / "runs")
+        return [
+            record for records in (store.published, store.records) for record in records if record["status"] == "ok"
+        ]
 
 
 @dataclass
@@ -50,177 +104,239 @@ class RowCheck:
 
     Parameters
     ----------
-    known
-        What its gallery is compared with.
-    archive, entry, record
-        The record, what it was made from, and the bundle that holds them.
-    faults
-        What has been found.
+    request, archive
+        What is verified, and what it is compared with.
+    entry, record
+        The record, and what it was made from.
+    plugin, may_run
+        The plugin that made it, and whether it may be run.
+    say
+        Told what is being done.
     gallery
-        Its shapes, where their data is here.
+        Its shapes, where their data is here and the same.
     compared
         What labels and inputs were compared with.
+    again, apart
+        Shapes whose forms were made again, and how far these are from those of the bundle.
     """
 
-    known: Known
+    request: Request
     archive: Archive
     entry: Entry
     record: Record
+    plugin: Plugin | None
+    may_run: bool
+    say: Callable[[str], None]
     faults: list[Fault] = field(default_factory=list)
     gallery: Gallery | None = None
     compared: str = ""
-    _told: list[Matrix] = field(default_factory=list)
+    again: tuple[str, ...] = ()
+    apart: float = 0.0
+    _matrices: list[Matrix] = field(default_factory=list)
 
-    @property
-    def has_lied(self) -> bool:
-        """Return whether something was found that is not so."""
-        return any(fault.status == "false" for fault in self.faults)
+    def outcome(self) -> RowOutcome:
+        """Return what the record is; raises :class:`BundleError` if arrays cannot be read, or are of another kind."""
+        entry, record = self.entry, self.record
+        self._say(f"computing the scores of {len(record['shapes'])} shapes")
+        scored = self._scores() or record
+        queries = queries_of([{**record, "per_query": scored["per_query"]}])
+        ends = intervals(queries[[*PRINTED]].to_numpy(), queries["label"].tolist())
+        seconds = record["cost"]["seconds_per_shape"].values()
+        return RowOutcome(
+            key=entry.key, gallery=record["gallery"], data=record["data"]["name"], data_title=record["data"]["title"],
+            input=record["input"], scorer=scorer_name(record), seed=place(record).seed,
+            gallery_digest=str(record["recipe"].get("gallery", "")), faults=tuple(self.faults),
+            scores={name: float(scored["scores"][name]) for name in PRINTED},
+            told={name: float(record["scores"][name]) for name in PRINTED},
+            intervals={name: (float(low), float(high)) for name, (low, high) in zip(PRINTED, ends, strict=True)},
+            chance={name: float(record["chance"][name]) for name in PRINTED},
+            n_shapes=record["n_shapes"], n_classes=record["n_classes"],
+            coverage=len(answered_shapes(record)) / record["n_shapes"],
+            seconds=float(sum(seconds)) if seconds else None, peak_mib=record.get("peak_mib"),
+            trained_on=tuple(dict.fromkeys(model["data"] for model in record.get("models", ()))),
+            holds=entry.holds, withheld=entry.withheld, compared=self.compared, again=self.again, apart=self.apart,
+        )  # fmt: skip
 
-    def computed(self) -> Mapping[str, Any] | None:
-        """Compare the gallery, and compute distances and scores again; None where nobody can compute them here.
-
-        Raises
-        ------
-        BundleError
-            If arrays cannot be read, or are none of this kind.
-        """
+    def _scores(self) -> Mapping[str, Any] | None:
+        """Compare the gallery, and compute distances and scores again; None where nobody can compute them here."""
         self._compare_gallery()
-        if self.entry.holds == "descriptors":
-            scorer = None
-        elif scorer := self._scorer():
-            pass
-        else:
-            return None
-        items = self._items(scorer)
-        self._told = self._matrices(len(items))
-        made = self._made(scorer, items) if items else None
-        return None if made is None else self.compared_with(made)
+        scored, scorer = None, None if self.entry.holds == "descriptors" else self._scorer()
+        if scorer or self.entry.holds == "descriptors":
+            items = self._items(scorer)
+            self._matrices = self._distances(len(items))
+            matrices = self._computed(scorer, items) if items else None
+            scored = None if matrices is None else self._compare_scores(matrices)
+        if not self._is_false and (again := self._remade()) is not None:
+            scored = self._compare_scores([np.array(again)])
+        if scored is None and not self.faults:
+            problem = "its distances are made by a package that is not of the suite"
+            self._claim("not-run", problem, "ask its author for a plugin of one file")
+        return scored
 
-    def compared_with(self, matrices: Sequence[Matrix]) -> Mapping[str, Any]:
+    def _compare_scores(self, matrices: Sequence[Matrix]) -> Mapping[str, Any]:
         """Return the scores of distances that were computed, after a comparison of both with what the bundle tells."""
         record = self.record
-        if len(matrices) != len(self._told) or any(map(_differ, matrices, self._told)):
-            self.faults.append(lie("distances-differ", f"its distances are not those of its {self.entry.holds}"))
+        if len(matrices) != len(self._matrices) or any(map(_differ, matrices, self._matrices)):
+            self._refute("distances-differ", f"its distances are not those of its {self.entry.holds}")
         answered = set(answered_shapes(record))
-        places = [place for place, name in enumerate(record["shapes"]) if name in answered]
-        found = measures.scores(matrices, record["labels"], places if len(places) < len(record["shapes"]) else None)
+        places = [number for number, name in enumerate(record["shapes"]) if name in answered]
+        scored = measures.scores(matrices, record["labels"], places if len(places) < len(record["shapes"]) else None)
         for part in ("scores", "supported"):
             for name, told in record.get(part, {}).items():
-                made = found.get(part, {}).get(name)
-                if made is None or not abs(made - told) <= SCORE_TOLERANCE:
-                    value = "none" if made is None else number(made, 3)
-                    said = f"it says {name} {number(told, 3)}, and its {self.entry.holds} give {value}"
-                    self.faults.append(lie("scores-differ", said))
-                    return found
-        return found
+                value = scored.get(part, {}).get(name)
+                if value is None or not abs(value - told) <= SCORE_TOLERANCE:
+                    computed = "none" if value is None else number(value, 3)
+                    holds = self.entry.holds
+                    self._refute("scores-differ", f"it says {name} {number(told, 3)}, and its {holds} give {computed}")
+                    return scored
+        return scored
+
+    @property
+    def _is_false(self) -> bool:
+        return any(fault.status == "false" for fault in self.faults)
+
+    def _claim(self, name: str, problem: str, hint: str) -> None:
+        """Note why the record is a claim: nobody here can tell."""
+        self.faults.append(Fault(name, problem, hint, "claimed"))
+
+    def _refute(self, name: str, problem: str, hint: str = _EDITED) -> None:
+        self.faults.append(Fault(name, problem, hint, "false"))
+
+    def _say(self, text: str) -> None:
+        self.say(f"{self.record['gallery']} {self.record['input']}: {text}")
 
     # Gallery -----------------------------------------------------------------------------------------------------
 
     def _compare_gallery(self) -> None:
         record, name = self.record, str(self.record["data"]["name"])
-        self.gallery = self.known.gallery(record)
+        self.gallery = self._gallery_here()
         if self.gallery is not None:
             self.compared = "data"
-            self._compare_with(self.gallery)
-        elif there := self.known.record_of_gallery(record):
+            self._compare_labels({entry.identifier: entry.subject for entry in self.gallery.entries})
+            if self.gallery is not None:
+                self._compare_inputs(plain(data_recipe(self.gallery, record["input"])))
+        elif similar := self._record_of_gallery():
             self.compared = "records"
-            self._compare_labels(dict(zip(there["shapes"], there["labels"], strict=True)))
-            self._compare_inputs(there["recipe"])
+            self._compare_labels(dict(zip(similar["shapes"], similar["labels"], strict=True)))
+            self._compare_inputs(similar["recipe"])
         elif catalogued(name) is not None:
-            said = f"neither the data of '{name}' nor a record of it is here to compare labels and inputs with"
-            self.faults.append(claim("gallery-unknown", said, "pass --data-root, or --results with a record of it"))
-        sources = [(n, label, self.entry.inputs[n][0]) for n, label in self._labels.items()]
-        if not self.has_lied and digest(sources) != record["recipe"].get("gallery"):
-            said = "its labels and inputs are not those that its record was made from"
-            self.faults.append(lie("inputs-differ", said))
+            problem = f"neither the data of '{name}' nor a record of it is here to compare labels and inputs with"
+            self._claim("gallery-unknown", problem, "pass --data-root, or --results with a record of it")
+        sources = [(shape, label, self.entry.inputs[shape][0]) for shape, label in self._labels.items()]
+        if not self._is_false and digest(sources) != record["recipe"].get("gallery"):
+            self._refute("inputs-differ", "its labels and inputs are not those that its record was made from")
+
+    def _gallery_here(self) -> Gallery | None:
+        """Return the gallery of the record; None where its data is not here. No path of the record is looked at."""
+        name, request = str(self.record["data"]["name"]), self.request
+        if name in request.folders:
+            name = str(request.folders[name])
+        elif catalogued(name) is None or not is_present(name, request.data_root):
+            return None
+        try:
+            named = galleries_of(name, request.data_root, quick=bool(self.record["data"]["quick"]))
+        except BenchmarkError:
+            return None
+        return named.get(self.record["gallery"])
+
+    def _record_of_gallery(self) -> Record | None:
+        """Return a record of the same gallery and input that is here; of a known set also one of other shapes.
+
+        Folders of two people may have one name.
+        """
+        record = self.record
+        where = (record["gallery"], record["input"])
+        similar = [other for other in self.request.records if (other["gallery"], other["input"]) == where]
+        same = (other for other in similar if other["recipe"].get("gallery") == record["recipe"].get("gallery"))
+        is_known = catalogued(str(record["data"]["name"])) is not None
+        return next(same, similar[-1] if similar and is_known else None)
 
     @property
     def _labels(self) -> dict[str, str]:
         return dict(zip(self.record["shapes"], self.record["labels"], strict=True))
 
-    def _compare_with(self, gallery: Gallery) -> None:
-        self._compare_labels({entry.identifier: entry.subject for entry in gallery.entries})
-        if self.gallery is not None:
-            self._compare_inputs(plain(data_recipe(gallery, self.record["input"])))
-
     def _compare_labels(self, labels: Mapping[str, str]) -> None:
         name = self.record["gallery"]
         if list(labels) != self.record["shapes"]:
-            said = f"its shapes are not those of '{name}' as they are known here"
-            fault = lie if catalogued(str(self.record["data"]["name"])) else claim  # two folders may have one name
-            self.faults.append(fault("shapes-differ", said, "name the data that it was run on"))
+            note = self._refute if catalogued(str(self.record["data"]["name"])) else self._claim
+            problem = f"its shapes are not those of '{name}' as they are known here"
+            note("shapes-differ", problem, "name the data that it was run on")
             self.gallery = None
         elif wrong := [shape for shape, label in self._labels.items() if labels[shape] != label]:
-            said = f"it calls '{wrong[0]}' a '{self._labels[wrong[0]]}', which is a '{labels[wrong[0]]}'"
-            self.faults.append(lie("labels-differ", said))
+            shape = wrong[0]
+            self._refute("labels-differ", f"it calls '{shape}' a '{self._labels[shape]}', which is a '{labels[shape]}'")
 
     def _compare_inputs(self, recipe: Mapping[str, Any]) -> None:
         told = self.record["recipe"]
         for part, what in (("gallery", "meshes"), ("view", "cameras")):
-            if not self.has_lied and recipe.get(part) != told.get(part):
-                said = f"its {what} are not those of '{self.record['gallery']}' as they are known here"
-                self.faults.append(claim("inputs-differ", said, "compare the versions of the data set"))
+            if not self._is_false and recipe.get(part) != told.get(part):
+                problem = f"its {what} are not those of '{self.record['gallery']}' as they are known here"
+                self._claim("inputs-differ", problem, "compare the versions of the data set")
                 self.gallery = None  # forms of other shapes say nothing
                 return
 
     # Arrays ------------------------------------------------------------------------------------------------------
 
     def _scorer(self) -> ScorerSpec | None:
-        name = scorer_name(self.record)
+        name, recipe = scorer_name(self.record), self.record["recipe"]
         if name.partition("[")[0] not in SCORERS:
-            self.faults.append(
-                claim("scorer-unknown", f"scorer '{name:.60}' is not part of the suite", "compare by cm-bof")
-            )
+            self._claim("scorer-unknown", f"scorer '{name:.60}' is not part of the suite", "compare by cm-bof")
             return None
         try:
-            found = scorer_of(name, scorers())
+            scorer = scorer_of(name, scorers())
         except BenchmarkError as error:
-            self.faults.append(claim("scorer-unknown", error.problem, error.hint))
+            self._claim("scorer-unknown", error.problem, error.hint)
             return None
-        component = f"scorer/{found.base_name}"
-        if self.record["recipe"].get("versions", {}).get(component) != versions_of([component])[component]:
-            said = f"its record was made by another version of the scorer '{found.name}'"
-            self.faults.append(claim("scorer-version", said, "ask its author to run it again with this version"))
+        component = f"scorer/{scorer.base_name}"
+        if recipe.get("versions", {}).get(component) != versions_of([component])[component]:
+            problem = f"its record was made by another version of the scorer '{scorer.name}'"
+            self._claim("scorer-version", problem, "ask its author to run it again with this version")
             return None
-        if plain(scorer_recipe(found)) != self.record["recipe"].get("scorer"):
-            self.faults.append(lie("scores-differ", f"its record was made by another scorer than '{found.name}'"))
-        return found
+        if plain(scorer_recipe(scorer)) != recipe.get("scorer"):
+            self._refute("scores-differ", f"its record was made by another scorer than '{scorer.name}'")
+        return scorer
 
     def _items(self, scorer: ScorerSpec | None) -> Sequence[Arrays]:
         """Forms, signatures or descriptors of the shapes with a result; none where some are missing."""
-        what = self.entry.holds
-        found = _unfolded(self.archive, self.entry.arrays, self.entry.key)
-        names = answered_shapes(self.record)
-        if len(found) != len(names):
-            said = f"it has {what} of {len(found)} shapes, and its record names {len(names)}"
-            self.faults.append(lie(f"{what}-missing", said, "ask its author for the whole bundle"))
+        what, names = self.entry.holds, answered_shapes(self.record)
+        items = self._unfolded(self.entry.arrays)
+        if len(items) != len(names):
+            problem = f"it has {what} of {len(items)} shapes, and its record names {len(names)}"
+            self._refute(f"{what}-missing", problem, "ask its author for the whole bundle")
             return []
-        for name, arrays in zip(names, found, strict=True):
-            _CHECKS[what](name, arrays, scorer)
+        for name, arrays in zip(names, items, strict=True):
+            CHECKS[what](name, arrays, scorer)
         stage = "signatures" if what == "signatures" else "forms"
-        self._compare_digest(stage, list(map(digest_of, found)), f"{what}-differ", f"its {what} are not those")
+        self._compare_digest(stage, list(map(digest_of, items)), f"{what}-differ", f"its {what}")
         prepared = [self.entry.inputs[name][1] for name in names]
-        self._compare_digest("shapes", prepared, "inputs-differ", "its prepared shapes are not those")
-        return found
+        self._compare_digest("shapes", prepared, "inputs-differ", "its prepared shapes")
+        return items
 
-    def _matrices(self, count: int) -> list[Matrix]:
-        found = _unfolded(self.archive, self.entry.distances, self.entry.key)
-        self._compare_digest(
-            "distances", list(map(digest_of, found)), "distances-differ", "its distances are not those"
-        )
-        for arrays in found:
+    def _distances(self, count: int) -> list[Matrix]:
+        place, items = self.entry.distances, self._unfolded(self.entry.distances)
+        self._compare_digest("distances", list(map(digest_of, items)), "distances-differ", "its distances")
+        for arrays in items:
             matrix = arrays.get("distances")
             if matrix is None or matrix.dtype.kind != "f" or not np.isfinite(matrix).all():
-                raise _no_array(self.entry.distances, "no distances, or some that are no finite numbers")
+                raise BundleError(
+                    "no-arrays", f"'{place}' holds no distances, or some that are no finite numbers", _ASK
+                )
             if count and matrix.shape != (count, count):
-                raise _no_array(self.entry.distances, f"distances of shape {matrix.shape} for {count} shapes")
-        return [arrays["distances"] for arrays in found]
+                problem = f"'{place}' holds distances of shape {matrix.shape} for {count} shapes"
+                raise BundleError("no-arrays", problem, _ASK)
+        return [arrays["distances"] for arrays in items]
 
-    def _compare_digest(self, stage: str, digests: list[str], fault: str, said: str) -> None:
+    def _unfolded(self, name: str) -> list[dict[str, Any]]:
+        try:
+            return list(unfolded(self.archive.arrays(name, self.entry.key)))
+        except ValueError as error:
+            raise BundleError("no-arrays", f"'{name}' holds arrays that belong to no shape", _ASK) from error
+
+    def _compare_digest(self, stage: str, digests: list[str], fault: str, what: str) -> None:
         if digest(digests)[:16] != self.record.get("digests", {}).get(stage):
-            self.faults.append(lie(fault, f"{said} whose digest its record tells"))
+            self._refute(fault, f"{what} are not those whose digest its record tells")
 
-    def _made(self, spec: ScorerSpec | None, items: Sequence[Arrays]) -> list[Matrix] | None:
+    def _computed(self, spec: ScorerSpec | None, items: Sequence[Arrays]) -> list[Matrix] | None:
         """Distances of all pairs under each draw of the scorer; None for a descriptor whose code is not ours."""
         if spec is None:
             base = str(self.record["recipe"].get("method"))
@@ -228,79 +344,137 @@ class RowCheck:
                 return None
             method: Any = variant(self.record["method"], methods()).create()
             vectors = [arrays["descriptor"] for arrays in items]
-            return [np.zeros((1, 1))] if len(items) == 1 else [distances_of(method, vectors)]
-        scorer = spec.create()
-        signatures = items
-        if self.entry.holds == "forms":
-            try:
-                signatures = [signature_of(scorer, form_of(arrays)) for arrays in items]
-            except ShapeError as error:
-                raise BundleError("bad-form", error.problem, "ask its author", "false") from error
+            return [np.zeros((1, 1)) if len(items) == 1 else distances_of(method, vectors)]
         if len(items) == 1:
             return [np.zeros((1, 1))] * spec.info.draws
+        scorer, signatures = spec.create(), items
+        if self.entry.holds == "forms":
+            try:
+                signatures = [signature_of(scorer, _form(arrays)) for arrays in items]
+            except ShapeError as error:
+                raise BundleError("bad-form", error.problem, _ASK, "false") from error
         return [form_distances(scorer, signatures, draw) for draw in range(spec.info.draws)]
 
+    # Forms made again --------------------------------------------------------------------------------------------
 
-def form_of(arrays: Arrays) -> Mesh:
-    """Return a form of a bundle; raises ``InvalidMesh`` if it is none."""
+    def _remade(self) -> list[list[float]] | None:
+        """Make forms again where that may be done, and say where it had to be; distances of descriptors of a plugin."""
+        base = str(self.record["recipe"]["method"])
+        is_ours = self.plugin is None and base in BUILT_IN
+        needs_code = self.plugin is not None and self.entry.holds == "descriptors"
+        if (is_ours and self.gallery) or (self.plugin and self.may_run and (self.gallery or needs_code)):
+            return self._remake()
+        if is_ours and not any(map(self._is_same, self.request.records)):
+            problem = f"it bears the suite's name '{base}', and neither data nor a record here tells"
+            self._claim("not-made-again", problem, "pass --data-root, -d FOLDER, or --results with its record")
+        elif needs_code:
+            problem = "its distances are made by its plugin, which was not run"
+            self._claim("not-run", problem, "pass --run where you may run a stranger's program")
+        return None
+
+    def _is_same(self, other: Record) -> bool:
+        """Return whether another record has the same scores in the same place, of the same shapes."""
+        record = self.record
+        return (
+            place(other) == place(record)
+            and all(other.get(part) == record[part] for part in ("scores", "labels", "shapes"))
+            and answered_shapes(other) == answered_shapes(record)
+            and other["recipe"].get("gallery") == record["recipe"].get("gallery")
+        )
+
+    def _remake(self) -> list[list[float]] | None:
+        names, request, holds = answered_shapes(self.record) if self.gallery else [], self.request, self.entry.holds
+        count = min(max(request.n_again, FEWEST_AGAIN), len(names))
+        chosen = tuple(secrets.SystemRandom().sample(names, count))
+        self._say(f"making {count} forms again")
+        content = self.archive.read(self.entry.arrays)  # in no file that the plugin could read
+        with TemporaryDirectory(prefix="canonical-forms-") as folder:
+            target = f"{self._unpack(self.plugin, Path(folder))}:{self.plugin.attribute}" if self.plugin else ""
+            source = self.gallery.source if self.gallery else ""
+            remaking = Remaking(
+                self.record, self.entry, content, chosen, source, request.data_root, request.results / "models", target,
+                Path(folder),
+            )  # fmt: skip
+            hint = "ask its author, or pass a longer --timeout"
+            guard = Guard(f"method '{self.record['method']}'", hint, request.limit, quiet=True)
+            try:
+                remade = call_apart(remake, remaking, guard=guard)
+            except BenchmarkError as error:
+                self._claim("not-made-again", error.problem, error.hint)
+                return None
+        self.again, self.apart = chosen, remade["apart"]
+        if self.apart > TOLERANCE[holds]:
+            problem = f"forms made again are apart from those of the bundle, by {self.apart:.2g} of their size at most"
+            if remade["is_same_code"]:
+                self._refute("not-made-again", problem, "take the forms for those of something else")
+            else:
+                problem += "; and the method is another one here than the one that made it"
+                self._claim("other-code", problem, "verify it by the version of the suite that made it")
+        return remade["distances"]  # type: ignore[no-any-return]
+
+    def _unpack(self, plugin: Plugin, folder: Path) -> Path:
+        """Write the files of a plugin into an empty folder and return its path; names were looked at before."""
+        for name in plugin.digests:
+            path = folder / name
+            content = self.archive.read(name)
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+            except OSError as error:  # a file has the name of a folder
+                raise BundleError("damaged", f"'{name}' in it cannot be unpacked: {error.strerror}") from error
+        return (folder / plugin.file).resolve()
+
+
+def _form(arrays: Arrays) -> Mesh:
     return Mesh(arrays["vertices"], arrays.get("faces", arrays[FACES]))
-
-
-def _unfolded(archive: Archive, name: str, key: str) -> list[dict[str, Any]]:
-    try:
-        return list(unfolded(archive.arrays(name, key)))
-    except ValueError as error:
-        raise _no_array(name, "arrays that belong to no shape") from error
-
-
-def _no_array(where: str, what: str) -> BundleError:
-    return BundleError("no-arrays", f"'{where}' holds {what}", "ask its author")
 
 
 def _differ(one: Matrix, other: Matrix) -> bool:
     return one.shape != other.shape or not np.abs(one - other).max() <= DISTANCE_TOLERANCE * max(one.mean(), 1e-30)
 
 
-def _check_form(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+def check_form(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+    """Raise :class:`BundleError` unless arrays are a form."""
     try:
         if not len(arrays["vertices"]) <= _MOST_VERTICES:
-            raise BundleError("too-large", f"the form of '{name}' has too many vertices", "ask its author")
-        form_of(arrays)
+            raise BundleError("too-large", f"the form of '{name}' has too many vertices", _ASK)
+        _form(arrays)
     except ShapeError as error:
-        raise BundleError("bad-form", f"the form of '{name}': {error.problem}", "ask its author") from error
+        raise BundleError("bad-form", f"the form of '{name}': {error.problem}", _ASK) from error
     except (KeyError, TypeError) as error:
-        raise BundleError("no-arrays", f"the form of '{name}' lacks vertices or faces", "ask its author") from error
+        raise BundleError("no-arrays", f"the form of '{name}' lacks vertices or faces", _ASK) from error
 
 
-def _check_signature(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+def check_signature(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
     """Refuse what the compiled code of a scorer must not be given: it looks at no bound."""
-    is_fine = all(a.dtype.kind in "biuf" and np.isfinite(a).all() for a in arrays.values())
+    is_fine = all(array.dtype.kind in "biuf" and np.isfinite(array).all() for array in arrays.values())
     if is_fine and scorer and scorer.base_name == ScorerSpec().base_name:
         is_fine = arrays.keys() == {"descriptors", "view_offsets"} and _are_views(scorer, **arrays)
     elif is_fine:
         is_fine = arrays.keys() == {"energies"} and arrays["energies"].dtype == np.float64
     if not is_fine:
-        raise BundleError("no-arrays", f"the signature of '{name}' does not come from its scorer", "ask its author")
+        raise BundleError("no-arrays", f"the signature of '{name}' does not come from its scorer", _ASK)
 
 
 def _are_views(scorer: ScorerSpec, descriptors: NDArray[Any], view_offsets: NDArray[Any]) -> bool:
     from retrieval.features import DESCRIPTOR_SIZE
 
-    made: Any = scorer.create()
+    created: Any = scorer.create()
     return (
         descriptors.dtype == np.uint8
         and descriptors.ndim == 2
         and descriptors.shape[1] == DESCRIPTOR_SIZE
         and view_offsets.dtype == np.int32
-        and view_offsets.shape == (made.n_views + 1,)
+        and view_offsets.shape == (created.n_views + 1,)
         and bool(view_offsets[0] == 0 and view_offsets[-1] == len(descriptors) and (np.diff(view_offsets) >= 0).all())
     )
 
 
-def _check_descriptor(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+def check_descriptor(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+    """Raise :class:`BundleError` unless arrays are a descriptor."""
     vector = arrays.get("descriptor")
     if vector is None or vector.ndim != 1 or vector.dtype != np.float64 or not np.isfinite(vector).all():
-        raise BundleError("no-arrays", f"the descriptor of '{name}' is not a finite vector", "ask its author")
+        raise BundleError("no-arrays", f"the descriptor of '{name}' is not a finite vector", _ASK)
 
 
-_CHECKS = {"forms": _check_form, "signatures": _check_signature, "descriptors": _check_descriptor}
+CHECKS = {"forms": check_form, "signatures": check_signature, "descriptors": check_descriptor}

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 from matplotlib.figure import Figure
 
-from benchmark.bundles.board import boards
+from benchmark.bundles.outcomes import boards
 from benchmark.cli.options import PATH, SELECTION, RunOptions, option, shared, timeout_option, verb
 from benchmark.cli.plan import planned_jobs
 from benchmark.cli.selection import recorded_tables, stored

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import click
 
-from benchmark.bundles.board import keep
-from benchmark.bundles.checking import Request
-from benchmark.bundles.checking import verify as verify_bundle
-from benchmark.bundles.known import Known
-from benchmark.bundles.outcome import Outcome, RowOutcome, worst
-from benchmark.bundles.writing import Offer, write_bundle
+from benchmark.bundles.outcomes import Outcome, RowOutcome, keep, worst
+from benchmark.bundles.packing import Offer, write_bundle
+from benchmark.bundles.rows import Request
+from benchmark.bundles.verification import verify as verify_bundle
 from benchmark.cli.options import (
     NAME_OR_FOLDER,
     NOT_OK,
@@ -115,7 +113,7 @@ def submit(
     artefacts = ArtefactReader(store, known, options.data_root)
     offer = Offer(author, licence, with_forms)
     written = write_bundle(path, records, spec, artefacts, offer, lambda line: say(line, err=True))
-    for line in written.left_out:
+    for line in written.omitted:
         say(f"omitted {line}", err=True)
     for name, holds, withheld in written.entries:
         say(f"{name}: {holds}{f' and distances alone; {withheld}' if withheld else ''}")
@@ -150,7 +148,7 @@ def verify(
     if known := next(filter(is_known, folders), None):
         raise ConfigurationError(f"'{known}' is a set of the suite, which is found by itself", "omit -d")
     own_data = {open_dataset(folder, None).name: Path(folder).resolve() for folder in folders}
-    request = Request(bundle, Known(results, data_root, own_data), run, again, timeout)
+    request = Request(bundle, results, data_root, own_data, run, again, timeout)
     outcome = verify_bundle(request, lambda line: say(line, err=True))
     if as_json:
         say(json.dumps(outcome.to_plain(), sort_keys=True))

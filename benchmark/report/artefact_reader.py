@@ -21,7 +21,7 @@ from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation, require_arrays
 from benchmark.pipeline.ranking import matrices_of
 from benchmark.pipeline.stages.form import form_mesh
-from benchmark.pipeline.storage.records import Record
+from benchmark.pipeline.storage.records import Record, place
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.inspection import is_passed
 from benchmark.plugins.registry import MethodSpec, variant
@@ -42,11 +42,14 @@ class ArtefactReader:
         Methods by name.
     data_root
         Folder of the official data sets.
+    models
+        Folder of models that were trained here; None for that of the store.
     """
 
     store: Store
     known: Mapping[str, MethodSpec]
     data_root: Path | None = None
+    models: Path | None = None
     _datasets: dict[str, Dataset | BenchmarkError] = field(default_factory=dict, repr=False, compare=False)
     _preparations: dict[tuple[str, Input], Preparation] = field(default_factory=dict, repr=False, compare=False)
     _method_runs: dict[str, MethodRun] = field(default_factory=dict, repr=False, compare=False)
@@ -91,9 +94,8 @@ class ArtefactReader:
             shapes = set(record["shapes"])
             entries = tuple(entry for entry in dataset.entries if entry.identifier in shapes)
             gallery = Gallery(own_table(dataset.name), source, dataset, entries, data_root=self.data_root)
-            models = find_models(spec, gallery, self.store.models)
-            seed = int(record["recipe"].get("seed", 0))
-            self._method_runs[key] = MethodRun(preparation, self.store, spec, seed, models)
+            models = find_models(spec, gallery, self.models or self.store.models)
+            self._method_runs[key] = MethodRun(preparation, self.store, spec, place(record).seed, models)
         return self._method_runs[key]
 
     def surface(self, record: Record, entry: Entry) -> Mesh | None:

@@ -189,10 +189,14 @@ class Results:
         if record["family"] == EXTERNAL or name not in CATALOGUE or not is_present(name, self.data_root):
             return None
         if (name, quick) not in self._galleries:
-            tables = [t.identifier for t in TABLES if name in t.datasets and not (quick and t.ablation)]
-            found = galleries(tables, [name], self.data_root, quick)
-            self._galleries[name, quick] = {gallery.name: gallery for gallery in found}
+            self._galleries[name, quick] = galleries_of(name, self.data_root, quick=quick)
         return self._galleries[name, quick].get(record["gallery"])
+
+
+def galleries_of(source: str, data_root: Path | None, *, quick: bool) -> dict[str, Gallery]:
+    """Return the galleries of a data set by name, of all its tables; raises ``BenchmarkError`` without its data."""
+    tables = [table.identifier for table in TABLES if source in table.datasets and not (quick and table.ablation)]
+    return {gallery.name: gallery for gallery in galleries(tables, [source], data_root, quick)}
 
 
 def with_repeats(results: Iterable[Result]) -> list[Result]:

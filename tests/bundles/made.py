@@ -59,14 +59,14 @@ Files = dict[str, bytes]
 class Forgery:
     """The files of a bundle of one record, to be changed and packed again."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, source: str = "plugin/flat.py") -> None:
         with zipfile.ZipFile(path) as archive:
             self.files: Files = {name: archive.read(name) for name in archive.namelist()}
         self.manifest = json.loads(self.files["bundle.json"])
         (self.entry,) = self.manifest["entries"]
         self.key = self.entry["key"]
         self.record = json.loads(self.files[f"records/{self.key}.json"])
-        self.plugin = self.files["plugin/flat.py"]
+        self.source, self.plugin = source, self.files.get(source, b"")
 
     def arrays(self, kind: str = "arrays") -> list[dict[str, Any]]:
         """Forms, or distances."""
@@ -83,9 +83,9 @@ class Forgery:
 
     def put_source(self, source: bytes, *, told: bool = True) -> None:
         """Put another source in the place of that of the plug-in."""
-        self.files["plugin/flat.py"] = source
+        self.files[self.source] = source
         if told:
-            self.manifest["plugin"]["digests"]["plugin/flat.py"] = hashlib.sha256(source).hexdigest()
+            self.manifest["plugin"]["digests"][self.source] = hashlib.sha256(source).hexdigest()
 
     def rename(self, name: str) -> None:
         """Give the method another name, wherever it stands, and the record the key of that."""

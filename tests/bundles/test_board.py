@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.bundles.board import boards, keep
+from benchmark.bundles.outcomes import boards, keep
 from benchmark.errors import ConfigurationError
 from tests.bundles.made import Forgery, command
 from tests.bundles.test_verify import edit_score_and_queries, outcome

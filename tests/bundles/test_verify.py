@@ -8,17 +8,16 @@ import struct
 import zipfile
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
-from benchmark.bundles.archive import LARGEST_FILE
-from benchmark.bundles.checking import Request, _verified
-from benchmark.bundles.known import Known
-from benchmark.bundles.manifest import BundleError
-from benchmark.bundles.outcome import Outcome
+from benchmark.bundles.outcomes import Outcome
+from benchmark.bundles.packing import Offer, _withheld
+from benchmark.bundles.reading import LARGEST_FILE, BundleError
 from benchmark.bundles.remaking import rigid_distance
-from benchmark.bundles.rows import _check_signature
-from benchmark.bundles.writing import Offer, _withheld
+from benchmark.bundles.rows import Request, check_signature
+from benchmark.bundles.verification import verified
 from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.source_code import digest_of_source
@@ -30,8 +29,8 @@ pytestmark = pytest.mark.usefixtures("forked_workers")
 
 def outcome(path: Path, *, data: Path | None = None, results: Path = Path("nowhere"), run: bool = False) -> Outcome:
     """Outcome of a bundle, found out in this process."""
-    known = Known(results, None, {"rods": data} if data else {})
-    return Outcome.from_plain(json.loads(json.dumps(_verified(Request(path, known, run), lambda line: None))))
+    request = Request(path, results, None, {"rods": data} if data else {}, run)
+    return msgspec.convert(json.loads(json.dumps(verified(request, lambda line: None))), Outcome)
 
 
 def faults(found: Outcome) -> dict[str, str]:
@@ -346,7 +345,7 @@ def test_what_is_no_bundle_is_told_so(tmp_path, content):
 def test_signatures_are_looked_at_before_compiled_code_is_given_them():
     fine = {"descriptors": np.zeros((5, 128), np.uint8), "view_offsets": np.full(67, 5, np.int32)}
     fine["view_offsets"][0] = 0
-    _check_signature("a", fine, ScorerSpec())
+    check_signature("a", fine, ScorerSpec())
     for wrong in (
         {"view_offsets": fine["view_offsets"] + np.int32(1)},
         {"view_offsets": np.where(np.arange(67) == 3, -4, fine["view_offsets"]).astype(np.int32)},
@@ -356,7 +355,7 @@ def test_signatures_are_looked_at_before_compiled_code_is_given_them():
         {"further": np.zeros(3)},
     ):
         with pytest.raises(BundleError, match="signature"):
-            _check_signature("a", {**fine, **wrong}, ScorerSpec())
+            check_signature("a", {**fine, **wrong}, ScorerSpec())
 
 
 def test_forms_are_compared_after_a_rotation_and_no_reflection():
@@ -400,3 +399,36 @@ def test_own_data_is_not_passed_on_unless_somebody_says_that_it_may_be(ran, tmp_
     assert (found.status, found.rows[0].holds) == ("verified", "signatures")
     text = json.dumps([forged.manifest, forged.record])
     assert str(ran) not in text
+
+
+def test_the_data_files_of_a_plugin_travel_and_count(ran, tmp_path):
+    """One that it names, one that it opens, and one that does not lie beside it."""
+    elsewhere = tmp_path / "elsewhere.txt"
+    elsewhere.write_text("1")
+    (tmp_path / "plugin" / "data").mkdir(parents=True)
+    plugin = tmp_path / "plugin" / "scaled.py"
+    plugin.write_text(
+        "from pathlib import Path\nfrom benchmark.api import canonical_form\nHERE = Path(__file__).parent\n\n\n"
+        "@canonical_form(name='scaled', title='Scaled', inputs=('mesh',), files=('factors.csv',))\n"
+        "def scaled(shape):\n"
+        "    factors = [float(text) for text in (HERE / 'factors.csv').read_text().split(',')]\n"
+        f"    power = float(Path({str(elsewhere)!r}).read_text())\n"
+        "    return shape.mesh.vertices * factors * float((HERE / 'data' / 'one.txt').read_text()) ** power\n"
+    )
+    (plugin.parent / "factors.csv").write_text("1, 1, 0.5")
+    (plugin.parent / "data" / "one.txt").write_text("1")
+    of_run = ("-d", ran / "rods", "--input", "mesh", "--executor", "serial", "--scorer", SCORER)
+    of_both = ("--plugin", plugin, "--results", tmp_path / "results")
+    done = command("run", "-m", "scaled", *of_run, *of_both)
+    assert done.exit_code == 0, done.output
+    made = command("submit", "scaled", "--scorer", SCORER, "--forms", "-o", tmp_path / "scaled.zip", *of_both)
+    assert made.exit_code == 0, made.output
+    assert f"omitted {elsewhere}: it does not lie beside the plugin" in made.output
+    with zipfile.ZipFile(tmp_path / "scaled.zip") as archive:
+        names = {name for name in archive.namelist() if name.startswith("plugin/")}
+    assert names == {"plugin/scaled.py", "plugin/factors.csv", "plugin/data/one.txt"}
+    found = outcome(tmp_path / "scaled.zip", data=ran / "rods", run=True)
+    assert (found.status, len(found.rows[0].again)) == ("verified", 3), found
+    forged = Forgery(tmp_path / "scaled.zip", "plugin/factors.csv")
+    forged.put_source(b"1, 1, 0.6")
+    assert faults(outcome(forged.write(tmp_path / "forged.zip"))) == {"source-differs": "false"}

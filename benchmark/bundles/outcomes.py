@@ -1,0 +1,210 @@
+"""Outcomes of verifications, and the rows of bundles in a report: what was verified, and what is claimed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+
+from benchmark.bundles.reading import BundleError, Status
+from benchmark.errors import ConfigurationError
+from benchmark.files import write_text
+from benchmark.pipeline.storage.record_schema import read_json
+from benchmark.report.rounding import number
+from retrieval.measures import PRINTED
+
+_COMPARED = {"data": "labels and inputs compared with the data", "records": "labels and inputs as in records"}
+
+
+class Fault(msgspec.Struct, frozen=True):
+    """A reason why a record, or a bundle, is not verified.
+
+    Parameters
+    ----------
+    name
+        By which it is listed.
+    problem, hint
+        What is wrong, and what to do.
+    status
+        What the record is by it: ``"claimed"`` where nobody can tell, ``"false"`` where it is not so.
+    """
+
+    name: str
+    problem: str
+    hint: str
+    status: Status
+
+    @classmethod
+    def of(cls, error: BundleError) -> Fault:
+        """The same from an error."""
+        return cls(error.name, error.problem, error.hint, error.status)
+
+
+class RowOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """Outcome of one record of a bundle.
+
+    Parameters
+    ----------
+    key, gallery, data, data_title, input, scorer, seed, gallery_digest
+        Which record, and of which shapes.
+    faults
+        Why it is not verified; empty where it is.
+    scores
+        By measure: computed again where that was possible, else as the record tells them.
+    told
+        As the record tells them.
+    intervals
+        Their 95 % intervals over classes.
+    chance, n_shapes, n_classes, coverage
+        Of the gallery, and the share of its shapes with a result.
+    seconds, peak_mib, trained_on
+        Seconds of a shape, memory and training data, as the record tells them: nobody can check them.
+    holds, withheld
+        What the bundle holds of it, and why it holds no forms.
+    compared
+        What labels and inputs were compared with: ``"data"``, ``"records"``, or "" for nothing.
+    again, apart
+        Shapes whose forms were made again, and how far these are from those of the bundle at most, relative to size.
+    """
+
+    key: str
+    gallery: str
+    data: str
+    data_title: str
+    input: str
+    scorer: str
+    seed: int
+    gallery_digest: str
+    faults: tuple[Fault, ...]
+    scores: dict[str, float]
+    told: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    chance: dict[str, float]
+    n_shapes: int
+    n_classes: int
+    coverage: float
+    seconds: float | None
+    peak_mib: float | None
+    trained_on: tuple[str, ...]
+    holds: str
+    withheld: str
+    compared: str
+    again: tuple[str, ...]
+    apart: float
+
+    @property
+    def status(self) -> Status:
+        """The worst that its faults make of it."""
+        return worst(fault.status for fault in self.faults)
+
+
+class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+    """Outcome of a bundle.
+
+    Parameters
+    ----------
+    digest
+        SHA-256 of the bundle.
+    method, title, author, licence, versions
+        As it describes itself.
+    plugin
+        SHA-256 of the source of its plugin; "" without one.
+    rows
+        Its records.
+    faults
+        What is wrong with the bundle as a whole.
+    with_run
+        Whether forms were to be made again.
+    """
+
+    digest: str
+    method: str = ""
+    title: str = ""
+    author: str = ""
+    licence: str = ""
+    versions: dict[str, str] = {}
+    plugin: str = ""
+    rows: tuple[RowOutcome, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    with_run: bool = False
+
+    @property
+    def status(self) -> Status:
+        """The worst of its faults and records."""
+        return worst((*(fault.status for fault in self.faults), *(row.status for row in self.rows)))
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        rows = [{**msgspec.to_builtins(row), "status": row.status} for row in self.rows]
+        return {**msgspec.to_builtins(self), "rows": rows, "status": self.status}
+
+
+def worst(statuses: Iterable[Status]) -> Status:
+    """Return the worst of some statuses; ``"verified"`` where there are none."""
+    return min(statuses, key=get_args(Status).index, default="verified")
+
+
+# Reports -------------------------------------------------------------------------------------------------------------
+
+
+def keep(outcome: Outcome, results: Path) -> None:
+    """Keep the outcome of a bundle in a results folder, whose reports show its rows.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is false or cannot be read.
+    """
+    if outcome.status not in ("verified", "claimed"):
+        raise ConfigurationError(f"the bundle is {outcome.status}: no report shows it", "omit --into")
+    write_text(results / "bundles" / f"{outcome.digest}.json", json.dumps(outcome.to_plain(), sort_keys=True) + "\n")
+
+
+def boards(results: Path) -> list[tuple[str, list[list[object]]]]:
+    """Return heading and rows for each gallery, input, scorer and seed of the bundles that a results folder keeps."""
+    rows: dict[tuple[Any, ...], list[tuple[float, list[object]]]] = {}
+    headings: dict[tuple[Any, ...], str] = {}
+    for outcome in _read(results):
+        for row in outcome.rows:
+            place = (row.gallery, row.input, row.scorer, row.seed, row.gallery_digest)
+            headings.setdefault(place, _heading(row))
+            rows.setdefault(place, []).append((-row.scores["DCG"], _cells(outcome, row)))
+    return [(headings[place], [cells for _, cells in sorted(rows[place])]) for place in sorted(rows)]
+
+
+def _read(results: Path) -> Iterator[Outcome]:
+    for path in sorted((results / "bundles").glob("*.json")):
+        try:
+            yield msgspec.convert(read_json(path.read_bytes()), Outcome)
+        except (OSError, ValueError) as error:
+            raise ConfigurationError(f"{path} is no outcome of a bundle", "remove it, and verify again") from error
+
+
+def _heading(row: RowOutcome) -> str:
+    by = f"scored by {row.scorer}" if row.scorer else "by descriptors"
+    seed = f", seed {row.seed}" if row.seed else ""
+    chance = ", ".join(f"{name} {number(row.chance[name])}" for name in PRINTED)
+    return (
+        f"{row.gallery}, {row.input}: {row.data_title}, {row.n_shapes} shapes, {row.n_classes} classes, {by}{seed}; "
+        f"chance {chance}; digest of labels and inputs {row.gallery_digest[:12]}"
+    )
+
+
+def _cells(outcome: Outcome, row: RowOutcome) -> list[object]:
+    scores = [f"{number(row.scores[name])} ({' to '.join(map(number, row.intervals[name]))})" for name in PRINTED]
+    return [
+        f"{outcome.title} ({outcome.method})", outcome.author, row.status, *scores, number(row.coverage),
+        "" if row.seconds is None else f"{row.seconds:.3g}", "" if row.peak_mib is None else f"{row.peak_mib:.0f}",
+        ", ".join(row.trained_on) or "nothing", _evidence(row), outcome.licence or "not stated", outcome.digest,
+    ]  # fmt: skip
+
+
+def _evidence(row: RowOutcome) -> str:
+    """Return where the scores of a row come from, or why nobody can tell."""
+    if row.faults:
+        return "; ".join(f"{fault.name}: {fault.problem}" for fault in row.faults)
+    again = f"{len(row.again) or 'none'} made again"
+    return f"from {row.holds}; {again}; {_COMPARED.get(row.compared, 'labels and inputs as told')}"
