@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
-from itertools import pairwise
 from typing import Annotated, Any
 
 import msgspec
@@ -134,86 +133,88 @@ def fault_of(content: Any) -> str:
     """Return why something read from a file is not the record of a job; "" if it is one."""
     try:
         msgspec.convert(content, _Record)
-        fault = _contradiction(content) or _fault_of_names(content)
-        if not fault and digest(content["recipe"]) != bare_key(content["key"]):
-            fault = "its key is not that of its recipe"
+        return next(_faults(content), "")
     except msgspec.ValidationError as error:
         return f"it is no record: {error}"
     except RecursionError:
         return "it is nested too deeply"
-    return fault
 
 
-def _fault_of_names(record: Mapping[str, Any]) -> str:
-    """Return why a name of a record can be no name of a file or a shape; "" if all can."""
+def _faults(record: Mapping[str, Any]) -> Iterator[str]:
+    """What is wrong with a record whose parts are of their kinds; each check relies on those before it."""
+    parts = {name: record[name] for name in _BY_MEASURE if record.get(name) is not None}
+    for name, part in {**parts, "data.chance": record["data"]["chance"]}.items():
+        yield from (f"it has no '{name}.{measure}'" for measure in PRINTED if measure not in part)
+    if "scorer_title" in record and "scorer" not in record:
+        yield "it has the title of a scorer and no 'scorer'"
+    for measure, quantiles in record.get("splits", {"quantiles": {}})["quantiles"].items():
+        if list(quantiles) != sorted(quantiles):
+            yield f"'splits.quantiles.{measure}' do not rise"
+    if record["status"] == "ok":
+        yield from (f"it has no '{name}'" for name in _SCORED if name not in record)
+        yield from _faults_of_shapes(record)
+        yield from _faults_of_scores(record)
+    elif "scores" in record:
+        yield "it has scores, and is not ok"
+    yield from _faults_of_names(record)
+    if digest(record["recipe"]) != bare_key(record["key"]):
+        yield "its key is not that of its recipe"
+
+
+def _faults_of_names(record: Mapping[str, Any]) -> Iterator[str]:
+    """Why a name of a record can be no name of a file or a shape."""
     data = record["data"]
     names = [record["gallery"], record["method"], record.get("scorer", ""), data["name"], data["source"]]
     text = "".join([*names, *record.get("shapes", ()), *record.get("labels", ())])
     try:
         text.encode("utf-8", "surrogateescape")  # as Python reads file names that are no UTF-8
     except UnicodeEncodeError:
-        return "a name in it is no Unicode text"
-    return "a name in it holds a NUL" if "\0" in text else ""
+        yield "a name in it is no Unicode text"
+    if "\0" in text:
+        yield "a name in it holds a NUL"
 
 
-def _contradiction(record: Mapping[str, Any]) -> str:
-    """Return which parts of a record contradict each other; "" if none do."""
-    parts = {name: record[name] for name in _BY_MEASURE if record.get(name) is not None}
-    for name, part in {**parts, "data.chance": record["data"]["chance"]}.items():
-        if missing := [measure for measure in PRINTED if measure not in part]:
-            return f"it has no '{name}.{missing[0]}'"
-    if "scorer_title" in record and "scorer" not in record:
-        return "it has the title of a scorer and no 'scorer'"
-    for measure, quantiles in record.get("splits", {"quantiles": {}})["quantiles"].items():
-        if any(low > high for low, high in pairwise(quantiles)):
-            return f"'splits.quantiles.{measure}' do not rise"
-    if record["status"] != "ok":
-        return "it has scores, and is not ok" if "scores" in record else ""
-    if missing := [name for name in _SCORED if name not in record]:
-        return f"it has no '{missing[0]}'"
-    return _fault_of_shapes(record) or _fault_of_scores(record)
-
-
-def _fault_of_shapes(record: Mapping[str, Any]) -> str:
+def _faults_of_shapes(record: Mapping[str, Any]) -> Iterator[str]:
     shapes, refused = record["shapes"], [name for name, _ in record["unsupported"]]
     if record["n_shapes"] != len(shapes) or record["n_classes"] != len(set(record["labels"])):
-        return "'n_shapes' or 'n_classes' is not the number of its shapes or classes"
+        yield "'n_shapes' or 'n_classes' is not the number of its shapes or classes"
     if len(record["labels"]) != len(shapes):
-        return "'labels' has another length than 'shapes'"
+        yield "'labels' has another length than 'shapes'"
     unprepared, seen, known = record.get("unprepared", []), record.get("seen", []), set(shapes)
     for part, names in (("shapes", shapes), ("unsupported", refused), ("unprepared", unprepared), ("seen", seen)):
         if len(set(names)) != len(names):
-            return f"'{part}' names a shape twice"
+            yield f"'{part}' names a shape twice"
     if not known.issuperset(seen) or not set(refused).issuperset(unprepared):
-        return "'seen' or 'unprepared' names other shapes than 'shapes' or 'unsupported'"
-    if "coverage" not in record:  # records of before did not count what was refused as shapes
-        return "" if known.isdisjoint(refused) else "it has no 'coverage', and lacks shapes"
+        yield "'seen' or 'unprepared' names other shapes than 'shapes' or 'unsupported'"
     answered = (len(shapes) - len(refused)) / max(len(shapes) - len(unprepared), 1)
-    if not known.issuperset(refused) or not _agree(record["coverage"], answered):
-        return "'coverage' is not the share of its shapes that have a result"
-    return ""
+    if "coverage" not in record:  # records of before did not count what was refused as shapes
+        if not known.isdisjoint(refused):
+            yield "it has no 'coverage', and lacks shapes"
+    elif not known.issuperset(refused) or not _agree(record["coverage"], answered):
+        yield "'coverage' is not the share of its shapes that have a result"
 
 
-def _fault_of_scores(record: Mapping[str, Any]) -> str:
+def _faults_of_scores(record: Mapping[str, Any]) -> Iterator[str]:
     labels, scores = record["labels"], record["scores"]
     members = Counter(labels)
     is_alone = [members[label] == 1 for label in labels]
     if scores.keys() != record["per_query"].keys():
-        return "'scores' and 'per_query' name different measures"
+        yield "'scores' and 'per_query' name different measures"
     for name, values in record["per_query"].items():
         if len(values) != len(labels):
-            return f"'per_query.{name}' has another length than 'shapes'"
+            yield f"'per_query.{name}' has another length than 'shapes'"
         if (None in values or True in is_alone) and [value is None for value in values] != is_alone:
-            return f"'per_query.{name}' has no value of a query"
+            yield f"'per_query.{name}' has no value of a query"
         known = [value for value in values if value is not None]
         if not known or not _agree(scores[name], sum(known) / len(known)):
-            return f"'scores.{name}' is not the mean of its queries"
+            yield f"'scores.{name}' is not the mean of its queries"
     try:
         chance = chance_of_labels(tuple(labels))
     except ConfigurationError:
-        return "no class of its labels has two members"
-    wrong = next((name for name, value in record["chance"].items() if not _agree(value, chance.get(name))), None)
-    return f"'chance.{wrong}' is not that of its labels" if wrong is not None else ""
+        yield "no class of its labels has two members"
+    for name, value in record["chance"].items():
+        if not _agree(value, chance.get(name)):
+            yield f"'chance.{name}' is not that of its labels"
 
 
 def _agree(one: float | None, other: float | None) -> bool:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import re
 import stat
-import string
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import msgspec
 
 from benchmark.files import locked, write_atomically, write_text
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.lock import EDITED
+from benchmark.pipeline.storage.record_lines import KINDS, SharedParts, as_line, unpacked
 from benchmark.pipeline.storage.record_schema import chance_of_labels, fault_of, read_json
 from benchmark.text import LONGEST_NAME
 
@@ -30,23 +26,16 @@ LARGEST_FILE = 2**25
 #: Bytes beyond which a file of gathered records is none; each of them has some thousand.
 LARGEST_GATHERED = 2**31
 
+#: Where a line of a record has its key.
+_KEY_AT = slice(8, 40)
+
 #: Folder, in that of gathered records, of what they share.
 _PARTS = "parts"
 
 #: Parts that say when and where a job was done, not what came out.
 CIRCUMSTANCES = frozenset(
-    {
-        "finished",
-        "wall_seconds",
-        "environments",
-        "cost",
-        "peak_mib",
-        "artefacts",
-        "digests",
-        "commit",
-        "rekeyed",
-        "files",
-    }
+    {"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts"}
+    | {"digests", "commit", "rekeyed", "files"}
 )
 
 #: Parts that have no meaning on another machine.
@@ -74,151 +63,7 @@ class _Source(NamedTuple):
     parts: SharedParts | None = None
 
 
-# Lines: what many records share is named by its digest, and kept once ------------------------------------------------
-
-#: Digits of the digest by which a line names what it shares with others.
-_DIGITS = 16
-
-#: Parts of a record that are shared as a whole, by the file that keeps them.
-_WHOLE = {"data": "galleries", "shapes": "galleries", "labels": "galleries", "chance": "galleries", "notes": "notes"}
-
-#: Files of what is shared.
-KINDS = ("code", "environments", "galleries", "notes")
-
-#: A character for each of the values that a measure takes, where these are so few.
-_CHARACTERS = string.digits + string.ascii_letters
-
-#: Part of the records of version 0.2 that says how they got their keys.
-_MOVES = "rekeyed"
-
-_BEFORE_DIGEST, _BEFORE_CONTENT = b'{"digest":"', b'","content":'
-
-#: Where a line of a record has its key.
-_KEY_AT = slice(8, 40)
-
-
-class SharedParts:
-    """Contents that records share, by kind and digest; a content whose digest is another one is as good as none."""
-
-    def __init__(self) -> None:
-        self._texts: dict[str, dict[str, bytes]] = {kind: {} for kind in KINDS}
-        self._contents: dict[tuple[str, str], Any] = {}
-        self._damaged: dict[str, dict[bytes, None]] = {kind: {} for kind in KINDS}
-
-    def add(self, kind: str, content: Any) -> str:
-        """Keep a content; returns its digest."""
-        text = _compact(content).encode()
-        digest = _digest(text)
-        self._texts[kind][digest] = text
-        return digest
-
-    def content(self, kind: str, digest: str) -> Any:
-        """Return what has a digest; raises ``KeyError`` where there is no such content."""
-        if (kind, digest) not in self._contents:
-            self._contents[kind, digest] = msgspec.json.decode(self._texts[kind][digest])
-        return self._contents[kind, digest]
-
-    def read(self, kind: str, text: bytes) -> None:
-        """Take over the lines of a file."""
-        start = len(_BEFORE_DIGEST)
-        for line in text.splitlines():
-            digest = line[start : start + _DIGITS].decode("ascii", "replace")
-            content = line[start + _DIGITS + len(_BEFORE_CONTENT) : -1]
-            if _digest(content) == digest:
-                self._texts[kind][digest] = content
-            else:
-                self._damaged[kind][line] = None
-
-    def update(self, other: SharedParts) -> None:
-        """Take over what another one holds."""
-        for kind in KINDS:
-            self._texts[kind].update(other._texts[kind])
-            self._damaged[kind].update(other._damaged[kind])
-
-    def files(self) -> Iterator[tuple[str, bytes]]:
-        """Kind and lines of each file, sorted by their digests."""
-        for kind, texts in self._texts.items():
-            lines = (b"".join((_BEFORE_DIGEST, d.encode(), _BEFORE_CONTENT, texts[d], b"}\n")) for d in sorted(texts))
-            yield kind, b"".join([*lines, *(line + b"\n" for line in self._damaged[kind])])
-
-
-def packed(record: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
-    """Return a record with digests in the place of what it shares with others, which is added to the parts."""
-    line = dict(record)
-    line |= {name: parts.add(kind, line[name]) for name, kind in _WHOLE.items() if name in line}
-    if "code" in line["recipe"]:
-        code = {stage: parts.add("code", each) for stage, each in line["recipe"]["code"].items()}
-        line["recipe"] = line["recipe"] | {"code": code}
-    if "environments" in line:
-        line["environments"] = [
-            each | {"environment": parts.add("environments", each["environment"])} if "environment" in each else each
-            for each in line["environments"]
-        ]
-    if "per_query" in line:
-        line["per_query"] = {name: _packed_values(values) for name, values in line["per_query"].items()}
-    return line
-
-
-def unpacked(line: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
-    """Return the record of a line; raises ``LookupError``, ``TypeError`` or ``AttributeError`` if it is none."""
-    record = {name: part for name, part in line.items() if name != _MOVES}
-    record |= {name: parts.content(kind, line[name]) for name, kind in _WHOLE.items() if name in line}
-    if "code" in line["recipe"]:
-        code = {stage: parts.content("code", each) for stage, each in line["recipe"]["code"].items()}
-        record["recipe"] = line["recipe"] | {"code": code}
-    if "environments" in line:
-        record["environments"] = [
-            each | {"environment": parts.content("environments", each["environment"])}
-            if "environment" in each
-            else each
-            for each in line["environments"]
-        ]
-    if "per_query" in line:
-        record["per_query"] = {name: _unpacked_values(values) for name, values in line["per_query"].items()}
-    return record
-
-
-def as_line(record: Mapping[str, Any], parts: SharedParts) -> bytes:
-    """Return a record as a line, the key first; raises ``ValueError`` for a number that JSON does not have."""
-    rest = packed(record, parts)
-    return f'{{"key":{_compact(rest.pop("key"))},{_compact(rest)[1:]}'.encode()
-
-
-def key_of(line: bytes) -> str:
-    """Return the key that a line says it has."""
-    return line[_KEY_AT].decode("ascii", "replace")
-
-
-def _packed_values(values: list[float | None]) -> Any:
-    """Values and a character for each query, where there are few different ones; else the list itself."""
-    texts = list(map(repr, values))
-    distinct = dict(zip(texts, values, strict=True))  # by their texts, for 1 is not written like 1.0
-    if len(distinct) > len(_CHARACTERS):
-        return values
-    ranked = sorted(distinct, key=lambda text: (distinct[text] is None, distinct[text] or 0, text))
-    character = dict(zip(ranked, _CHARACTERS, strict=False))
-    return {"values": [distinct[text] for text in ranked], "queries": "".join(map(character.__getitem__, texts))}
-
-
-def _unpacked_values(values: Any) -> Any:
-    if not isinstance(values, dict):
-        return values
-    value_of = dict(zip(_CHARACTERS, values["values"], strict=False))
-    return [value_of[character] for character in values["queries"]]
-
-
-def _digest(text: bytes) -> str:
-    return hashlib.sha256(text).hexdigest()[:_DIGITS]
-
-
-def _compact(content: Any) -> str:
-    return json.dumps(content, sort_keys=True, allow_nan=False, separators=(",", ":"))
-
-
-# Folders -------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Records:
     """A folder of records.
 
@@ -232,9 +77,10 @@ class Records:
     """
 
     folder: Path
-    skipped: dict[str, str] = field(default_factory=dict, compare=False)
-    _told: set[str] = field(default_factory=set, compare=False, repr=False)
-    _checked: dict[bytes, Record] = field(default_factory=dict, compare=False, repr=False)
+    skipped: dict[str, str] = field(default_factory=dict)
+    _reported: set[str] = field(default_factory=set, repr=False)
+    _checked: dict[bytes, Record] = field(default_factory=dict, repr=False)
+    _gathered: dict[str, list[_Source]] | None = field(default=None, repr=False)
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Keep a record in a file of its own; a later one under the same key replaces it as a whole.
@@ -250,8 +96,8 @@ class Records:
 
     def read(self, key: str) -> Record | None:
         """Return the record of a job; None when there is none that can be read."""
-        sources = (self._file(self._path(key)), *self._lines.get(key, ()))
-        return next((record for source in sources if source and (record := self._record(source))), None)
+        sources = (*self._files(self._path(key)), *self._lines.get(key, ()))
+        return next((record for source in sources if (record := self._record(source))), None)
 
     def remove(self, *keys: str) -> None:
         """Remove the records of jobs."""
@@ -259,8 +105,7 @@ class Records:
             self._path(key).unlink(missing_ok=True)
         if not self._lines.keys().isdisjoint(keys):
             with locked(self.folder, alone=True):
-                self._reread()
-                self._rewrite(self._all_lines(), without=keys)
+                self._rewrite((), without=keys)
 
     def gather(self) -> int:
         """Bring the records that have files of their own into one file of lines for each data set.
@@ -278,12 +123,11 @@ class Records:
             If the folder cannot be written; every record is in its file or in a line still.
         """
         with locked(self.folder, alone=True):
-            files = [source for source in self._files() if "-" not in source.key and self._record(source)]
-            self._reread()
+            files = [source for source in self._all_files() if "-" not in source.key and self._record(source)]
             if files:
-                self._rewrite([*files, *self._all_lines()])
-                for source in files:
-                    (self.folder / source.name).unlink()
+                self._rewrite(files)
+            for source in files:
+                (self.folder / source.name).unlink()
         return len(files)
 
     def __contains__(self, key: str) -> bool:
@@ -291,11 +135,16 @@ class Records:
 
     def __iter__(self) -> Iterator[Record]:
         """All records, oldest first; the same order wherever the files lie."""
-        found: dict[str, Record] = {}
-        for source in self._sources():
-            if record := self._record(source):  # one that is none is told also where another one counts
-                found.setdefault(source.key, record)
-        return iter(sorted(found.values(), key=lambda record: (str(record.get("finished", "")), record["key"])))
+        if self.folder.is_dir() and not os.access(self.folder, os.R_OK | os.X_OK):
+            self.skipped["."] = "this user may not read it"
+        records: dict[str, Record] = {}
+        with locked(self.folder):
+            sources = list(self._all_files())  # before the lines: what is gathered meanwhile has a line
+            self._gathered = None
+            for source in (*sources, *self._all_lines()):
+                if record := self._record(source):  # what is no record is named also where another one counts
+                    records.setdefault(source.key, record)
+        return iter(sorted(records.values(), key=lambda record: (str(record.get("finished", "")), record["key"])))
 
     @property
     def has_files(self) -> bool:
@@ -303,15 +152,14 @@ class Records:
         return any(path.suffix in (".json", ".jsonl") for path in self.folder.glob("*.json*"))
 
     def news(self) -> list[str]:
-        """A line for each file that was skipped and has not been told before."""
-        found = [name for name in sorted(self.skipped) if name not in self._told]
-        self._told.update(found)
-        hints = {".": "change its rights"}
+        """A line for each file that was skipped and has not been named before."""
+        names = sorted(self.skipped.keys() - self._reported)
+        self._reported.update(names)
         lines = [
-            f"skipped {self.folder / name}: {self.skipped[name]}; {hints.get(name, _HINT)}"
-            for name in found[:MOST_TOLD]
+            f"skipped {self.folder / name}: {self.skipped[name]}; {'change its rights' if name == '.' else _HINT}"
+            for name in names[:MOST_TOLD]
         ]
-        further = len(found) - len(lines)
+        further = len(names) - len(lines)
         return lines + ([f"skipped {further} further files in {self.folder}; {_HINT}"] if further else [])
 
     # ------------------------------------------------------------------------------------------------------------------
@@ -320,73 +168,62 @@ class Records:
         edit, hyphen, _ = key.partition("-")
         return (self.folder.parent / EDITED / edit / "records" if hyphen else self.folder) / f"{key}.json"
 
-    def _sources(self) -> Iterator[_Source]:
-        """Texts of all records, those of files first: what is gathered meanwhile is found in its line."""
-        if self.folder.is_dir() and not os.access(self.folder, os.R_OK | os.X_OK):
-            self.skipped["."] = "this user may not read it"
-        with locked(self.folder):
-            yield from self._files()
-            self._reread()
-            yield from self._all_lines()
+    def _files(self, *paths: Path) -> Iterator[_Source]:
+        for path in paths:
+            if (text := self._bytes(path, LARGEST_FILE)) is not None:
+                yield _Source(path.stem, path.name, text)
 
-    def _files(self) -> Iterator[_Source]:
-        paths = (*self.folder.glob("*.json"), *self.folder.parent.glob(f"{EDITED}/*/records/*.json"))
-        return (source for path in paths if (source := self._file(path)))
+    def _all_files(self) -> Iterator[_Source]:
+        return self._files(*self.folder.glob("*.json"), *self.folder.parent.glob(f"{EDITED}/*/records/*.json"))
 
-    def _file(self, path: Path) -> _Source | None:
-        text = self._bytes(path, LARGEST_FILE)
-        return None if text is None else _Source(path.stem, path.name, text)
-
-    def _reread(self) -> None:
-        """Look at the gathered records anew: they may have changed since."""
-        self.__dict__.pop("_lines", None)
-
-    @cached_property
+    @property
     def _lines(self) -> dict[str, list[_Source]]:
         """Lines of gathered records by the keys that they say, the last ones first; as they were at the first look."""
-        parts, found = SharedParts(), dict[str, list[_Source]]()
-        texts = {path.name: self._bytes(path, LARGEST_GATHERED) for path in sorted(self.folder.glob("*.jsonl"))}
-        for kind in KINDS if texts else ():
-            parts.read(kind, self._bytes(self.folder / _PARTS / f"{kind}.jsonl", LARGEST_GATHERED) or b"")
-        for name, text in texts.items():
-            for number, line in enumerate((text or b"").splitlines(), 1):
-                found.setdefault(key_of(line), []).insert(0, _Source(key_of(line), f"{name}:{number}", line, parts))
-        return found
+        if self._gathered is None:
+            parts, self._gathered = SharedParts(), {}
+            tables = {path.name: self._bytes(path, LARGEST_GATHERED) for path in sorted(self.folder.glob("*.jsonl"))}
+            for kind in KINDS if tables else ():
+                parts.read(kind, self._bytes(self.folder / _PARTS / f"{kind}.jsonl", LARGEST_GATHERED) or b"")
+            for name, text in tables.items():
+                for number, line in enumerate((text or b"").splitlines(), 1):
+                    key = line[_KEY_AT].decode("ascii", "replace")
+                    self._gathered.setdefault(key, []).insert(0, _Source(key, f"{name}:{number}", line, parts))
+        return self._gathered
 
     def _all_lines(self) -> list[_Source]:
         return [line for lines in self._lines.values() for line in lines]
 
-    def _rewrite(self, sources: Iterable[_Source], without: Collection[str] = ()) -> None:
+    def _rewrite(self, files: Iterable[_Source], without: Collection[str] = ()) -> None:
         """Write lines anew; of several records of one key the first counts, and a line that is none stays as it is."""
+        self._gathered = None
+        lines = self._all_lines()
         if unread := sorted(name for name in self.skipped if name.endswith(".jsonl")):
             raise OSError(f"{self.folder / unread[0]} cannot be written anew: {self.skipped[unread[0]]}")
-        parts, tables = SharedParts(), dict[str, dict[tuple[Any, ...], bytes]]()
-        before = next((source.parts for source in self._all_lines() if source.parts), SharedParts())
+        parts, before = SharedParts(), (lines[0].parts if lines else None) or SharedParts()
+        tables: dict[str, dict[tuple[Any, ...], bytes]] = {path.name: {} for path in self.folder.glob("*.jsonl")}
         done = set(without)
-        for source in sources:
+        for source in (*files, *lines):
             record = self._record(source)
             if record is None:
                 parts.update(before)  # whoever can read it needs them
-                damaged = ("", "", "", 0, "", source.key, source.text)
-                tables.setdefault(source.name.partition(":")[0], {})[damaged] = source.text
+                tables[source.name.partition(":")[0]]["", "", "", 0, "", source.key, source.text] = source.text
             elif source.key not in done:
                 done.add(source.key)
-                tables.setdefault(_table_of(record), {})[(*place(record), source.key)] = as_line(record, parts)
-        old = {path.name for path in self.folder.glob("*.jsonl")}
+                tables.setdefault(_table_of(record), {})[*place(record), source.key] = as_line(record, parts)
         before.update(parts)  # until the last line is written, both those of before and those of now are needed
         self._write_parts(before)
-        for name in sorted(old | tables.keys()):
-            lines = tables.get(name, {})
-            self._write(self.folder / name, b"".join(lines[where] + b"\n" for where in sorted(lines)))
+        for name in sorted(tables):
+            self._write(self.folder / name, tables[name])
         self._write_parts(parts)
-        self._reread()
+        self._gathered = None
 
     def _write_parts(self, parts: SharedParts) -> None:
-        for kind, text in parts.files():
-            self._write(self.folder / _PARTS / f"{kind}.jsonl", text)
+        for kind, lines in parts.lines.items():
+            self._write(self.folder / _PARTS / f"{kind}.jsonl", lines)
 
-    def _write(self, path: Path, text: bytes) -> None:
+    def _write(self, path: Path, lines: Mapping[Any, bytes]) -> None:
         """Write a file whose content changes; an empty one goes."""
+        text = b"".join(lines[where] + b"\n" for where in sorted(lines))
         if not text:
             path.unlink(missing_ok=True)
         elif not path.is_file() or path.read_bytes() != text:
@@ -408,29 +245,27 @@ class Records:
 
     def _record(self, source: _Source) -> Record | None:
         """Record of a text; None, with a note why, where it holds none."""
-        if source.text in self._checked:
-            return dict(self._checked[source.text])
-        content, fault = _parsed(source)
-        fault = fault or fault_of(content)
-        if not fault and content["key"] != source.key:
-            fault = "it has the name of another job"
-        if fault:
-            self.skipped[source.name] = fault
-            return None
-        self._checked[source.text] = content
-        return dict(content)
+        if source.text not in self._checked:
+            record, fault = _parsed(source)
+            if fault:
+                self.skipped[source.name] = fault
+                return None
+            self._checked[source.text] = record
+        return dict(self._checked[source.text])
 
 
 def _parsed(source: _Source) -> tuple[Any, str]:
-    """Return what a text says, or why it says nothing."""
+    """Return the record that a text holds, or why it holds none."""
     try:
         content = read_json(source.text)
     except (ValueError, RecursionError):
         return None, "it is not JSON"
     try:
-        return (content if source.parts is None else unpacked(content, source.parts)), ""
+        record = content if source.parts is None else unpacked(content, source.parts)
     except (LookupError, TypeError, AttributeError, ValueError):
         return None, f"it names what is not in {_PARTS}"
+    fault = fault_of(record)
+    return record, fault or ("" if record["key"] == source.key else "it has the name of another job")
 
 
 def _table_of(record: Mapping[str, Any]) -> str:
