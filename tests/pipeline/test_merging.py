@@ -125,7 +125,7 @@ def test_a_merge_that_is_killed_or_terminated_says_so_and_another_one_clears_up(
 
     done = ended_by("SIGTERM")
     assert done.returncode == 143
-    assert done.stderr == "terminated; each record is whole or absent: merge again to go on\n"
+    assert done.stderr == "terminated; added records are kept: merge again to finish\n"
     assert list(there.iterdir()) == []
     assert ended_by("SIGKILL").returncode == -9
     assert [path.suffix for path in there.iterdir()] == [".tmp"]
