@@ -114,9 +114,10 @@ def _forms_figure(
         jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]
     if not jobs:
         raise ConfigurationError("no method of the paper has a form here", "name methods with -m")
+    artefacts = ArtefactReader(store, methods(options.plugins), options.data_root)
     if what == "effect":
-        return effect_figure(jobs, store, subjects, shapes, timeout)
-    return forms_figure(jobs, store, subjects[0] if subjects else "", shapes, timeout)
+        return effect_figure(jobs, artefacts, subjects, shapes, timeout)
+    return forms_figure(jobs, artefacts, subjects[0] if subjects else "", shapes, timeout)
 
 
 def _name_edited(folder: Path, names: Iterable[str]) -> None:

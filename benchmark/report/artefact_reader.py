@@ -29,6 +29,9 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
 
+#: Said of a form that is not in the results folder.
+NOT_STORED = "not kept here"
+
 
 @dataclass(frozen=True)
 class ArtefactReader:
@@ -125,10 +128,9 @@ class ArtefactReader:
             if method_run.describes:
                 return "it makes no forms"
             found = self.store.find(method_run.recipe(entry))
+            arrays = None if found is None else require_arrays(found)
             surface = self.surface(record, entry) if surface is None else surface
-            if found is None or surface is None:
-                return "not kept here"
-            return form_mesh(require_arrays(found), surface)
+            return NOT_STORED if arrays is None or surface is None else form_mesh(arrays, surface)
         except ShapeError as error:
             return str(error)
         except BenchmarkError as error:

@@ -8,6 +8,7 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.pipeline.storage.records import answered_shapes
+from benchmark.report.artefact_reader import NOT_STORED
 from benchmark.report.content import TableContent
 from benchmark.report.html.forms import Sheets
 from benchmark.report.html.scripts import Files, add_script
@@ -140,7 +141,7 @@ def _missing(gallery: RankedGallery, names: Sequence[str], reasons: Mapping[str,
     reasons = {**reasons, **{name: brief(why) for name, why in gallery.record["unsupported"]}}
     missing: dict[str, list[int]] = {}
     for place, name in enumerate(names):
-        if why := reasons.get(name, "not kept here"):
+        if why := reasons.get(name, NOT_STORED):
             missing.setdefault(why, []).append(place)
     return missing
 

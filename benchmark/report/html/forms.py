@@ -21,10 +21,10 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.storage.records import Record
 from benchmark.protocols.tables import INPUTS
-from benchmark.report.artefact_reader import ArtefactReader
+from benchmark.report.artefact_reader import NOT_STORED, ArtefactReader
 from benchmark.report.html.scripts import Files, Progress, add_picture, add_script
 from benchmark.report.pictures.painting import outwardness, painted
-from benchmark.report.pictures.posing import centred, reach, select, spread, upright
+from benchmark.report.pictures.posing import SHAPE, posed, reach, select, spread
 from benchmark.text import brief
 
 #: Pixels per side of a small picture, small pictures in a row of a sheet, and rows; see queries.js.
@@ -45,9 +45,6 @@ _MARGIN = 1.06
 
 _NOT_DRAWN = "not drawn: one report has no room for all forms; choose fewer with -t, -d, -m or --input"
 _ABSENT = "not in this gallery"
-
-#: Name of the shape itself among the forms.
-_SHAPE = ""
 
 
 @dataclass
@@ -108,7 +105,7 @@ class DrawnSet:
         """As the page of the forms reads it."""
         cells = {
             input_: {
-                shape: [sheets.reasons.get(method, {}).get(shape, "not kept here") for method in self.titles[input_]]
+                shape: [sheets.reasons.get(method, {}).get(shape, NOT_STORED) for method in self.titles[input_]]
                 for shape in self.files
             }
             for input_, sheets in self.sheets.items()
@@ -209,7 +206,7 @@ class _Drawing:
         models: dict[str, Points] = {}
         large: list[tuple[Entry, dict[str, Mesh]]] = []
         for entry in entries:
-            meshes = self._turned(entry, models, entry.identifier in with_forms)
+            meshes = self._posed(entry, models, entry.identifier in with_forms)
             if meshes:
                 self._add_small(entry, meshes)
             if meshes and entry.identifier in beside:
@@ -217,28 +214,21 @@ class _Drawing:
         if large:
             self._add_large(large)
 
-    def _turned(self, entry: Entry, models: dict[str, Points], is_drawn: bool) -> dict[str, Mesh]:
-        """A shape as its camera sees it, and its forms beside it, by method; nothing where it is not stored."""
-        name = entry.identifier
-        records = [of_method[name] for of_method in self.by_method.values() if name in of_method]
-        surface = self.artefacts.surface(records[0], entry) if records else None
-        if surface is None:
+    def _posed(self, entry: Entry, models: dict[str, Points], is_drawn: bool) -> dict[str, Mesh]:
+        """A shape, and its forms beside it by method; nothing where it is not stored."""
+        name, sheets = entry.identifier, self.drawn.sheets[self.input]
+        records = {method: of_method[name] for method, of_method in self.by_method.items() if name in of_method}
+        if not records:
             return {}
-        seen = self.artefacts.seen(records[0], entry, surface)
-        meshes = {_SHAPE: surface.with_vertices(centred(seen))}
-        for method, of_method in self.by_method.items():
-            form: Mesh | str = _NOT_DRAWN if name in of_method else _ABSENT
-            if is_drawn and name in of_method:
-                form = self.artefacts.form(of_method[name], entry, surface)
-            if isinstance(form, Mesh):
-                points = centred(upright(form, surface, seen, models.get(method)))
-                models.setdefault(method, points)
-                meshes[method] = form.with_vertices(points)
-            self.drawn.sheets[self.input].reasons[method][name] = brief(form) if isinstance(form, str) else ""
-        return meshes
+        record = next(iter(records.values()))
+        forms = posed(entry, record, records if is_drawn else {}, self.artefacts, models)
+        for method in self.by_method:
+            form = forms.get(method, _NOT_DRAWN if method in records else _ABSENT)
+            sheets.reasons[method][name] = brief(form) if isinstance(form, str) else ""
+        return {method: form for method, form in forms.items() if isinstance(form, Mesh)}
 
     def _add_small(self, entry: Entry, meshes: Mapping[str, Mesh]) -> None:
-        sheets, shape = self.drawn.sheets[self.input], meshes[_SHAPE]
+        sheets, shape = self.drawn.sheets[self.input], meshes[SHAPE]
         place = sheets.places[entry.identifier] = len(sheets.places)
         row, column = divmod(place % _ON_SHEET, ACROSS)
         values = outwardness(shape)
@@ -262,7 +252,7 @@ class _Drawing:
 
     def _add_large(self, shapes: Sequence[tuple[Entry, Mapping[str, Mesh]]]) -> None:
         """Write a strip of pictures of each shape, itself on top, and a script with surfaces, of one scale."""
-        rows = {method: row for row, method in enumerate((_SHAPE, *self.by_method))}
+        rows = {method: row for row, method in enumerate((SHAPE, *self.by_method))}
         widths: dict[str, float] = {}
         for _, meshes in shapes:
             for method, mesh in meshes.items():
@@ -270,10 +260,10 @@ class _Drawing:
         strips = []
         for entry, meshes in shapes:
             strip = Image.new("RGBA", (TILE, TILE * len(rows)))
-            shared = _Thinned.of(meshes[_SHAPE])
+            shared = _Thinned.of(meshes[SHAPE])
             surfaces: dict[str, Any] = {}
             for method, mesh in meshes.items():
-                is_shared = np.array_equal(mesh.faces, meshes[_SHAPE].faces)
+                is_shared = np.array_equal(mesh.faces, meshes[SHAPE].faces)
                 thin = shared if is_shared else _Thinned.of(mesh)
                 points = mesh.vertices[thin.chosen] / widths[method]
                 surfaces[method] = {"at": _packed(_steps(points))} | ({} if is_shared else thin.topology())

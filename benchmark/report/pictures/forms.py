@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmark.api.contracts import Input, Method
-from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.catalogue import open_dataset
-from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, did_you_mean
+from benchmark.datasets.base import Entry
+from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.execution.job_specs import Job, to_json
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.runner import make_forms
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import Preparation
-from benchmark.pipeline.storage.store import Store
-from benchmark.report.artefact_reader import ArtefactReader
+from benchmark.pipeline.storage.records import Record
+from benchmark.report.artefact_reader import NOT_STORED, ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.pictures.painting import outwardness, painted
-from benchmark.report.pictures.posing import centred, have_same_poses, reach, spread, upright
+from benchmark.report.pictures.posing import SHAPE, have_same_poses, posed, reach, spread
 from benchmark.report.significance import CONTROL
 from benchmark.text import clean
 
@@ -73,16 +69,20 @@ _CENTRED: dict[str, Any] = {"ha": "center", "va": "center", "parse_math": False}
 
 
 def forms_figure(
-    jobs: Sequence[Job], store: Store, subject: str = "", shapes: Sequence[str] = (), limit: float | None = None
+    jobs: Sequence[Job],
+    artefacts: ArtefactReader,
+    subject: str = "",
+    shapes: Sequence[str] = (),
+    limit: float | None = None,
 ) -> Figure:
     """Draw one subject in a few poses, and beside each the forms of all methods; as wide as a page.
 
     Parameters
     ----------
     jobs
-        Jobs of one gallery under one input. Forms are taken from the store, and missing ones are made in a process of
-        their own, but not those of a job that has failed.
-    store
+        Jobs of one gallery under one input. Missing forms are made in a process of their own, but not those of a job
+        that has failed.
+    artefacts
         Where the forms are.
     subject
         Which subject to show; the first one by default.
@@ -96,13 +96,14 @@ def forms_figure(
     ConfigurationError
         If there is no such subject or shape, or none of the methods makes forms.
     """
-    dataset, entries = _shapes_of(jobs[0])
-    return _drawn(_columns(jobs, dataset, store, _chosen(jobs[0].gallery, entries, subject, shapes), limit))
+    records = _records(jobs)
+    entries = _chosen(jobs[0].gallery, _entries(records, artefacts), subject, shapes)
+    return _drawn(_columns(records, artefacts, entries, _make(jobs, records, artefacts, entries, limit)))
 
 
 def effect_figure(
     jobs: Sequence[Job],
-    store: Store,
+    artefacts: ArtefactReader,
     subjects: Sequence[str] = (),
     shapes: Sequence[str] = (),
     limit: float | None = None,
@@ -111,20 +112,22 @@ def effect_figure(
 
     Parameters
     ----------
-    jobs, store, limit
+    jobs, artefacts, limit
         As of :func:`forms_figure`.
     subjects
         Which subjects to show, one in each row; those of the shapes, or the first two, by default.
     shapes
         Which shapes to show of them, in place of some poses of each.
     """
-    gallery, (dataset, entries) = jobs[0].gallery, _shapes_of(jobs[0])
+    jobs, gallery, records = jobs[:1], jobs[0].gallery, _records(jobs[:1])
+    entries = _entries(records, artefacts)
     named = _chosen(gallery, entries, "", shapes) if shapes else []
     subjects = subjects or list(dict.fromkeys(entry.subject for entry in named or entries))[: None if shapes else 2]
     rows = []
     for subject in subjects:
         own = [entry.identifier for entry in named if entry.subject == subject]
-        rows.append(_columns(jobs[:1], dataset, store, _chosen(gallery, entries, subject, own), limit))
+        chosen = _chosen(gallery, entries, subject, own)
+        rows.append(_columns(records, artefacts, chosen, _make(jobs, records, artefacts, chosen, limit)))
     n_poses = max(len(row[0].meshes) for row in rows)
     widths = [1] * n_poses + [0.7] + [1] * n_poses
     figure, axes = _grid(_SIDE * sum(widths), _SIDE * len(rows) + 0.35, len(rows), widths, 0.9)
@@ -147,31 +150,18 @@ def effect_figure(
 def stored_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figure | None:
     """Draw the first subject of a table in a few poses, and the stored forms of its methods; None without any."""
     for input_ in table.inputs:
-        columns = _stored_columns(table, input_, artefacts)
-        if len(columns) > 1:
-            return _drawn(columns[: _MOST + 1], min(WIDTH, _COLUMN * min(len(columns), _MOST + 1)))
-    return None
-
-
-def _stored_columns(table: TableContent, input_: Input, artefacts: ArtefactReader) -> list[Column]:
-    columns: list[Column] = []
-    for row in table.rows:
-        cell = row.cells.get(input_)
-        if cell is None or not cell.records or row.family == CONTROL:
+        rows = [row for row in table.rows if row.family != CONTROL and input_ in row.cells]
+        records = {row.method: dict(row.cells[input_].records[0]) for row in rows if row.cells[input_].records}
+        if not records:
             continue
-        record = dict(cell.records[0])
         try:
-            shapes = [entry for entry in artefacts.dataset(record).entries if entry.identifier in record["shapes"]]
-        except BenchmarkError:
-            return []
-        entries = _chosen("", shapes, "", ())
-        surfaces = [mesh for entry in entries if (mesh := artefacts.surface(record, entry)) is not None]
-        if len(surfaces) == len(entries):
-            seen = [artefacts.seen(record, entry, mesh) for entry, mesh in zip(entries, surfaces, strict=True)]
-            column = _turned(row.title, [artefacts.form(record, entry) for entry in entries], surfaces, seen)
-            columns = columns or [_turned("input", surfaces, surfaces, seen)]
-            columns += [column] if any(isinstance(form, Mesh) for form in column.meshes) else []
-    return columns
+            columns = _columns(records, artefacts, _chosen("", _entries(records, artefacts)), {})
+        except BenchmarkError:  # the data set is not here
+            continue
+        stored = [column for column in columns if any(isinstance(mesh, Mesh) for mesh in column.meshes)][: _MOST + 1]
+        if len(stored) > 1:
+            return _drawn(stored, min(WIDTH, _COLUMN * len(stored)))
+    return None
 
 
 def _drawn(columns: Sequence[Column], width: float = WIDTH) -> Figure:
@@ -202,13 +192,29 @@ def _grid(
     return figure, axes
 
 
-def _shapes_of(job: Job) -> tuple[Dataset, list[Entry]]:
-    dataset = open_dataset(job.dataset, job.data_root)
-    entries = {entry.identifier: entry for entry in dataset.entries}
-    return dataset, [entries[identifier] for identifier in job.identifiers]
+def _records(jobs: Sequence[Job]) -> dict[str, Record]:
+    """What a record says about each job that makes forms, before it has run."""
+    if all(job.method.describes for job in jobs):
+        raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
+    return {
+        job.method.name: {
+            **job.facts, "key": job.name, "method": job.method.name, "title": job.method.title, "input": job.input,
+            "data": {"source": job.dataset, "name": job.gallery}, "shapes": job.identifiers,
+            "recipe": {"seed": job.seed},
+        }
+        for job in jobs
+        if not job.method.describes
+    }  # fmt: skip
 
 
-def _chosen(gallery: str, entries: Sequence[Entry], subject: str, shapes: Sequence[str]) -> list[Entry]:
+def _entries(records: Mapping[str, Record], artefacts: ArtefactReader) -> list[Entry]:
+    """Shapes of the gallery of some records; raises ``BenchmarkError`` if the data set is not here."""
+    record = next(iter(records.values()))
+    entries = {entry.identifier: entry for entry in artefacts.dataset(record).entries}
+    return [entries[identifier] for identifier in record["shapes"]]
+
+
+def _chosen(gallery: str, entries: Sequence[Entry], subject: str = "", shapes: Sequence[str] = ()) -> list[Entry]:
     """The named shapes, else some of a subject, else of the first one."""
     if shapes:
         known = {entry.identifier: entry for entry in entries}
@@ -223,67 +229,38 @@ def _chosen(gallery: str, entries: Sequence[Entry], subject: str, shapes: Sequen
     return chosen
 
 
+def _make(
+    jobs: Sequence[Job],
+    records: Mapping[str, Record],
+    artefacts: ArtefactReader,
+    entries: Sequence[Entry],
+    limit: float | None,
+) -> dict[str, str]:
+    """Make the forms that are not stored, and return by method why they cannot be made."""
+    reasons = {}
+    for job in (job for job in jobs if job.method.name in records):
+        name = job.method.name
+        missing = [entry.identifier for entry in entries if artefacts.form(records[name], entry) == NOT_STORED]
+        if job.state in ("unavailable", "unsupported", "failed"):
+            reasons[name] = job.reason
+        elif missing:
+            reasons[name] = "it cannot be kept"
+            try:
+                guard = Guard(job.name, "run it to see more", limit)
+                call_apart(make_forms, to_json(job), missing, guard=guard, say=lambda _: None)
+            except BenchmarkError as error:
+                reasons[name] = str(error)
+    return reasons
+
+
 def _columns(
-    jobs: Sequence[Job], dataset: Dataset, store: Store, entries: Sequence[Entry], limit: float | None
+    records: Mapping[str, Record], artefacts: ArtefactReader, entries: Sequence[Entry], reasons: Mapping[str, str]
 ) -> list[Column]:
-    """The shapes themselves, then the forms of each method, all poses turned alike."""
-    preparation = Preparation(dataset, jobs[0].input, store)
-    surfaces = [_surface(preparation, entry) for entry in entries]
-    turns = [dataset.camera(entry).rotation.T if jobs[0].input == "mesh" else np.eye(3) for entry in entries]
-    seen = [None if isinstance(s, str) else s.vertices @ turn for s, turn in zip(surfaces, turns, strict=True)]
-    columns = [_turned("input", surfaces, surfaces, seen)]
-    columns += [
-        _turned(job.method.title, _made(job, preparation, store, entries, limit), surfaces, seen)
-        for job in jobs
-        if isinstance(job.method.create(), Method)
-    ]
-    if len(columns) == 1:
-        raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
+    """The shapes themselves, then the forms of each method that makes forms, all poses turned alike."""
+    record, models = next(iter(records.values())), dict[str, Points]()
+    forms = [posed(entry, record, records, artefacts, models) for entry in entries]
+    columns = [Column("input", [of_shape[SHAPE] for of_shape in forms])]
+    for name, of_method in records.items():
+        meshes = [reasons.get(name, NOT_STORED) if each[name] == NOT_STORED else each[name] for each in forms]
+        columns.append(Column(of_method["title"], meshes))
     return columns
-
-
-def _turned(
-    title: str, forms: Sequence[Mesh | str], surfaces: Sequence[Mesh | str], seen: Sequence[Points | None]
-) -> Column:
-    """Forms as they are drawn: upright, and all poses turned alike."""
-    meshes: list[Mesh | str] = []
-    model: Points | None = None
-    for form, surface, points in zip(forms, surfaces, seen, strict=True):
-        if isinstance(form, str) or isinstance(surface, str) or points is None:
-            meshes.append(form if isinstance(form, str) else str(surface))
-            continue
-        vertices = centred(points if form is surface else upright(form, surface, points, model))
-        model = vertices if model is None else model
-        meshes.append(form.with_vertices(vertices))
-    return Column(title, meshes)
-
-
-def _surface(preparation: Preparation, entry: Entry) -> Mesh | str:
-    try:
-        return preparation.shape(entry).mesh
-    except ShapeError as error:
-        return str(error)
-
-
-def _made(
-    job: Job, preparation: Preparation, store: Store, entries: Sequence[Entry], limit: float | None
-) -> list[Mesh | str]:
-    """The form of each shape, made where it is missing, or the reason why there is none."""
-    if job.state in ("unavailable", "unsupported", "failed"):
-        return [job.reason] * len(entries)
-    method_run = MethodRun(preparation, store, job.method, job.seed, job.model_of)
-    missing = [e.identifier for e in entries if store.find(method_run.recipe(e), wanted=lambda _: False) is None]
-    reason = "it cannot be kept"
-    if missing:
-        try:
-            guard = Guard(job.name, "run it to see more", limit)
-            call_apart(make_forms, to_json(job), missing, guard=guard, say=lambda _: None)
-        except BenchmarkError as error:
-            reason = str(error)
-    forms: list[Mesh | str] = []
-    for entry in entries:
-        try:
-            forms.append(method_run.found_form(entry) or reason)
-        except ShapeError as error:
-            forms.append(str(error))
-    return forms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import TypeVar
 
@@ -12,8 +12,13 @@ from scipy.spatial import cKDTree
 
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.geometry.mesh import Mesh, Points
+from benchmark.pipeline.storage.records import Record
+from benchmark.report.artefact_reader import ArtefactReader
 
 T = TypeVar("T")
+
+#: Name of the shape itself among its forms.
+SHAPE = ""
 
 #: Share of all classes in all poses that a data set must hold for the names of its poses to mean the same pose.
 _SAME_POSES = 0.9
@@ -123,6 +128,43 @@ def upright(form: Mesh, surface: Mesh, seen: Points, model: Points | None) -> Po
     if model is not None and remainder >= _SAME:
         turn = _turn_like(_sample(points), _sample(model), turn)
     return np.asarray(points @ turn)
+
+
+def posed(
+    entry: Entry,
+    record: Record,
+    records: Mapping[str, Record],
+    artefacts: ArtefactReader,
+    models: dict[str, Points],
+) -> dict[str, Mesh | str]:
+    """Return a shape as its camera sees it, by the name "", and its form by each method, or why there is none.
+
+    Parameters
+    ----------
+    entry
+        The shape.
+    record
+        A record of its gallery under one input.
+    records
+        Those of the methods whose forms are wanted.
+    artefacts
+        Where surfaces and forms are.
+    models
+        The first form of each method, by which those of other poses are turned; filled here.
+    """
+    surface = artefacts.surface(record, entry)
+    forms = {method: artefacts.form(each, entry, surface) for method, each in records.items()}
+    if surface is None:
+        return {SHAPE: next((form for form in forms.values() if isinstance(form, str)), ""), **forms}
+    seen = artefacts.seen(record, entry, surface)
+    meshes: dict[str, Mesh | str] = {SHAPE: surface.with_vertices(centred(seen))}
+    for method, form in forms.items():
+        if isinstance(form, Mesh):
+            points = centred(upright(form, surface, seen, models.get(method)))
+            models.setdefault(method, points)
+            form = form.with_vertices(points)
+        meshes[method] = form
+    return meshes
 
 
 def _turn_like(points: Points, model: Points, hint: NDArray[np.float64]) -> NDArray[np.float64]:

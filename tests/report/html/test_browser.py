@@ -16,6 +16,7 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html import forms
 from benchmark.report.html.pages import write_report
+from benchmark.report.pictures import posing
 from benchmark.report.pictures.painting import painted
 from benchmark.report.results import Results
 from tests.records import failed
@@ -253,7 +254,7 @@ def large(tmp_path_factory):
     folder = tmp_path_factory.mktemp("large")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(forms, "painted", lambda _points, _faces, _values, size, _half: drawn(size))
-        patch.setattr(forms, "upright", lambda form, *_: form.vertices)
+        patch.setattr(posing, "upright", lambda form, *_: form.vertices)
         assert write_made_up(folder, (20, 20, 20)).n_ranked == 20
     return folder
 
