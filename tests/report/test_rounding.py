@@ -17,7 +17,7 @@ from benchmark.report.content import Row, TableContent
 from benchmark.report.formats import render
 from benchmark.report.frame import figures
 from benchmark.report.notes import notes
-from benchmark.report.paper import facts
+from benchmark.report.paper.document import leads
 from benchmark.report.robustness import half_at
 from benchmark.report.rounding import number
 from tests.records import MEASURES, record
@@ -109,8 +109,8 @@ def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
 
 
 def test_a_paper_does_not_say_that_the_best_row_is_better_than_one_whose_first_ranks_tie():
-    (lead,) = facts.leads(table(cell(0.75), tied(NN, tied_queries=1), tied(NN, tied_queries=0)), "NN")
-    assert (lead.title, lead.n_others, lead.inseparable) == ("M0", 1, ("M2",))
+    (lead,) = leads(table(cell(0.75), tied(NN, tied_queries=1), tied(NN, tied_queries=0)), "NN")
+    assert (lead["title"], lead["n_others"], lead["inseparable"]) == ("M0", 1, ["M2"])
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")

@@ -40,14 +40,15 @@ def changed_packages(environments: Iterable[Mapping[str, Any]]) -> str:
     """Name the packages whose versions are other ones here than where results were made; "" for the same ones."""
     here, texts = environment(), {str(made.get("environment", "{}")) for made in environments}
     changes: dict[str, None] = {}
-    for there in map(_versions_in, sorted(texts)):
+    for there in map(versions_in, sorted(texts)):
         pairs = ((name, _release(there.get(name)), _release(here.get(name))) for name in PACKAGES)
         changes |= {f"{name} {then} -> {now}": None for name, then, now in pairs if then and now and then != now}
     return ", ".join(changes)
 
 
 @cache
-def _versions_in(text: str) -> dict[str, str]:
+def versions_in(text: str) -> dict[str, str]:
+    """Return the versions that an environment names; none where it is not readable."""
     try:
         versions = json.loads(text)
     except (ValueError, RecursionError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
 from typing import Any, Literal, get_args
@@ -12,17 +12,17 @@ from typing import Any, Literal, get_args
 from benchmark import __version__
 from benchmark.geometry.depth import SIZE
 from benchmark.pipeline.stages.complete import N_VERTICES
+from benchmark.pipeline.storage.environment import versions_in
 from benchmark.pipeline.storage.keys import digest
+from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import NUMERALS
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.cell import Cell
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import latex_prose
 from benchmark.report.formats import bibliography
 from benchmark.report.latex import ENVIRONMENT, Latex, appendix, data_source, latex, scorer_cited
 from benchmark.report.notes import notes
-from benchmark.report.paper import facts
 from benchmark.report.pictures.charts import MEASURE, scores_figure
 from benchmark.report.pictures.forms import stored_forms_figure
 from benchmark.report.pictures.painting import as_file
@@ -43,7 +43,6 @@ _MOST_NAMED = 12
 #: Beyond Latin letters, which are composed, what LaTeX has in its oldest encoding.
 _KNOWN = frozenset("\u00a0¡£§©¬®°±²³µ¶·¹¼½¾¿ÆØæßøıŁłŒœ\u2010\u2011\u2012–—―‘’“”†‡•…‰€™")
 
-
 #: Accents, and letters with a cedilla, that are composed.
 _ABOVE = frozenset("\u0300\u0301\u0302\u0303\u0304\u0306\u0307\u0308\u030a\u030b\u030c")
 _CEDILLAS = frozenset(f"{letter}\u0327" for letter in "CcSsTt")
@@ -51,12 +50,12 @@ _CEDILLAS = frozenset(f"{letter}\u0327" for letter in "CcSsTt")
 
 def main_tables(tables: Sequence[TableContent]) -> list[TableContent]:
     """Return the tables of the paper, of the official set or else of the stand-in, and those of one's own data."""
-    found: dict[str, TableContent] = {}
+    chosen: dict[str, TableContent] = {}
     for table in tables:
-        known = found.get(table.identifier)
+        known = chosen.get(table.identifier)
         if table.identifier in NUMERALS and not table.is_own and (known is None or known.data["stand_in_for"]):
-            found[table.identifier] = table
-    return [*found.values(), *(table for table in tables if table.is_own)] or list(tables)
+            chosen[table.identifier] = table
+    return [*chosen.values(), *(table for table in tables if table.is_own)] or list(tables)
 
 
 def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, template: Template) -> dict[str, bytes]:
@@ -71,35 +70,31 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
     template
         The class of the paper.
     """
-    width = _INCHES[template]
-    texts: dict[str, str] = {}
-    figures: dict[str, bytes] = {}
-    told = []
-    for table in tables:
-        name = f"figures/scores-{_stem(table)}.pdf"
-        if (figure := scores_figure(table, width)) is not None:
-            figures[name] = as_file(figure, ".pdf")
-        texts[f"tables/{_stem(table)}.tex"] = latex(table, _stem(table), has_notes=False)
-        told.append(_table(table, name.partition("/")[2] if name in figures else ""))
+    figures = {f"scores-{_stem(t)}.pdf": scores_figure(t, _INCHES[template]) for t in tables}
+    with_forms = ((table, stored_forms_figure(table, artefacts)) for table in tables)
+    forms_of, figures["forms.pdf"] = next(((t, drawn) for t, drawn in with_forms if drawn), (None, None))
+    pictures = {f"figures/{name}": as_file(figure, ".pdf") for name, figure in figures.items() if figure}
+    texts = {f"tables/{_stem(table)}.tex": latex(table, _stem(table), has_notes=False) for table in tables}
     intervals = {name: latex(table, name, "interval", has_notes=False) for name, table in _intervals(tables)}
     texts |= {f"tables/{name}.tex": text for name, text in intervals.items()}
-    given = {"tables": told, "forms": "", "intervals": list(intervals)} | _run(tables) | _reproduced(tables)
-    for table in tables:
-        if (figure := stored_forms_figure(table, artefacts)) is not None:
-            figures["figures/forms.pdf"] = as_file(figure, ".pdf")
-            given["forms"] = table.data_title
-            break
-    said = [(_stem(table), notes(table, reasons=False)) for table in tables]
-    given["notes"] = [Latex(appendix(stem, lines)) for stem, lines in said if lines]
+    with_notes = [(_stem(table), notes(table, reasons=False)) for table in tables]
+    content = {
+        "tables": [_table(table, has_figure=f"figures/scores-{_stem(table)}.pdf" in pictures) for table in tables],
+        "forms": forms_of.data_title if forms_of else "",
+        "intervals": list(intervals),
+        "notes": [Latex(appendix(stem, lines)) for stem, lines in with_notes if lines],
+        **_run(tables),
+        **_reproduced(tables),
+    }
     for name in ("protocol", "results", "statistics", "appendix"):
-        texts[f"{name}.tex"] = ENVIRONMENT.get_template(f"{name}.tex").render(given)
+        texts[f"{name}.tex"] = ENVIRONMENT.get_template(f"{name}.tex").render(content)
     texts = {name: unicodedata.normalize("NFC", text) for name, text in texts.items()}
     texts["characters.tex"] = characters("".join(texts.values()))
     texts["paper.tex"] = ENVIRONMENT.get_template(f"{template}.tex").render()
     texts["references.bib"] = bibliography()
     for name in ("statistics.bib", "Makefile"):
         texts[name] = resources.files("benchmark.report.paper").joinpath(f"templates/{name}").read_text("utf-8")
-    return {name: text.encode("utf-8") for name, text in texts.items()} | figures
+    return {name: text.encode("utf-8") for name, text in texts.items()} | pictures
 
 
 def characters(text: str) -> str:
@@ -125,9 +120,15 @@ def _stem(table: TableContent) -> Latex:
     return Latex(name if name.isascii() else f"{name.encode('ascii', 'ignore').decode()}-{digest(name)[:8]}")
 
 
-def _table(table: TableContent, figure: str) -> dict[str, Any]:
+def _table(table: TableContent, *, has_figure: bool) -> dict[str, Any]:
     """Facts about one table."""
-    complete, lacking = facts.coverage(table)
+    cells = [(row, input_, cell) for row in table.rows for input_, cell in row.cells.items()]
+    cells = [(row, input_, cell) for row, input_, cell in cells if cell.status != "missing"]
+    lacking = [
+        (row.title, input_, f"none ({cell.status})" if cell.scores is None else f"{cell.coverage:.1%} of the shapes")
+        for row, input_, cell in cells
+        if not cell.is_complete
+    ]
     own = table.is_own or table.identifier == table.data["name"]
     return {
         "table": table,
@@ -135,37 +136,66 @@ def _table(table: TableContent, figure: str) -> dict[str, Any]:
         "heading": table.caption if own else f"{table.caption} ({table.data['name']})",
         "in_paper": table.has_paper,
         "source": Latex(data_source(table)),
-        "figure": Latex(figure),
-        "leads": facts.leads(table, MEASURE),
-        "n_cells": len(facts.cells(table)),
-        "n_complete": complete,
+        "figure": Latex(f"scores-{_stem(table)}.pdf" if has_figure else ""),
+        "leads": leads(table, MEASURE),
+        "n_cells": len(cells),
+        "n_complete": len(cells) - len(lacking),
         "lacking": lacking,
     }
 
 
+def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
+    """Return the best row by a measure under each input with complete rows, controls aside.
+
+    Returns
+    -------
+    list of dict
+        ``input``; ``title``, ``score``, and ``low`` and ``high``, the ends of its interval; ``n_others``, how many rows
+        were tested against it, those whose first ranks tie aside; and ``inseparable``, titles of those that cannot be
+        told from it.
+    """
+    found = []
+    for input_ in table.inputs:
+        judged = [(row, one) for row in table.rows if (one := table.significance.get((row.method, input_, measure)))]
+        others = [(row, one) for row, one in judged if one.probability is not None and not one.is_tied]
+        for row, best in [(row, one) for row, one in judged if one.is_best][:1]:
+            found.append(
+                {
+                    "input": input_,
+                    "title": row.title,
+                    "score": (row.cells[input_].scores or {})[measure],
+                    "low": best.low,
+                    "high": best.high,
+                    "n_others": len(others),
+                    "inseparable": [row.title for row, one in others if one.is_inseparable],
+                }
+            )
+    return found
+
+
 def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
     """Facts about the jobs of all tables together."""
-    made = facts.records(tables)
-    dates = sorted(str(record.get("finished", ""))[:10] for record in made) or ["", ""]
-    cells = [cell for table in tables for _, _, cell in facts.cells(table)]
+    rows = [row for table in tables for row in table.rows]
+    cells = [cell for row in rows for cell in row.cells.values()]
+    records = list({record["key"]: record for cell in cells for record in cell.records}.values())
+    dates = sorted(str(record.get("finished", ""))[:10] for record in records) or [""]
+    scorers = dict.fromkeys(scorer_cited(t) or latex_prose(t.scorer_title) for t in tables)
     return {
         "inputs": [input_ for input_ in INPUTS if any(input_ in table.inputs for table in tables)],
         "n_vertices": N_VERTICES,
         "size": SIZE,
         "in_paper": any(table.has_paper for table in tables),
-        "n_methods": len({record["method"] for record in made}),
-        "n_jobs": len(made),
+        "n_methods": len({record["method"] for record in records}),
+        "n_jobs": len(records),
         "repeats": any(cell.repeats for cell in cells),
-        "scorers": [
-            Latex(text) for text in dict.fromkeys(scorer_cited(t) or latex_prose(t.scorer_title) for t in tables)
-        ],
+        "scorers": [Latex(text) for text in scorers],
         "seeds": sorted({str(table.seed) for table in tables}),
-        "own": facts.own_methods(tables),
+        "own": list(dict.fromkeys(row.title for row in rows if row.method.partition("[")[0] not in BUILT_IN)),
         "n_departing": len({text for table in tables for text in table.departures.values()}),
-        "n_models": len({model["digest"] for record in made for model in record.get("models", ())}),
+        "n_models": len({model["digest"] for record in records for model in record.get("models", ())}),
         "most": _MOST_NAMED,
         "dates": (dates[0], dates[-1]),
-        "versions": facts.versions(made),
+        "versions": _versions(records),
         "suite": __version__,
         "outdated": sum(bool(cell.outdated) for cell in cells),
         "draws": DRAWS,
@@ -175,38 +205,37 @@ def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
     }
 
 
+def _versions(records: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """Versions of system and packages that some records were made with, those that differ side by side."""
+    versions: dict[str, set[str]] = {}
+    for record in records:
+        for part in record.get("environments", ()):
+            for name, version in versions_in(str(part.get("environment", "{}"))).items():
+                versions.setdefault(name, set()).add(str(version))
+    return {name: " and ".join(sorted(values)) for name, values in versions.items()}
+
+
 def _reproduced(tables: Sequence[TableContent]) -> dict[str, Any]:
     """Return how many figures of the paper got which outcome, and what of its claims can be judged."""
     figures = reproduced_figures(tables).dropna(subset="ours")
     by_table = figures.groupby(["table", "input"], sort=False)["outcome"]
     counts = {place: Counter(outcomes) for place, outcomes in by_table}
-    names = [name for name in OUTCOMES if any(found[name] for found in counts.values())]
+    names = [name for name in OUTCOMES if any(of_input[name] for of_input in counts.values())]
     claims = assess_claims(paper_tables(tables)) if counts else []
     return {
         "outcomes": names,
-        "reproduction": [(*place, [found[name] for name in names]) for place, found in counts.items()],
-        "claims": [each for each in claims if each.n_comparisons],
+        "reproduction": [(*place, [of_input[name] for name in names]) for place, of_input in counts.items()],
+        "claims": [claim for claim in claims if claim.n_comparisons],
     }
 
 
-def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[str, TableContent]]:
-    """Name and content of the tables of intervals, one for each input."""
+def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[Latex, TableContent]]:
+    """Name and content of the tables of intervals, one for each input; spreads stand in the tables themselves."""
     for table in tables:
         caption = f"{table.table.caption}, with intervals"
         for input_ in table.inputs:
-            rows = [row for row in table.rows if input_ in row.cells and row.cells[input_].scores]
+            cells = [(row, replace(row.cells[input_], deviation=None)) for row in table.rows if input_ in row.cells]
+            rows = tuple(replace(row, paper=None, departs="", cells={input_: c}) for row, c in cells if c.scores)
             if rows:
-                shown = replace(
-                    table,
-                    table=replace(table.table, caption=caption),
-                    inputs=(input_,),
-                    rows=tuple(
-                        replace(row, paper=None, departs="", cells={input_: _plain(row.cells[input_])}) for row in rows
-                    ),
-                )
+                shown = replace(table, table=replace(table.table, caption=caption), inputs=(input_,), rows=rows)
                 yield Latex(f"intervals-{_stem(table)}-{input_}"), shown
-
-
-def _plain(cell: Cell) -> Cell:
-    """Return a cell without its spread, which stands in the table itself."""
-    return replace(cell, deviation=None)
