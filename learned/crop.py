@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from learned.images import COVERED, LEAST_DEPTH
-from learned.streamed.configuration import Streamed
 
 Image = NDArray[np.float32]
 
@@ -18,11 +17,6 @@ FILL = 0.9
 
 _TIE = 1e-6
 """Shares that differ by less are equal: far above the rounding errors of a sum of pixels."""
-
-
-def seen_by(configuration: Streamed, images: Image) -> Image:
-    """Return what a network of this configuration is given of depth images of one mask, shape (k, r, r)."""
-    return (cropped if configuration.crop else shrunk)(images, configuration.resolution)
 
 
 def cropped(images: Image, resolution: int) -> Image:

@@ -130,6 +130,7 @@ CLAIMS: tuple[Claim, ...] = (
     ),
     Claim("Short-range features help.", "IV", "learned", ("learned-without-srf",)),
     Claim("Long-range features help.", "IV", "learned", ("learned-without-lrf",)),
+    Claim("Progressive weighting of the losses helps.", "IV", "learned", ("learned-without-weighting",)),
     Claim("Poses that were seen in training are found better than unseen ones.", "IV", "learned", ("learned-strict",)),
     Claim(
         "Of the classical forms GPS has the highest NN on synthetic humans.",

@@ -76,9 +76,9 @@ def network_of(card: Mapping[str, Any], folder: Path) -> Network:
 def _configuration(described: Mapping[str, Any], folder: Path) -> Configuration:
     found = from_card(described)
     for name, hint in get_type_hints(Configuration).items():
-        value = described.get(name)
-        if name == "schedule":
+        if name not in described:  # of the schedule a card speaks elsewhere; others have their usual value
             continue
+        value = described[name]
         choices = get_args(hint)
         fits = value in choices if choices else type(value) is hint
         if not fits or (type(value) is int and not 1 <= value <= LARGEST):

@@ -30,6 +30,8 @@ class Configuration:
         Length of the vector of ``"global-code"``.
     extra_data
         Whether it is trained on more data than the paper's network.
+    crop
+        Whether images and targets are cropped to the body, so that its size is unknown.
     schedule
         Fields of :class:`learned.paired.schedule.Schedule` in which its own schedule departs from the paper's.
     """
@@ -41,6 +43,7 @@ class Configuration:
     width: int = 16
     code_size: int = 256
     extra_data: bool = False
+    crop: bool = False
     schedule: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
 
     def described(self) -> dict[str, Any]:
@@ -60,6 +63,8 @@ CONFIGURATIONS: dict[str, Configuration] = {
         LITERAL,
         replace(LITERAL, name="without_srf", short_range=False),
         replace(LITERAL, name="without_lrf", long_range=False),
+        replace(LITERAL, name="without_weighting", schedule=MappingProxyType({"early_epochs": 0})),
+        replace(LITERAL, name="size_free", crop=True),
         Configuration(
             name="wide-extra",
             architecture="global-code",
@@ -96,7 +101,7 @@ def from_card(described: Mapping[str, Any]) -> Configuration:
     """
     known = {entry.name for entry in fields(Configuration)} - {"schedule"}
     settled = {**SETTLED, "group_norm": described.get("architecture") == "global-code"}
-    described = without_settled(described, settled)
+    described = {"crop": False} | without_settled(described, settled)  # which cards of version 0.2 do not name
     if set(described) != known:
         raise ConfigurationError(
             f"the card describes another kind of network: {', '.join(sorted(set(described) ^ known))}",

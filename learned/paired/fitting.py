@@ -81,8 +81,8 @@ def fit(
 
     def train(run: TrainingRun) -> Trained[nn.Module]:
         run.say(f"gathering {data.n_pairs} pairs at {plan.resolution} x {plan.resolution}")
-        pairs = gather_kept(data, plan.resolution, run.folder, run.say)
-        unseen = gather(data.unseen(), plan.resolution)
+        pairs = gather_kept(data, plan.resolution, chosen.crop, run.folder, run.say)
+        unseen = gather(data.unseen(), plan.resolution, chosen.crop)
         trained = training.train(chosen, plan, pairs, unseen, run)
         as_stored(trained.network.to("cpu").eval())
         title = f"{name}, seed {seed}, {data.name}"

@@ -29,7 +29,7 @@ TELL_SECONDS = 20.0
 _FOLDER = "gathered"
 
 
-def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable[[str], None]) -> Pairs:
+def gather_kept(data: TrainingData, resolution: int, crop: bool, folder: Path, say: Callable[[str], None]) -> Pairs:
     """Shrink all pairs of a training into memory, those that were gathered before from their files.
 
     Parameters
@@ -38,6 +38,8 @@ def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable
         The pairs.
     resolution
         Pixels per side.
+    crop
+        Whether images and targets are cropped to the body.
     folder
         Of the model; the files go into a folder of their own inside, see :func:`forget`.
     say
@@ -48,7 +50,7 @@ def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable
     TrainingError
         If there is no pair, or a file cannot be written.
     """
-    recipe = json.dumps({"data": data.digest, "resolution": resolution}, sort_keys=True)
+    recipe = json.dumps({"data": data.digest, "resolution": resolution, "crop": crop}, sort_keys=True)
     runs: list[Pairs] = []
     while (found := _read(_path(folder, len(runs)), recipe)) is not None:
         runs.append(found)
@@ -59,7 +61,7 @@ def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable
     gathered_before = count
     pairs = data.pairs(count)
     while some := list(itertools.islice(pairs, RUN)):
-        runs.append(gather(some, resolution))
+        runs.append(gather(some, resolution, crop))
         count += len(some)
         if len(some) == RUN:
             _write(_path(folder, len(runs) - 1), runs[-1], recipe)
@@ -67,7 +69,7 @@ def gather_kept(data: TrainingData, resolution: int, folder: Path, say: Callable
             left = (now - began) / (count - gathered_before) * (data.n_pairs - count)
             say(f"gathered {count} of {data.n_pairs} pairs, about {left:.0f} s left")
             told = now
-    return joined(runs) if runs else gather((), resolution)
+    return joined(runs) if runs else gather((), resolution, crop)
 
 
 def forget(folder: Path) -> None:

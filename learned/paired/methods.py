@@ -119,6 +119,35 @@ class WithoutLRF(Learned):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WithoutWeighting(Learned):
+    """The network trained with the final weight of the depth loss throughout (Table IV)."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-without-weighting",
+        title="w/o progressive weighting",
+        family="extended",
+        summary="ablation: the weight of the depth loss is 1 from the first epoch",
+    )
+    configuration: ConfigurationName = "without_weighting"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizeFree(Learned):
+    """The network with images and targets cropped to the body, whose size it therefore does not know."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-size-free",
+        title="Our, size unknown",
+        family="extended",
+        summary="the paper's network without the size of the body",
+        departs=f"{Learned.info.departs} Images are cropped to the body, so that its size is unknown.",
+    )
+    configuration: ConfigurationName = "size_free"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Strict(Learned):
     """The network tested on subjects and poses that it has never seen (Table IV)."""
 

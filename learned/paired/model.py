@@ -12,9 +12,10 @@ from torch import Tensor, nn
 from benchmark.api.learning import card_digest, read_card
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from learned.images import checked_image, enlarge, shrink, smooth
+from learned.images import enlarge, smooth
 from learned.paired.card import network_of
 from learned.paired.network import build
+from learned.paired.pairs import seen_by
 from learned.surface import surface_behind
 from learned.weights import with_weights
 
@@ -69,7 +70,8 @@ def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> 
         If the model does not fit its card.
     """
     network, card = load_model(folder)
-    image = shrink(checked_image(depth), int(card["schedule"]["resolution"]))[:1]
+    crop = network_of(card, folder).configuration.crop
+    image = seen_by(depth, int(card["schedule"]["resolution"]), crop)[:1]
     return enlarge(smooth(predict(network, torch.from_numpy(image)), smoothing))
 
 

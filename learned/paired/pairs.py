@@ -12,6 +12,8 @@ from torch import Tensor
 
 from benchmark.api.learning import TrainingPair
 from benchmark.errors import TrainingError
+from benchmark.geometry.depth import DepthImage
+from learned.crop import cropped
 from learned.images import Floats, checked_image, shrink
 
 
@@ -45,8 +47,25 @@ class Pairs:
         return Pairs(self.identifiers, *moved)
 
 
-def gather(pairs: Iterable[TrainingPair], resolution: int) -> Pairs:
+def seen_by(image: DepthImage, resolution: int, crop: bool) -> Floats:
+    """Depth and mask as a network sees them, shape (2, resolution, resolution), cropped to the body or not."""
+    if not crop:
+        return shrink(checked_image(image), resolution)
+    depth = cropped(checked_image(image)[None], resolution)[0]
+    return np.stack([depth, (depth > 0).astype(np.float32)])
+
+
+def gather(pairs: Iterable[TrainingPair], resolution: int, crop: bool = False) -> Pairs:
     """Shrink all pairs into memory; each distinct target is kept once.
+
+    Parameters
+    ----------
+    pairs
+        Images and targets.
+    resolution
+        Pixels per side.
+    crop
+        Whether images and targets are cropped to the body.
 
     Raises
     ------
@@ -60,10 +79,10 @@ def gather(pairs: Iterable[TrainingPair], resolution: int) -> Pairs:
     target_of: list[int] = []
     for pair in pairs:
         identifiers.append(pair.identifier)
-        images.append(shrink(checked_image(pair.image), resolution)[:1])
+        images.append(seen_by(pair.image, resolution, crop)[:1])
         if pair.target_identifier not in row:
             row[pair.target_identifier] = len(targets)
-            targets.append(shrink(checked_image(pair.target), resolution))
+            targets.append(seen_by(pair.target, resolution, crop))
         target_of.append(row[pair.target_identifier])
     if not identifiers:
         raise TrainingError("there is no pair to train on", "check the data set with `benchmark data check`")

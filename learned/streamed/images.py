@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from benchmark.api.streaming import Fresh, MakesFresh
+from learned.crop import Image, cropped, shrunk, window
 from learned.streamed.configuration import Streamed
-from learned.streamed.crop import seen_by, window
 
 OVERSAMPLING = {"varied": 2.0, "wide": 1.5}
 """Pixels rendered for each side of a pixel that the network sees, by stream."""
@@ -19,6 +19,11 @@ OVERSAMPLING = {"varied": 2.0, "wide": 1.5}
 
 CELL = 8
 """Pixels per side of the coarse pixels whose canonical positions are predicted."""
+
+
+def seen_by(configuration: Streamed, images: Image) -> Image:
+    """Return what a network of this configuration is given of depth images of one mask, shape (k, r, r)."""
+    return (cropped if configuration.crop else shrunk)(images, configuration.resolution)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from benchmark.geometry.mesh import Mesh
 from learned.described import described_in
 from learned.images import checked_image, enlarge
 from learned.streamed.configuration import Streamed, from_card
-from learned.streamed.crop import seen_by
+from learned.streamed.images import seen_by
 from learned.streamed.network import StreamedNetwork, build_streamed
 from learned.streamed.stitching import closed_surface
 from learned.surface import surface_behind

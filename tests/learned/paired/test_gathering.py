@@ -7,14 +7,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from benchmark.api.learning import TrainingData, TrainingPair
+from benchmark.geometry.depth import SIZE
 from learned.paired import gathering
 from learned.paired.fitting import fit
 from learned.paired.gathering import gather_kept
-from learned.paired.pairs import Pairs, gather
+from learned.paired.pairs import Pairs, gather, seen_by
 from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, toy_data, toy_pairs
 
 RESOLUTION = 32
@@ -48,35 +51,52 @@ def assert_same(found: Pairs, expected: Pairs) -> None:
 def test_an_interrupted_gathering_goes_on_behind_what_it_has(tmp_path: Path) -> None:
     first: list[int] = []
     with pytest.raises(KeyboardInterrupt):
-        gather_kept(watched(first, stop=5), RESOLUTION, tmp_path, quiet)
+        gather_kept(watched(first, stop=5), RESOLUTION, False, tmp_path, quiet)
     assert first == [0, 1, 2, 3, 4]
     again: list[int] = []
     said: list[str] = []
-    found = gather_kept(watched(again), RESOLUTION, tmp_path, said.append)
+    found = gather_kept(watched(again), RESOLUTION, False, tmp_path, said.append)
     assert again == [3, 4, 5]
     assert said == ["found 3 pairs that were gathered before"]
     assert_same(found, gather(toy_pairs(BUILDS), RESOLUTION))
     once_more: list[int] = []
-    assert_same(gather_kept(watched(once_more), RESOLUTION, tmp_path, quiet), found)
+    assert_same(gather_kept(watched(once_more), RESOLUTION, False, tmp_path, quiet), found)
     assert once_more == []
 
 
-@pytest.mark.parametrize("change", ["data", "resolution", "damage", "truncation"])
+@pytest.mark.parametrize("change", ["data", "resolution", "crop", "damage", "truncation"])
 def test_pairs_of_another_recipe_or_a_damaged_file_are_made_again(tmp_path: Path, change: str) -> None:
-    gather_kept(watched([]), RESOLUTION, tmp_path, quiet)
+    gather_kept(watched([]), RESOLUTION, False, tmp_path, quiet)
     path = tmp_path / "gathered" / "00000.npz"
     made: list[int] = []
-    data, resolution = watched(made), RESOLUTION
+    data, resolution, crop = watched(made), RESOLUTION, change == "crop"
     if change == "data":
         data = replace(data, digest="ellipsoids 2")
     elif change == "resolution":
         resolution = 64
-    else:
+    elif change != "crop":
         content = path.read_bytes()
         path.write_bytes(b"noise" if change == "damage" else content[: len(content) // 2])
-    found = gather_kept(data, resolution, tmp_path, quiet)
+    found = gather_kept(data, resolution, crop, tmp_path, quiet)
     assert made[:3] == [0, 1, 2]
-    assert_same(found, gather(toy_pairs(BUILDS), resolution))
+    assert_same(found, gather(toy_pairs(BUILDS), resolution, crop))
+
+
+def test_a_cropped_image_shows_neither_size_nor_place() -> None:
+    v, u = np.mgrid[:SIZE, :SIZE].astype(float)
+
+    def dome(radius: int, row: int, column: int) -> NDArray[np.float32]:
+        relief = np.clip(1 - ((v - row) ** 2 + (u - column) ** 2) / radius**2, 0, None)
+        depth = 0.5 - np.sqrt(relief) * radius / SIZE
+        return np.where(relief > 0, depth, 0).astype(np.float32)
+
+    small, large = (seen_by(dome(*place), RESOLUTION, True) for place in ((60, 100, 300), (180, 250, 250)))
+    assert not np.array_equal(
+        *(seen_by(dome(*place), RESOLUTION, False) for place in ((60, 100, 300), (180, 250, 250)))
+    )
+    assert (small[1] == large[1]).mean() > 0.97
+    both = (small[1] > 0) & (large[1] > 0)
+    assert np.abs(small[0] - large[0])[both].mean() < 0.02
 
 
 @pytest.mark.usefixtures("tiny")

@@ -93,7 +93,14 @@ def test_non_default_settings_are_told_with_the_papers_value() -> None:
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_the_own_schedule_of_a_configuration_is_one(name: str) -> None:
     plan = schedule(configuration(name).schedule, {})
-    assert name == "wide-extra" or plan == Schedule()
+    own = {"wide-extra": plan, "without_weighting": Schedule(early_epochs=0)}
+    assert plan == own.get(name, Schedule())
+
+
+def test_without_progressive_weighting_the_depth_counts_in_full_from_the_first_epoch() -> None:
+    plan = schedule(configuration("without_weighting").schedule, {"epochs": 60})
+    assert [plan.weight_of_depth(epoch) for epoch in (0, 11, 59)] == [1, 1, 1]
+    assert [Schedule(epochs=60).weight_of_depth(epoch) for epoch in (0, 11, 12)] == [0.01, 0.01, 1]
 
 
 def test_a_configuration_survives_its_card() -> None:
