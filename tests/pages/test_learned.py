@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from benchmark.plugins.registry import BUILT_IN
+from benchmark.protocols.tables import ONLY_ABLATED
 from benchmark.report.significance import permutation_test
 from benchmark.results import open_results
 from retrieval.measures import PRINTED
@@ -79,7 +80,7 @@ def test_the_table_of_networks_has_all_their_published_scores(records: pd.DataFr
     page = (ROOT / "docs" / "explanation" / "networks.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([\w-]+)` \| (view|mesh) \| (.*) \|$", page, re.MULTILINE)
     learned = {name for name, target in BUILT_IN.items() if target.startswith("learned.")}
-    assert {name for name, *_ in rows} == learned - {"learned-strict", "learned-without-srf", "learned-without-lrf"}
+    assert {name for name, *_ in rows} == learned - ONLY_ABLATED
     for name, input_, cells in rows:
         for galleries, cell in zip([FOLDS, ["humans"], ["humans-scanlike"], ["tosca"]], cells.split("|"), strict=True):
             training = "[training=animals-sampled]" if name == "learned-wide-extra" and galleries == ["tosca"] else ""
