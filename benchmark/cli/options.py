@@ -21,7 +21,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
-    from benchmark.execution.plan import Shard
+    from benchmark.execution.sharding import Shard
     from benchmark.pipeline.storage.store import Store
 
 Declaration = Callable[[str], list[click.Parameter]]
@@ -84,7 +84,7 @@ def vertex_count(text: str) -> int | str:
 
 
 def _shard(text: str) -> Shard:
-    from benchmark.execution.plan import Shard
+    from benchmark.execution.sharding import Shard
 
     return Shard.parse(text)
 

@@ -25,8 +25,9 @@ from benchmark.cli.options import (
 from benchmark.datasets.catalogue import sources
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
+from benchmark.execution.estimates import estimate
 from benchmark.execution.job_specs import Job
-from benchmark.execution.plan import JobSettings, estimate, make_plan, require_jobs
+from benchmark.execution.plan import JobSettings, make_plan
 from benchmark.pipeline.storage.environment import in_words
 from benchmark.pipeline.storage.keys import bare_key
 from benchmark.pipeline.storage.merging import told
@@ -73,7 +74,8 @@ def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
     settings = JobSettings(options.seed, frozenset(options.retry), scorer_spec(options))
     jobs = make_plan(chosen, inputs, specs, store, settings)
     name_skipped(store)
-    require_jobs(jobs)
+    if not jobs:
+        raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
     if options.paper:
         jobs = _of_paper(jobs)
     if options.shard is not None:

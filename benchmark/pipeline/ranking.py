@@ -210,22 +210,24 @@ class GalleryRanking:
     # Record ----------------------------------------------------------------------------------------------------------
 
     def content(self, split_size: int, begun: float) -> dict[str, Any]:
-        """Return what the record says of a gallery with results.
-
-        Parameters
-        ----------
-        split_size
-            See :class:`benchmark.protocols.tables.Table`.
-        begun
-            When ranking began.
-        """
+        """Return what the record says, ranked since a moment; see :class:`.Table` for the size of splits."""
+        results, signatures, preparation = self.results.values(), self.signatures, self.run.preparation
         names, labels = ([getattr(entry, part) for entry in self.gallery] for part in ("identifier", "subject"))
         answered = [place for place, name in enumerate(names) if name in self.results] if self.refused else None
         scored = measures.scores(map(self.distances, self.recipes), labels, answered)
         if split_size:
             scored |= measures.over_splits(map(self.distances, self.recipes), labels, split_size, answered)
-        frame = self.run.preparation.frame_key
-        of_shapes = {artefact.key for result in self.results.values() for artefact in (result.prepared, result.answer)}
+        stored = [artefact for result in results for artefact in (result.prepared, result.answer)]
+        environments = Counter(artefact.environment for artefact in stored) + Counter(signatures["environments"])
+        digests = {
+            "shapes": _digest(result.prepared.digest for result in results),
+            "forms": _digest(result.answer.digest for result in results),
+            "signatures": signatures["digest"],
+            "distances": _digest(map(self.run.store.digest_under, self.keys)),
+        }
+        read = [artefact.files for result in results for artefact in result.artefacts] + [files_of(self.scorer)]
+        files = {path: digest for part in read for path, digest in part.items()}
+        models = {model.training: model.summary() for model in self.run.models.values()}
         return {
             "status": "ok",
             **scored,
@@ -235,15 +237,15 @@ class GalleryRanking:
             "n_classes": len(set(labels)),
             "unsupported": self.refused,
             "unprepared": self.unprepared,
-            "coverage": len(self.results) / max(len(names) - len(self.unprepared), 1),
-            "digests": self._digests,
-            "notes": _summary(result.notes for result in self.results.values()),
-            **_costs(self.results.values(), self.signatures),
+            "coverage": len(results) / max(len(names) - len(self.unprepared), 1),
+            "digests": {stage: digest for stage, digest in digests.items() if digest},
+            "notes": _summary(result.notes for result in results),
+            **_costs(results, signatures),
             "wall_seconds": round(time.perf_counter() - begun + sum(self._seconds_before.values()), 3),
-            "environments": self._environments,
-            "artefacts": sorted({*of_shapes, *self.keys, *([frame] if frame else [])}),
-            **self._files,
-            **self._learning,
+            "environments": [{"environment": text, "artefacts": n} for text, n in sorted(environments.items())],
+            "artefacts": sorted({artefact.key for artefact in stored} | {*self.keys, preparation.frame_key} - {""}),
+            **({"files": files} if files else {}),
+            **({"models": [*models.values()], "seen": self.run.seen(self.gallery)} if models else {}),
         }
 
     @cached_property
@@ -263,43 +265,6 @@ class GalleryRanking:
         block = None if self.run.describes else self.run.store.find(recipe, wanted=_SIGNATURES.__eq__)
         about = block.arrays.get(_SIGNATURES) if block else None
         return {"digest": "", "seconds": 0.0, "environments": {}} if about is None else dict(json.loads(str(about)))
-
-    @property
-    def _digests(self) -> dict[str, str]:
-        """Digests of all that the scores come from, stage by stage, in the order of the gallery."""
-        digests = {
-            "shapes": _digest(result.prepared.digest for result in self.results.values()),
-            "forms": _digest(result.answer.digest for result in self.results.values()),
-            "signatures": self.signatures["digest"],
-            "distances": _digest(map(self.run.store.digest_under, self.keys)),
-        }
-        return {stage: digest for stage, digest in digests.items() if digest}
-
-    @property
-    def _environments(self) -> list[dict[str, Any]]:
-        """Return where the artefacts were made: each environment with the number of artefacts."""
-        counts = Counter(
-            artefact.environment for result in self.results.values() for artefact in (result.prepared, result.answer)
-        ) + Counter(self.signatures["environments"])
-        return [{"environment": text, "artefacts": count} for text, count in sorted(counts.items())]
-
-    @property
-    def _files(self) -> dict[str, Any]:
-        """Files that plugins have read; empty where they read none."""
-        files: dict[str, str] = {}
-        for result in self.results.values():
-            for artefact in result.artefacts:
-                files |= artefact.files
-        files |= files_of(self.scorer)
-        return {"files": files} if files else {}
-
-    @property
-    def _learning(self) -> dict[str, Any]:
-        """Models of a learner, and which shapes they had seen; empty for other methods."""
-        models = {model.training: model for model in self.run.models.values()}
-        if not models:
-            return {}
-        return {"models": [model.summary() for model in models.values()], "seen": self.run.seen(self.gallery)}
 
 
 def matrices_of(record: Record, store: Store) -> Iterator[tuple[str, Matrix]]:

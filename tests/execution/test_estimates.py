@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmark.execution.plan import Estimate, estimate
+from benchmark.execution.estimates import Estimate, estimate
 
 
 def record(method, gallery="g", input_="mesh", **seconds):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
-from benchmark.execution.plan import Shard
+from benchmark.execution.sharding import Shard
 from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
 from tests.toy import write_rods
