@@ -35,11 +35,10 @@ import numpy as np
 import psutil
 
 from benchmark.threads import VARIABLES, pin_threads
-from tests.geometry.mutations import mutations
 from tests.toy import RADII, rod, write_off
 
 LISTS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-SECTIONS = ("kills", "plugins", "folders", "disks", "damage", "arguments", "readers")
+SECTIONS = ("kills", "plugins", "folders", "disks", "damage", "arguments")
 
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
 #: Seconds after which a command stands still, those in which the first one compiles, and those in which orphans end.
@@ -335,8 +334,6 @@ def all_cases(kills: int) -> Iterator[Case]:
     for name, make in LISTS["alien"].items():
         yield Case(f"damage/{name}", partial(try_damage, damage=lambda case, m=make: evaluate(m, case.results, case)))
     yield from (Case(f"arguments/{number:02}", try_arguments) for number in range(30))
-    for suffix in ("off", "obj", "ply", "stl", "mat", "vert", "tri"):
-        yield from (Case(f"readers/{suffix}-{number}", partial(try_reader, suffix=f".{suffix}")) for number in range(4))
 
 
 # Kills ---------------------------------------------------------------------------------------------------------------
@@ -680,14 +677,16 @@ def try_damage(case: Case, damage: Callable[[Case], None]) -> None:
     case.tried = 10
 
 
-# Command lines and readers -------------------------------------------------------------------------------------------
+# Command lines -------------------------------------------------------------------------------------------------------
 
 
 def verbs(group: click.Group, above: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], click.Command]]:
-    for name, command in sorted(group.commands.items()):
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
         if isinstance(command, click.Group):
             yield from verbs(command, (*above, name))
-        else:
+        elif command is not None:
             yield (*above, name), command
 
 
@@ -728,10 +727,10 @@ def harmless(case: Case, command: click.Command) -> dict[str, list[str]]:
     """Values by parameter that make a verb do little: the rods, the cheapest method, folders of the case."""
     known = {
         "datasets": ["-d", str(case.rods)], "methods": ["-m", INNOCENT], "inputs": ["--input", "mesh"],
-        "results": ["--results", str(case.results)], "only": ["--only", "no-such-training"], "jobs": ["-j", "1"],
-        "output": ["-o", str(case.folder / "out")], "timeout": ["--timeout", "20s"],
+        "results": ["--results", str(case.results)], "only": ["--only", "no-such-training"], "workers": ["-j", "1"],
+        "jobs": ["-j", "1"], "output": ["-o", str(case.folder / "out")], "timeout": ["--timeout", "20s"],
     }  # fmt: skip
-    arguments = {"what": "methods", "name": str(case.rods), "source": str(min(case.rods.glob("*.off"))),
+    arguments = {"what": "methods", "name": str(case.rods), "paths": str(min(case.rods.glob("*.off"))),
                  "second": "identity", "folders": str(case.results)}  # fmt: skip
     values: dict[str, list[str]] = {}
     for parameter in command.params:
@@ -746,30 +745,6 @@ def harmless(case: Case, command: click.Command) -> dict[str, list[str]]:
     if command.name == "export":
         values["output"] = ["-o", str(case.folder / f"export-{case.random.randrange(10**6)}")]
     return values
-
-
-def try_reader(case: Case, suffix: str) -> None:
-    """Two seconds of mesh files with random damage: readers refuse them by name, or read a mesh that is whole."""
-    words = (suffix, case.random.randrange(2**31))
-    done = case.run(*words, codes=(OK,), target=f"{__spec__.name if __spec__ else __name__}:damage_and_read")
-    case.tried = int(last(done.said)) if done.code == OK else 1
-
-
-def damage_and_read() -> None:
-    """Read damaged files, a program of its own; prints how many."""
-    from tests.geometry.test_formats import FILES, assert_named_or_a_mesh
-
-    suffix, draw = sys.argv[1], random.Random(int(sys.argv[2]))
-    memory = 2**30 + psutil.Process().memory_info().data  # a gibibyte for a file of a few kilobytes
-    resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.RLIM_INFINITY))
-    end, count = time.monotonic() + 2.0, 0
-    while (begun := time.monotonic()) < end:
-        name = draw.choice([name for name in FILES if name.endswith(suffix)])
-        assert_named_or_a_mesh(Path.cwd(), name, next(mutations(FILES[name], 1, seed=draw.randrange(2**31))))
-        if time.monotonic() - begun > 5.0:
-            raise TimeoutError(name)
-        count += 1
-    print(count, flush=True)
 
 
 # The program ---------------------------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ def test_names_tell_cases_apart():
 
 
 #: A case of each kind that takes seconds, and methods that end their worker, or leave something, each in its own way.
-SHORT = ["arguments/00", "readers/off-0", "folders/set-manifest-twice", "plugins/method-ends-process-0"]
+SHORT = ["arguments/00", "folders/set-manifest-twice", "plugins/method-ends-process-0"]
 SHORT += ["plugins/method-interrupts", "plugins/method-children-of-a-crash"]
 
 
@@ -40,7 +40,6 @@ def test_a_short_round_finds_nothing():
     assert done.returncode == 0, done.stdout + done.stderr
     tried = dict(re.findall(r"^\| (\w+) \| \d+ \| (\d+) \|", done.stdout, re.MULTILINE))
     assert tried["arguments"] == "8"
-    assert int(tried["readers"]) > 100
 
 
 # Would it notice? ----------------------------------------------------------------------------------------------------

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,26 +11,21 @@ import pytest
 import torch
 from torch import Tensor
 
-from benchmark.api.learning import CARD, WEIGHTS
 from benchmark.errors import ConfigurationError, TrainingError
 from learned.paired import training
 from learned.paired.configuration import Configuration
-from learned.paired.fitting import fit
 from learned.paired.network import ProgressiveNetwork
 from learned.paired.pairs import Pairs, gather
 from learned.paired.schedule import Schedule
 from learned.paired.training import train
 from learned.training import loop
-from learned.training.checkpoint import CHECKPOINT
-from learned.training.fitting import HISTORY
 from learned.training.loop import Trained
 from learned.training.machine import device_named
 from learned.training.measures import measures
-from tests.learned.toy import BUILDS, OPTIONS, TINY, files, quiet, run_in, toy_data, toy_pairs
+from tests.learned.toy import BUILDS, TINY, quiet, run_in, toy_pairs
 
 CPU = torch.device("cpu")
 PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, jitter=20, precision="float32")
-REPOSITORY = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -73,22 +65,6 @@ def test_a_seed_gives_the_same_weights_to_the_last_bit_and_another_does_not(pair
     assert equal(first, again)
     assert first.progress.history == again.progress.history
     assert not equal(first, other)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("tiny")
-def test_a_training_that_is_killed_gives_the_same_weights_in_the_end(trained: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "tests.learned.interrupted", str(tmp_path)]
-    killed = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False)
-    assert killed.returncode == -signal.SIGKILL, killed.stderr
-    assert CHECKPOINT in files(tmp_path)
-    assert CARD not in files(tmp_path)
-    said: list[str] = []
-    fit(TINY.name, 0, toy_data(), tmp_path, OPTIONS, said.append)
-    assert "going on after epoch 12 of 30" in "\n".join(said)
-    assert (tmp_path / WEIGHTS).read_bytes() == (trained / WEIGHTS).read_bytes()
-    assert (tmp_path / HISTORY).read_bytes() == (trained / HISTORY).read_bytes()
-    assert CHECKPOINT not in files(tmp_path)
 
 
 def test_a_loss_that_is_not_a_number_names_its_images_and_leaves_the_checkpoint(
