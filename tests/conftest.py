@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from benchmark.threads import pin_threads
+from benchmark.machine import pin_threads
 
 pin_threads()
 

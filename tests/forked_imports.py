@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.preparation import prepare
-from benchmark.threads import pin_threads
+from benchmark.machine import pin_threads
 from retrieval.cmbof import CMBOF
 from tests.toy import rod
 

@@ -17,6 +17,7 @@ from multiprocessing.reduction import DupFd
 from pathlib import Path
 from typing import Any
 
+from benchmark.execution.processes import child
 from benchmark.execution.processes import process as processes
 
 _SERVER = forkserver._forkserver
@@ -65,10 +66,9 @@ def _begin(address: str, inherited: tuple[Any, ...], quiet: bool) -> None:
         os.close(file)
     with suppress(OSError):
         os.setsid()
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     _SERVER._forkserver_address, _SERVER.ensure_running = address, lambda: None
     processes._start = start
-    processes.run(str(pipe), str(trace), str(os.getppid()))
+    child.run(str(pipe), str(trace), str(os.getppid()))
 
 
 def start(pipe: int, trace: int, mark: str, quiet: bool) -> Any:

@@ -10,8 +10,8 @@ ROOT = Path(__file__).parents[1]
 #: Layers, lowest first: a package may import from itself and from any layer below, never from its neighbours on
 #: the same layer. A module belongs to the longest name that fits.
 LAYERS = (
-    ("benchmark.errors", "benchmark.cgroup", "benchmark.plugins.closing"),
-    ("benchmark.threads", "benchmark.arrays", "benchmark.files", "benchmark.source_code", "benchmark.text"),
+    ("benchmark.errors", "benchmark.plugins.closing"),
+    ("benchmark.machine", "benchmark.arrays", "benchmark.files", "benchmark.source_code", "benchmark.text"),
     ("benchmark.kernel_cache", "benchmark.kernels", "benchmark.execution.processes"),
     ("benchmark.geometry", "benchmark.plugins.modules", "benchmark.plugins.services"),
     ("benchmark.api", "benchmark.depth"),

@@ -34,7 +34,7 @@ import click
 import numpy as np
 import psutil
 
-from benchmark.threads import VARIABLES, pin_threads
+from benchmark.machine import VARIABLES, pin_threads
 from tests.toy import RADII, rod, write_off
 
 LISTS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))

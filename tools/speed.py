@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from benchmark.threads import pin_threads
+from benchmark.machine import pin_threads
 
 pin_threads()
 

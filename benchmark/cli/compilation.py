@@ -24,6 +24,7 @@ from benchmark.execution.processes.channel import Facts, wait_for
 from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Requester
 from benchmark.geometry.io import write_mesh
 from benchmark.kernels import drop_stale_kernels
+from benchmark.machine import available_cores
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.storage.store import Store
@@ -34,7 +35,6 @@ from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.tables import INPUTS, VARIANTS
 from benchmark.source_code import ROOT
 from benchmark.text import say
-from benchmark.threads import available_cores
 
 
 @verb
@@ -57,9 +57,8 @@ def compile_(
             wait_for(running.values(), INTERVAL)
             for name, process in list(running.items()):
                 try:
-                    if (message := process.receive(0.0)) is None:
+                    if process.receive(0.0) is None:
                         continue
-                    process.result(message)
                     end = "done"
                 except (BenchmarkError, ForeignError, MemoryError, ProcessEnded) as error:
                     code, end = NOT_OK, f"ended with {error}"

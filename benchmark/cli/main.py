@@ -18,9 +18,9 @@ from benchmark import __version__
 from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE, argument, verb
 from benchmark.errors import BenchmarkError
 from benchmark.kernel_cache import choose_kernel_cache
+from benchmark.machine import pin_threads
 from benchmark.plugins.closing import close_process
 from benchmark.text import say
-from benchmark.threads import pin_threads
 
 #: How the program is called in messages.
 PROGRAM = "python -m benchmark"

@@ -41,7 +41,6 @@ from benchmark.protocols.tables import INPUTS, TABLES
 from benchmark.reference import paper
 from benchmark.report.rounding import number
 from benchmark.text import brief, clean, say, say_lines
-from benchmark.threads import available_cores
 from retrieval.measures import PRINTED
 
 #: Most jobs that have a line each, unless somebody asks for all.

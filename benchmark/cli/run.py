@@ -33,6 +33,7 @@ from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.scheduler import Scheduler
 from benchmark.kernel_cache import VARIABLE
 from benchmark.kernels import compiled_files, drop_stale_kernels
+from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.records import Record, by_place
 from benchmark.pipeline.storage.store import Store, sweep_leftovers
@@ -46,7 +47,6 @@ from benchmark.report.rounding import number
 from benchmark.results import frame_of
 from benchmark.source_code import ROOT
 from benchmark.text import brief, clean, say, say_lines
-from benchmark.threads import available_cores
 from retrieval.measures import PRINTED
 
 #: Seconds between two lines about progress where there is no terminal.

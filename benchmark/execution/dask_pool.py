@@ -11,12 +11,13 @@ import secrets
 import threading
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -30,11 +31,11 @@ from benchmark.execution.pools import LOST, LocalPool, Running, Status
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.processes.process import INTERVAL
 from benchmark.kernel_cache import choose_kernel_cache
+from benchmark.machine import pin_threads
 from benchmark.pipeline.storage.environment import PACKAGES, environment
 from benchmark.pipeline.storage.store import Store
 from benchmark.source_code import suite_texts
 from benchmark.text import brief, say
-from benchmark.threads import pin_threads
 
 T = TypeVar("T")
 
@@ -66,28 +67,25 @@ class WorkerNode:
     refusal
         Why it is left out.
     heartbeat, heard
-        Its last heartbeat by the clock of the scheduler, and when that was noticed here.
-    is_gone
-        Whether the scheduler knows it no more.
+        Its last heartbeat by the clock of the scheduler, and when that was noticed here; never again once it is gone.
     running
-        Tasks that it is at.
+        Number of the tasks that it is at.
     """
 
     address: str
     host: str
     threads: int
-    inspection: futures.Future[str]
+    inspection: futures.Future[Any]
     is_ready: bool = False
     refusal: ConfigurationError | None = None
     heartbeat: float = 0.0
     heard: float = field(default_factory=time.monotonic)
-    is_gone: bool = False
     running: int = 0
 
     @property
     def is_lost(self) -> bool:
         """Return whether it is gone or silent; it is trusted again as soon as it is heard."""
-        return self.is_gone or time.monotonic() - self.heard > SILENCE
+        return time.monotonic() - self.heard > SILENCE
 
     @property
     def free(self) -> int:
@@ -95,70 +93,8 @@ class WorkerNode:
         return self.threads - self.running if self.is_ready and not self.is_lost else 0
 
 
-class DaskTask(Running):
-    """A task that a dask worker is at.
-
-    Parameters
-    ----------
-    task
-        The task.
-    node
-        Who does it.
-    answer
-        What dask will have in the end.
-    store
-        Where its records belong.
-    """
-
-    def __init__(self, task: Task, node: WorkerNode, answer: Answer, store: Store) -> None:
-        super().__init__(task)
-        self.node = node
-        self._answer = answer
-        self._store = store
-        self._is_over = False
-        node.running += 1
-
-    def update(self) -> None:
-        """Look whether it has ended."""
-        if not self.has_ended and self._answer.done():
-            self._take_answer()
-        elif not self.has_ended and self.node.is_lost:
-            self.exit_code = LOST
-        if self.has_ended:
-            self.end()
-
-    def stop(self) -> None:
-        """End it, after it has written down where it is."""
-        key, address = str(self._answer.key), self.node.address
-        _aside(lambda: self._answer.client.run(stop, key, workers=[address], on_error="ignore"))
-        until = time.monotonic() + _LAST_WORDS
-        while not self.has_ended and time.monotonic() < until:
-            time.sleep(INTERVAL)
-            self.update()
-        self.end()
-
-    def end(self) -> None:
-        """End it, if it still runs; its worker hears of it from the scheduler."""
-        if not self._is_over:
-            self._is_over = True
-            _aside(lambda: self._answer.cancel(force=True))
-            self.node.running -= 1
-
-    def _take_answer(self) -> None:
-        try:
-            found = json.loads(self._answer.result(timeout=SILENCE))
-            status, code = Status(*found["status"]), None if found["is_finished"] else int(found["exit_code"])
-        except Exception:  # cancelled, killed, or without an answer
-            self.exit_code = LOST
-            return
-        for record in found["records"]:  # a network file system may show them seconds later
-            if record["key"] not in self._store.records:
-                self._store.write_record(record)
-        self.status, self.trace, self.exit_code, self.is_finished = status, str(found["trace"]), code, code is None
-
-
 class DaskPool:
-    """The workers of a dask cluster.
+    """The workers of a dask cluster; see :mod:`benchmark.execution.pools`.
 
     Each is asked before it gets work whether it sees the results folder and what code, packages and data it has, and is
     left out if it would do other work than was planned. Tasks are given to one worker by name, for a run wants to know
@@ -189,7 +125,7 @@ class DaskPool:
         self._info: dict[str, Any] = {}
         self._store = Store.open(jobs[0].results)
         self._suite = suite()
-        self._running: dict[str, DaskTask] = {}
+        self._running: dict[str, Running] = {}
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of versions, which are told worker by worker
@@ -219,7 +155,7 @@ class DaskPool:
     def __exit__(self, *_: object) -> None:
         self._over.set()
         self._marker.unlink(missing_ok=True)
-        futures.wait([_aside(lambda: self._client.close(timeout=1))], _LAST_WORDS)
+        futures.wait([_aside(partial(self._client.close, timeout=1))], _LAST_WORDS)
 
     @property
     def size(self) -> int:
@@ -236,31 +172,27 @@ class DaskPool:
         return f"{asked} workers of {self.url} say what they have" if asked else f"no worker at {self.url} yet"
 
     def begin(self, task: Task) -> Running:
-        """Give a task to the worker that is least at work; raises ``OSError`` if all of them are."""
+        """Give a task to the worker that is least at work."""
         node = max(self._nodes.values(), key=lambda node: node.free, default=None)
         if node is None or not node.free:
             raise OSError(0, f"all workers of {self.url} are at work")
         name = f"{self._name}-{next(self._numbers)}"
-        message = {
-            "task": to_json(task),
-            "run": self._name,
-            "name": name,
-            "workers": sum(other.threads for other in self._nodes.values() if other.host == node.host),
-        }
+        share = sum(other.threads for other in self._nodes.values() if other.host == node.host)
         answer = self._client.submit(
-            do, json.dumps(message), key=name, workers=[node.address], allow_other_workers=False,
+            do, to_json(task), self._name, name, share, key=name, workers=[node.address], allow_other_workers=False,
             retries=0, pure=False,
         )  # fmt: skip
-        self._running[name] = DaskTask(task, node, answer, self._store)
+        node.running += 1
+        self._running[name] = Running(task, (node, answer))
         return self._running[name]
 
     def _hear(self, event: tuple[float, Any]) -> None:
         """Take note of how far a task is, as its worker says."""
         name, *status = event[1]
-        if name in self._running and not self._running[name].has_ended:
+        if name in self._running:
             self._running[name].status = Status(*status)
 
-    def wait(self, running: Sequence[Running], look: Callable[[], object]) -> None:
+    def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
         """Wait a moment, then look who has come and who has gone.
 
         Raises
@@ -277,12 +209,10 @@ class DaskPool:
                 f"the dask scheduler at {self.url} is gone", "start it again and run again; finished jobs are kept"
             )
         self._look_round()
-        for name, task in list(self._running.items()):
-            task.update()
-            if task.has_ended:
-                del self._running[name]
+        for running in tasks:
+            self._update(running)
         refused = [node.refusal for node in self._nodes.values() if node.refusal]
-        if running or self.size:
+        if tasks or self.size:
             self._useful = now
         elif refused and len(refused) == len(self._nodes):
             raise ConfigurationError(
@@ -293,6 +223,45 @@ class DaskPool:
                 f"no worker came to {self.url} in {_NOBODY:g} s",
                 f"start some, of distributed {self._suite['distributed']}, and run again; finished jobs are kept",
             )
+
+    def _update(self, running: Running) -> None:
+        """Look whether a task has ended."""
+        node, answer = running.worker
+        if answer.done():
+            self._take_answer(running, answer)
+        elif node.is_lost:
+            running.exit_code = LOST
+        if running.has_ended:
+            self.end(running)
+
+    def _take_answer(self, running: Running, answer: Answer) -> None:
+        try:
+            end = answer.result(timeout=SILENCE)
+        except Exception:  # cancelled, killed, or without an answer
+            running.exit_code = LOST
+            return
+        for record in end["records"]:  # a network file system may show them seconds later
+            if record["key"] not in self._store.records:
+                self._store.write_record(record)
+        running.status, running.trace = Status(*end["status"]), end["trace"]
+        running.is_finished, running.exit_code = end["is_finished"], end["exit_code"]
+
+    def stop(self, running: Running) -> None:
+        """End a task, after it has written down where it is."""
+        node, answer = running.worker
+        _aside(partial(self._client.run, stop, answer.key, workers=[node.address], on_error="ignore"))
+        until = time.monotonic() + _LAST_WORDS
+        while not running.has_ended and time.monotonic() < until:
+            time.sleep(INTERVAL)
+            self._update(running)
+        self.end(running)
+
+    def end(self, running: Running) -> None:
+        """End a task, if it still runs; its worker hears of it from the scheduler."""
+        node, answer = running.worker
+        if self._running.pop(answer.key, None):
+            _aside(partial(answer.cancel, force=True))
+            node.running -= 1
 
     def _watch(self) -> None:
         """Ask the scheduler for its workers, again and again; in a thread, for it may never answer."""
@@ -306,7 +275,10 @@ class DaskPool:
         info = self._info
         for address, known in info.items():
             if address not in self._nodes:
-                inspection = _aside(partial(self._inspect, address))
+                # Not by a task, at which a worker without the suite would end.
+                inspection = _aside(
+                    partial(self._client.run, asyncio.to_thread, inspect, self._question, workers=[address])
+                )
                 self._nodes[address] = WorkerNode(address, known["host"], int(known["nthreads"]), inspection)
             node = self._nodes[address]
             if node.heartbeat != known.get("last_seen"):
@@ -314,16 +286,12 @@ class DaskPool:
             if node.inspection.done() and not node.is_ready and not node.refusal:
                 self._admit(node)
         for address in self._nodes.keys() - info.keys():
-            self._nodes.pop(address).is_gone = True
-
-    def _inspect(self, address: str) -> str:
-        """Ask a worker what it has; not by a task, at which a worker without the suite would end."""
-        return str(self._client.run(inspect, self._question, workers=[address])[address])
+            self._nodes.pop(address).heard = -inf
 
     def _admit(self, node: WorkerNode) -> None:
         """Take the answer of a worker to the question what it has."""
         try:
-            answer = json.loads(node.inspection.result())
+            answer = json.loads(node.inspection.result()[node.address])
             problem, hint = str(answer["problem"]), str(answer["hint"])
             problem, hint = (problem, hint) if problem else (self._other_suite(node, answer), SAME_SUITE)
         except Exception as error:  # the suite is not there, or the worker has gone
@@ -359,8 +327,8 @@ def _aside(call: Callable[[], T]) -> futures.Future[T]:
 
 # Inside a dask worker ------------------------------------------------------------------------------------------------
 
-# Texts are taken and returned, never objects. A dask worker that runs for weeks may have older code in its memory than
-# is on its disk, and is left out then.
+# Plain values are taken and returned, never objects. A dask worker that runs for weeks may have older code in its
+# memory than is on its disk, and is left out then.
 
 #: Hint where a worker would do other work.
 SAME_SUITE = "install there the suite and the packages that are here"
@@ -374,7 +342,7 @@ _stopped: set[str] = set()
 _pools: dict[int, tuple[str, LocalPool]] = {}
 
 
-def do(message: str) -> str:
+def do(description: str, run: str, name: str, share: int) -> dict[str, Any]:
     """Do a task in a process beside this dask worker, and return how it ended.
 
     The process ends when this worker is killed, or the cluster has cancelled the task, because its run is gone or has
@@ -382,20 +350,21 @@ def do(message: str) -> str:
 
     Parameters
     ----------
-    message
-        JSON with the ``task`` as :func:`benchmark.execution.job_specs.to_json` writes it; ``run``, its name; ``name``
-        of the task in the cluster; ``workers``, the number of tasks that share the memory of this machine.
+    description
+        The task as :func:`benchmark.execution.job_specs.to_json` writes it.
+    run, name
+        Name of the run, and of the task in the cluster.
+    share
+        Number of the tasks that share the memory of this machine.
 
     Returns
     -------
-    str
-        JSON with ``is_finished``, ``exit_code``, ``status``, ``trace`` and ``records`` of those jobs that have one.
+    dict
+        ``is_finished``, ``exit_code``, ``status``, ``trace``, and ``records`` of those jobs that have one.
     """
     from distributed import get_worker
 
-    asked = json.loads(message)
-    task, name, worker = task_of(asked["task"]), asked["name"], get_worker()
-    pool = _pool(asked["run"], asked["workers"])
+    task, worker, pool = task_of(description), get_worker(), _pool(run, share)
     running = pool.begin(task)
     latest = running.status
     try:
@@ -403,25 +372,24 @@ def do(message: str) -> str:
             pool.wait([running], lambda: None)
             if running.status != latest:
                 latest = running.status
-                worker.log_event(asked["run"], [name, *astuple(latest)])
+                worker.log_event(run, [name, *astuple(latest)])
         if name in _stopped:
-            running.stop()
+            pool.stop(running)
     finally:
         if not running.has_ended:
-            running.end()
+            pool.end(running)
         _stopped.discard(name)
-    store = Store.open(task.jobs[0].results)
-    answer = {
+    records = Store.open(task.jobs[0].results).records
+    return {
         "is_finished": running.is_finished,
         "exit_code": running.exit_code if running.has_ended else LOST,
         "status": astuple(running.status),
         "trace": running.trace,
-        "records": [record for job in task.jobs if (record := store.records.read(job.key))],
+        "records": [record for job in task.jobs if (record := records.read(job.key))],
     }
-    return json.dumps(answer)
 
 
-def _pool(run: str, workers: int) -> LocalPool:
+def _pool(run: str, share: int) -> LocalPool:
     """Return the processes of this thread."""
     known, pool = _pools.get(threading.get_ident(), ("", None))
     if pool is None or known != run:
@@ -429,7 +397,7 @@ def _pool(run: str, workers: int) -> LocalPool:
             pool.close()
         pin_threads()
         choose_kernel_cache()
-        pool = LocalPool(1, share=workers)
+        pool = LocalPool(1, share)
         _pools[threading.get_ident()] = run, pool
     return pool
 
@@ -445,7 +413,7 @@ def _is_wanted(worker: Any, name: str) -> bool:
     return task is not None and task.state in ("executing", "long-running")
 
 
-async def inspect(message: str) -> str:
+def inspect(message: str) -> str:
     """Look why this machine would do other work than was planned.
 
     Parameters
@@ -459,10 +427,6 @@ async def inspect(message: str) -> str:
     str
         JSON with ``problem`` and ``hint``, both empty if this machine will do; and ``suite``; see :func:`suite`.
     """
-    return await asyncio.to_thread(_inspected, message)
-
-
-def _inspected(message: str) -> str:
     guard = Guard("the inspection of this machine", "look at the log of the worker")
     try:
         answer = call_apart(_inspect, json.loads(message), guard=guard)
@@ -473,35 +437,40 @@ def _inspected(message: str) -> str:
     return json.dumps(answer)
 
 
-def _inspect(asked: Mapping[str, Any]) -> dict[str, Any]:
-    from benchmark.api.learning import card_digest, read_card
-    from benchmark.datasets.catalogue import open_dataset
-    from benchmark.execution.plan import difference
-    from benchmark.pipeline import recipes
+def _inspect(question: Mapping[str, Any]) -> dict[str, Any]:
     from benchmark.plugins.remote import close_to_plugins
 
-    if not _is_shared(Path(asked["marker"]), asked["written"]):
+    if not _is_shared(Path(question["marker"]), question["written"]):
         return {
-            "problem": f"it does not see the results folder {asked['results']}, or may not write there",
+            "problem": f"it does not see the results folder {question['results']}, or may not write there",
             "hint": "mount the folder there under the same path, or run parts with --shard and merge them",
         }
     close_to_plugins()
     problems: dict[str, None] = {}
-    for description in asked["jobs"]:
+    for description in question["jobs"]:
         try:
-            job = job_of(description)
-            dataset = open_dataset(job.dataset, job.data_root)
-            now = {"plugin": None, **recipes.job_plugins(dataset, job.method, job.scorer)}
-            if now["plugin"] != job.recipe.get("plugin"):
-                problems[difference({"plugin": job.recipe.get("plugin")}, now)] = None
-            for model in job.models.values():
-                if card_digest(read_card(model.folder)) != card_digest(model.card):
-                    problems[f"another model {model.training} ({model.digest})"] = None
+            problems |= dict.fromkeys(_differences(job_of(description)))
         except BenchmarkError as error:
             problems[str(error)] = None
         except Exception as error:  # a plugin may raise anything
             problems[one_line(error)] = None
     return {"problem": "; ".join(problems), "hint": SAME_SUITE if problems else "", "suite": suite()}
+
+
+def _differences(job: Job) -> Iterator[str]:
+    """Say which plugin and models of a job are others here."""
+    from benchmark.api.learning import card_digest, read_card
+    from benchmark.datasets.catalogue import open_dataset
+    from benchmark.execution.plan import difference
+    from benchmark.pipeline import recipes
+
+    dataset = open_dataset(job.dataset, job.data_root)
+    now = {"plugin": None, **recipes.job_plugins(dataset, job.method, job.scorer)}
+    if now["plugin"] != job.recipe.get("plugin"):
+        yield difference({"plugin": job.recipe.get("plugin")}, now)
+    for model in job.models.values():
+        if card_digest(read_card(model.folder)) != card_digest(model.card):
+            yield f"another model {model.training} ({model.digest})"
 
 
 def suite() -> dict[str, Any]:

@@ -1,10 +1,14 @@
-"""Where the tasks of a run are done: in processes of this machine, or in this process for debugging."""
+"""Where the tasks of a run are done: in processes of this machine, or in this process for debugging.
+
+A pool has a ``size``, what it ``waits_for``, and four methods: ``begin`` a task, which raises ``OSError`` where that
+cannot be done just now; ``wait`` until one has ended, or a moment; ``stop`` one, after it has written down where it is;
+``end`` one at once.
+"""
 
 from __future__ import annotations
 
 import os
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
@@ -13,14 +17,8 @@ from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
 from benchmark.execution.job_specs import Task, task_of, to_json
 from benchmark.execution.processes.channel import Facts, wait_for
-from benchmark.execution.processes.process import (
-    INTERVAL,
-    ForeignError,
-    Process,
-    ProcessEnded,
-    Requester,
-    memory_per_process,
-)
+from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Requester
+from benchmark.machine import memory_per_process
 from benchmark.pipeline.storage import lock
 from benchmark.pipeline.storage.store import StorageError
 from benchmark.plugins.remote import close_to_plugins
@@ -64,17 +62,12 @@ class Status:
     is_starting: bool = False
 
 
-class Running(ABC):
-    """A task under way.
+class Running:
+    """A task under way, and what does it, as its pool knows it."""
 
-    Parameters
-    ----------
-    task
-        The task.
-    """
-
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, worker: Any = None) -> None:
         self.task = task
+        self.worker = worker
         self.status = Status()
         self.is_finished = False
         #: How its process ended before the task was finished, or :data:`LOST`; it may have ended with 0, too.
@@ -96,17 +89,7 @@ class Running(ABC):
         """Keys of its jobs."""
         return [job.key for job in self.task.jobs]
 
-    @abstractmethod
-    def stop(self) -> None:
-        """End it, after it has written down where it is."""
 
-    @abstractmethod
-    def end(self) -> None:
-        """End it, if it still runs."""
-
-
-#: Does tasks: ``begin`` raises ``OSError`` where that cannot be done just now, and ``wait`` returns when one has ended,
-#: or after a moment.
 Pool: TypeAlias = "LocalPool | DaskPool"
 
 
@@ -115,40 +98,6 @@ def lane_of(task: Task) -> str:
     if any(job.is_foreign for job in task.jobs):
         return ""
     return " ".join(sorted({job.package for job in task.jobs}))
-
-
-class LocalTask(Running):
-    """A task that a process beside this one is at."""
-
-    def __init__(self, task: Task, process: Process) -> None:
-        super().__init__(task)
-        self.process = process
-
-    def update(self) -> None:
-        """Take in what the process has said."""
-        try:
-            while not self.has_ended and (message := self.process.receive(0.0)) is not None:
-                if (status := message[0].get("progress")) is not None:
-                    self.status = Status(*status)
-                    continue
-                self.process.result(message)
-                self.is_finished = True
-        except ProcessEnded as error:
-            self.exit_code, self.trace = error.code, self.process.trace
-        except (BenchmarkError, ForeignError, MemoryError) as error:  # none of a job, which would be its record
-            say(f"a task ends: {error}", err=True)
-            self.exit_code = 1
-            self.end()
-
-    def stop(self) -> None:
-        """End it, after it has written down where it is."""
-        self.process.stop()
-        self.trace = self.process.trace
-
-    def end(self) -> None:
-        """End its process."""
-        self.process.end()
-        self.trace = self.trace or self.process.trace
 
 
 class LocalPool:
@@ -181,9 +130,9 @@ class LocalPool:
             self._idle.pop()[1].end()
 
     def begin(self, task: Task) -> Running:
-        """Give a task to a process that waits, or start one; raises ``OSError`` if the system starts none."""
-        running = LocalTask(task, self._process(lane_of(task)))
-        running.process.send({"task": to_json(task)})
+        """Give a task to a process that waits, or start one."""
+        running = Running(task, self._process(lane_of(task)))
+        running.worker.send({"task": to_json(task)})
         return running
 
     def _process(self, lane: str) -> Process:
@@ -196,38 +145,40 @@ class LocalPool:
         # A process beside it runs the code of a plugin: both together get the share of one.
         return Process(do_task, memory=self._memory if lane else self._memory // 2, idle=_IDLE)
 
-    def wait(self, running: Sequence[Any], look: Callable[[], object]) -> None:
-        """Wait until one of them ends, or a moment."""
+    def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
+        """Wait until one of some tasks ends, or a moment."""
         until = time.monotonic() + INTERVAL
-        while not any(task.has_ended for task in running) and (left := until - time.monotonic()) > 0:
-            wait_for([task.process for task in running], left)
-            for task in running:
-                task.update()
-        for task in running:
-            if task.is_finished and (done := lane_of(task.task)):
-                self._idle.append((done, task.process))
-            elif task.has_ended:
-                task.end()
+        while not any(running.has_ended for running in tasks) and (left := until - time.monotonic()) > 0:
+            wait_for([running.worker for running in tasks], left)
+            for running in tasks:
+                self._update(running)
+        for running in tasks:
+            if running.is_finished and (lane := lane_of(running.task)):
+                self._idle.append((lane, running.worker))
+            elif running.has_ended:
+                self.end(running)
 
+    def _update(self, running: Running) -> None:
+        def note(progress: Sequence[Any]) -> None:
+            running.status = Status(*progress)
 
-class _TaskHere(Running):
-    """A task that this process does."""
+        try:
+            running.is_finished = running.worker.receive(0.0, note) is not None
+        except ProcessEnded as error:
+            running.exit_code = error.code
+        except (BenchmarkError, ForeignError, MemoryError) as error:  # none of a job, which would be its record
+            say(f"a task ends: {error}", err=True)
+            running.exit_code = 1
 
-    def do(self, look: Callable[[], object]) -> None:
-        """Do it."""
+    def stop(self, running: Running) -> None:
+        """End a task, after it has written down where it is."""
+        running.worker.stop()
+        self.end(running)
 
-        def tell(status: Status) -> None:
-            self.status = status
-            look()
-
-        _work(self.task, tell)
-        self.is_finished = True
-
-    def stop(self) -> None:
-        """Do nothing: nobody looks at it while it is at work."""
-
-    def end(self) -> None:
-        """Do nothing."""
+    def end(self, running: Running) -> None:
+        """End the process of a task."""
+        running.worker.end()
+        running.trace = running.worker.trace
 
 
 class PoolHere(LocalPool):
@@ -241,36 +192,47 @@ class PoolHere(LocalPool):
 
     def begin(self, task: Task) -> Running:
         """Begin a task."""
-        return _TaskHere(task) if lane_of(task) else super().begin(task)
+        return Running(task) if lane_of(task) else super().begin(task)
 
-    def wait(self, running: Sequence[Any], look: Callable[[], object]) -> None:
+    def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
         """Do the task that this process is to do, or wait."""
-        here = [task for task in running if isinstance(task, _TaskHere)]
-        if not here:
-            super().wait(running, look)
-        for task in here:
-            task.do(look)
+        for running in tasks:
+            if running.worker is not None:
+                super().wait([running], look)
+                continue
+
+            def note(status: Status, running: Running = running) -> None:
+                running.status = status
+                look()
+
+            _work(running.task, note)
+            running.is_finished = True
+
+    def end(self, running: Running) -> None:
+        """End the process of a task, if it has one."""
+        if running.worker is not None:
+            super().end(running)
 
 
 def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
     """Do a task, in its process."""
     latest = Status()
 
-    def tell(status: Status) -> None:
+    def report(status: Status) -> None:
         nonlocal latest
         latest = status
         requester.tell(astuple(status))
 
-    close_to_plugins(lambda is_starting: tell(replace(latest, is_starting=is_starting)))
+    close_to_plugins(lambda is_starting: report(replace(latest, is_starting=is_starting)))
     lock.forget()  # the code may have changed since the task before
     try:
-        _work(task_of(facts["task"]), tell)
+        _work(task_of(facts["task"]), report)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     return {}, {}
 
 
-def _work(task: Task, tell: Callable[[Status], object]) -> None:
+def _work(task: Task, report: Callable[[Status], object]) -> None:
     from benchmark.execution.runner import work
 
-    work(task, lambda job, steps, shape="": tell(Status(job, steps, shape)))
+    work(task, lambda job, steps, shape="": report(Status(job, steps, shape)))

@@ -281,7 +281,7 @@ class Scheduler:
                 yield from self._queue.ended({key for running in self._running for key in running.keys})
         finally:
             for running in self._running:
-                running.end()
+                self._pool.end(running)
 
     def _start(self) -> None:
         while (free := self._pool.size - len(self._running)) > 0 and time.monotonic() >= self._not_before:
@@ -332,7 +332,7 @@ class Scheduler:
             else:
                 self._died(running)
         elif self._timeout and (self._seconds[job] if job else now - running.begun - BIRTH) > self._timeout:
-            running.stop()
+            self._pool.stop(running)
             self._running.remove(running)
             self._blame(running, "timeout", _why_stopped(running, self._timeout))
 

@@ -13,7 +13,7 @@ import torch
 from benchmark.api.contracts import Interval
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
-from benchmark.threads import available_cores
+from benchmark.machine import available_cores
 
 Precision = Literal["auto", "float32", "bfloat16"]
 

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 ALL_METHODS = """
 import sys
 from pathlib import Path
-from benchmark.threads import pin_threads
+from benchmark.machine import pin_threads
 pin_threads()
 from benchmark.cli.forms import FormRequest, plain_form
 from benchmark.errors import BenchmarkError

@@ -39,7 +39,7 @@ def do(pool, tmp_path):
             pool.wait([running], lambda: None)
         assert running.is_finished
         assert (tmp_path / "runs" / "records" / f"{job.key}.json").is_file()
-        return running.process._process.pid
+        return running.worker._process.pid
 
     return done
 

@@ -38,12 +38,6 @@ class Scripted(Running):
             for job in task.jobs:
                 Store.open(job.results).write_record(record(method=job.facts["method"]))
 
-    def stop(self):
-        raise AssertionError
-
-    def end(self):
-        pass
-
 
 class ScriptedPool:
     """Does one task at a time by the script."""
@@ -60,6 +54,12 @@ class ScriptedPool:
         return Scripted(task, fate)
 
     def wait(self, running, look):
+        pass
+
+    def stop(self, running):
+        assert isinstance(running, Silent | Importing)
+
+    def end(self, running):
         pass
 
 
@@ -185,9 +185,6 @@ class Silent(Scripted):
         super().__init__(task, (Status(), None))
         self.begun -= 1000
 
-    def stop(self):
-        self.exit_code = -signal.SIGKILL
-
 
 def test_a_process_that_hangs_before_it_says_anything_has_a_timeout(run, monkeypatch):
     begin, begun = ScriptedPool.begin, []
@@ -203,9 +200,6 @@ class Importing(Scripted):
     def __init__(self, task, seconds):
         super().__init__(task, (Status(FIRST, is_starting=True), None))
         self.looked -= seconds
-
-    def stop(self):
-        self.exit_code = -signal.SIGKILL
 
 
 @pytest.mark.parametrize(("seconds", "stopped"), [(50, False), (75, True)])

@@ -15,9 +15,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import drop_stale_kernels
+from benchmark.machine import pin_threads
 from benchmark.pipeline.storage.lock import Component, edited, read_lock, write_lock
 from benchmark.source_code import ROOT
-from benchmark.threads import pin_threads
 from tools.golden.components import components, folders_of
 from tools.golden.results import Arrays, Difference, compare, golden_path, read_golden, timed, version_of, write_golden
 

@@ -10,15 +10,8 @@ from typing import Any
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
 from benchmark.execution.processes.channel import Facts
-from benchmark.execution.processes.process import (
-    BY_HAND,
-    ForeignError,
-    Process,
-    ProcessEnded,
-    Requester,
-    ending,
-    memory_per_process,
-)
+from benchmark.execution.processes.process import BY_HAND, ForeignError, Process, ProcessEnded, Requester
+from benchmark.machine import memory_per_process
 
 
 class BrokenCall(BenchmarkError):
@@ -57,12 +50,12 @@ class Guard:
 def call_apart(
     function: Callable[..., Any], *arguments: Any, guard: Guard, say: Callable[[str], None] | None = None
 ) -> Any:
-    """Call a function in a process of its own.
+    """Call a function in a process of its own and return what it returns, which travels as JSON.
 
     Parameters
     ----------
     function
-        A function of a module. What it returns travels as JSON.
+        A function of a module.
     *arguments
         What it is called with.
     guard
@@ -70,11 +63,6 @@ def call_apart(
     say
         Told what the function says while it is at work; with it, the function is given one more argument, to say a line
         to.
-
-    Returns
-    -------
-    Any
-        What the function returned.
 
     Raises
     ------
@@ -90,20 +78,21 @@ def call_apart(
         raise BrokenCall(
             f"{guard.what}: no process could be started ({error.strerror})", "end others, then try again"
         ) from error
+    kind = BrokenCall
     try:
-        answer, _ = process.request({}, progress=say or (lambda line: None), limit=guard.limit)
-        return answer["returned"]
+        return process.request({}, progress=say or (lambda line: None), limit=guard.limit)[0]["returned"]
     except TimeoutError:
-        raise BrokenCall(f"{guard.what} does not end: stopped after {guard.limit:g} s", guard.hint) from None
+        problem = f"does not end: stopped after {guard.limit:g} s"
     except ProcessEnded as error:
         kind = KilledCall if -error.code in BY_HAND else BrokenCall
-        raise kind(f"{guard.what} ended its process ({ending(error.code)})", guard.hint) from None
+        problem = f"ended its process ({error})"
     except MemoryError:
-        raise BrokenCall(f"{guard.what} raises MemoryError: out of memory", guard.hint) from None
+        problem = "raises MemoryError: out of memory"
     except ForeignError as error:
-        raise BrokenCall(f"{guard.what} raises {error}", guard.hint) from None
+        problem = f"raises {error}"
     finally:
         process.end()
+    raise kind(f"{guard.what} {problem}", guard.hint)
 
 
 def _call(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import select
 import socket
 import struct
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,10 +63,8 @@ class Channel:
         self._socket = end
         self._patience = patience
         self._incoming = self._messages()
-
-    def fileno(self) -> int:
-        """Handle that becomes ready when there is something to receive."""
-        return self._socket.fileno()
+        self.fileno = end.fileno
+        self.close = end.close
 
     def send(self, facts: Facts, arrays: Arrays | None = None) -> None:
         """Send a message.
@@ -77,17 +76,16 @@ class Channel:
         OSError
             If nobody takes it.
         """
-        held = {name: np.asanyarray(array) for name, array in (arrays or {}).items()}
-        if any(array.dtype.hasobject for array in held.values()):
+        sent = {name: np.asanyarray(array) for name, array in (arrays or {}).items()}
+        if any(array.dtype.hasobject for array in sent.values()):
             raise ValueError("an array of objects cannot be sent")
-        kinds = [[name, array.dtype.str, array.shape, _order(array)] for name, array in held.items()]
+        kinds = [[name, array.dtype.str, array.shape, array.flags.fnc] for name, array in sent.items()]
         text = json.dumps([facts, kinds]).encode()
-        if len(text) > LONGEST or sum(array.nbytes for array in held.values()) > LARGEST:
+        if len(text) > LONGEST or sum(array.nbytes for array in sent.values()) > LARGEST:
             raise ValueError("the message is too large")
         self._send_bytes(_HEAD.pack(len(text)) + text)
-        for array in held.values():
-            if array.nbytes:
-                self._send_bytes(np.ravel(array, order=_order(array)).view(np.uint8).data)
+        for array in sent.values():
+            self._send_bytes(_bytes_of(array.T if array.flags.fnc else np.ascontiguousarray(array)))
 
     def receive(self, timeout: float | None = None) -> Message | None:
         """Return the next message; None if it is not there, as a whole, in time.
@@ -105,10 +103,6 @@ class Channel:
             if (left is not None and left < 0) or not wait_for([self], left):
                 return None
         return message
-
-    def close(self) -> None:
-        """Close this end."""
-        self._socket.close()
 
     def _send_bytes(self, content: Any) -> None:
         left = memoryview(content)
@@ -132,19 +126,14 @@ class Channel:
             facts, kinds = json.loads(text)
             arrays: dict[str, NDArray[Any]] = {}
             room = LARGEST
-            for name, kind, shape, order in kinds:
+            for name, kind, shape, is_fortran in kinds:
                 dtype = np.dtype(kind)
-                count = 1
-                for size in shape:
-                    if not isinstance(size, int) or size < 0:
-                        raise ValueError("an array has no such shape")
-                    count *= size
-                room -= count * dtype.itemsize
+                room -= math.prod(shape) * dtype.itemsize
                 if dtype.hasobject or room < 0:
                     raise ValueError("the arrays are too large, or hold objects")
-                raw = np.empty(count * dtype.itemsize, np.uint8)
-                yield from self._fill(raw.data)
-                arrays[str(name)] = np.ndarray(shape, dtype, raw.data, order=order)
+                array = np.empty(shape[::-1] if is_fortran else shape, dtype)
+                yield from self._fill(_bytes_of(array))
+                arrays[str(name)] = array.T if is_fortran else array
             if not isinstance(facts, dict):
                 raise TypeError("the facts of a message have no names")
             yield facts, arrays
@@ -162,5 +151,5 @@ class Channel:
             left = left[count:]
 
 
-def _order(array: NDArray[Any]) -> Literal["C", "F"]:
-    return "F" if array.flags.fnc else "C"
+def _bytes_of(array: NDArray[Any]) -> Any:
+    return array.reshape(-1).view(np.uint8).data

@@ -273,7 +273,7 @@ def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, t
     found = {"problem": "", "hint": ""} | answer
     if "suite" in answer:
         found["suite"] = answer["suite"] or pool._suite
-    node.inspection.set_result(json.dumps(found))
+    node.inspection.set_result({"tcp://a": json.dumps(found)})
     pool._admit(node)
     assert node.is_ready == (not problem)
     assert problem in str(node.refusal or "")
@@ -284,12 +284,12 @@ def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, t
 def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begins(place, cluster, monkeypatch):
     from benchmark.execution import dask_pool
 
-    def without_marker(self, address):
+    def without_marker(self):
         self._marker.unlink(missing_ok=True)
-        return inspect(self, address)
+        look_round(self)
 
-    inspect = dask_pool.DaskPool._inspect
-    monkeypatch.setattr(dask_pool.DaskPool, "_inspect", without_marker)
+    look_round = dask_pool.DaskPool._look_round
+    monkeypatch.setattr(dask_pool.DaskPool, "_look_round", without_marker)
     cluster.worker()
     said = f"worker tcp.*: it does not see the results folder {place}/results, .*; mount .* or run parts with --shard"
     with pytest.raises(ConfigurationError, match=said):

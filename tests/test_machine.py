@@ -2,8 +2,8 @@ import os
 
 import pytest
 
-from benchmark import cgroup
-from benchmark.threads import available_cores
+from benchmark import machine
+from benchmark.machine import available_cores
 
 
 def test_cores_are_those_that_the_process_may_use_or_those_of_the_machine(monkeypatch):
@@ -38,8 +38,8 @@ def test_a_container_limits_cores_and_memory(tmp_path, monkeypatch, groups, file
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr(cgroup, "_MOUNTED", tmp_path)
-    monkeypatch.setattr(cgroup, "_GROUPS", tmp_path / "groups")
+    monkeypatch.setattr(machine, "_MOUNTED", tmp_path)
+    monkeypatch.setattr(machine, "_GROUPS", tmp_path / "groups")
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {2, 5, 7}, raising=False)
     assert available_cores() == cores
-    assert cgroup.memory_limit() == memory
+    assert machine.memory_limit() == memory

@@ -1,0 +1,151 @@
+"""What runs in a :class:`~benchmark.execution.processes.process.Process`: it answers requests until there are none."""
+
+from __future__ import annotations
+
+import ctypes
+import faulthandler
+import os
+import pickle
+import signal
+import socket
+import sys
+import threading
+import traceback
+from contextlib import suppress
+from typing import Any
+
+from benchmark.arrays import Arrays
+from benchmark.errors import BenchmarkError, as_facts, one_line
+from benchmark.execution.processes import process, reaper
+from benchmark.execution.processes.channel import Channel, Facts
+from benchmark.execution.processes.opened_files import opened_files, watch_opened_files
+from benchmark.execution.processes.process import ANSWER, BEGUN, ERROR, KIND, RAISED, Requester, Serve
+from benchmark.text import DATA_VARIABLE, say
+
+#: ``PR_SET_PDEATHSIG`` of Linux.
+_PARENT_DEATH_SIGNAL = 1
+
+_TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
+
+
+def run(pipe: str, trace: str, parent: str) -> None:
+    """Answer requests until there are no more; whatever threads and exit handlers they leave, this process ends."""
+    process.own.mark, process.own.trace = os.environ[reaper.MARK], int(trace)
+    for handle in (int(pipe), int(trace)):
+        os.set_inheritable(handle, False)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the program
+    _die_with(int(parent))
+    sys.argv[:] = [""]
+    threading.excepthook = _report
+    sys.unraisablehook = _report
+    with suppress(OSError):
+        signal.signal(signal.SIGUSR1, _pass_on)
+        faulthandler.enable(int(trace), all_threads=False)
+        faulthandler.register(signal.SIGUSR1, int(trace), all_threads=False, chain=True)
+    code = 1
+    try:
+        _answer_all(Channel(socket.socket(fileno=int(pipe))))
+        code = 0
+        for output in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError, AttributeError):
+                output.flush()
+    finally:  # what foreign code has done to this process may break anything, words first
+        os._exit(code)
+
+
+def _answer_all(channel: Channel) -> None:
+    with suppress(EOFError):
+        start = channel.receive()
+        assert start is not None  # noqa: S101
+        terms = start[0]
+        if terms["memory"] is not None:
+            _limit_memory(terms["memory"])
+        if terms["is_plugin"]:
+            os.environ.pop(DATA_VARIABLE, None)
+            watch_opened_files()
+        serve: Serve = pickle.loads(start[1]["function"].tobytes())  # noqa: S301  # of whoever started this process
+        channel.send({KIND: BEGUN})
+        while (request := channel.receive(terms["idle"])) is not None:
+            before = _State()
+            facts, arrays = _answer(serve, *request, Requester(channel))
+            facts = {**facts, "is_occupied": before.restore(), "files": opened_files()}
+            try:
+                channel.send(facts, arrays)
+            except (TypeError, ValueError) as error:
+                channel.send({KIND: RAISED, "reason": one_line(error), "trace": ""})
+
+
+def _answer(serve: Serve, facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
+    """Facts and arrays of the answer, or what was raised."""
+    try:
+        answer, found = serve(facts, arrays, requester)
+        return {**answer, KIND: ANSWER}, found
+    except BenchmarkError as error:
+        return {**as_facts(error), KIND: ERROR}, {}
+    except MemoryError:
+        return {KIND: RAISED, "reason": "MemoryError: out of memory", "trace": ""}, {}
+    except BaseException as error:  # also what ends a program
+        return {KIND: RAISED, "reason": one_line(error), "trace": traceback.format_exc()}, {}
+
+
+class _State:
+    """Signals, timers, threads and children of this process before foreign code is at work in it."""
+
+    def __init__(self) -> None:
+        self._handlers = {number: signal.getsignal(number) for number in signal.valid_signals()}
+        self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        self._others = _others()
+
+    def restore(self) -> bool:
+        """Stop all timers and bring back the handlers of signals; returns whether threads or children have come."""
+        for timer in _TIMERS:
+            signal.setitimer(timer, 0)
+        faulthandler.cancel_dump_traceback_later()
+        for number, handler in self._handlers.items():
+            if signal.getsignal(number) != handler:
+                signal.signal(number, handler or signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+        return not _others() <= self._others
+
+
+def _others() -> set[object]:
+    """Return the threads of this process, and a word for its children."""
+    others: set[object] = set(threading.enumerate())
+    with suppress(ChildProcessError, AttributeError):  # there is none, or the system cannot be asked
+        os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        others.add("children")
+    return others
+
+
+def _pass_on(number: int, frame: object) -> None:
+    """Let the processes that this one has started hear of a signal, too."""
+    for other in list(process.running):
+        other.signal(number)
+
+
+def _report(raised: Any) -> None:
+    """Print in one line what a thread raises, or an object that is deleted."""
+    if raised.exc_value is not None and raised.exc_type is not SystemExit:
+        where = getattr(raised, "err_msg", "a thread") or "an object that goes"
+        with suppress(OSError, ValueError, AttributeError):  # a method may have closed what it would be said to
+            say(f"{where} raises {one_line(raised.exc_value)}", err=True)
+
+
+def _die_with(parent: int) -> None:
+    """Ask the system to kill this process when its parent ends, however it ends."""
+    if sys.platform != "linux":
+        return
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(1)  # it ended before the system was asked
+
+
+def _limit_memory(limit: int) -> None:
+    """Let a job that eats memory fail alone with a ``MemoryError`` rather than take the machine down."""
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))
+    except (ImportError, ValueError, OSError):
+        return  # not every system has this limit; the job then runs without one
