@@ -28,6 +28,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.execution.estimates import estimate
 from benchmark.execution.job_specs import Job
 from benchmark.execution.plan import JobSettings, make_plan
+from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import in_words
 from benchmark.pipeline.storage.keys import bare_key
 from benchmark.pipeline.storage.merging import told

@@ -9,25 +9,20 @@ import socket
 import struct
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.arrays import LARGEST, Arrays
 
+if TYPE_CHECKING:
+    from _typeshed import HasFileno
+
 Facts = Mapping[str, Any]
 
 #: Facts and arrays.
 Message = tuple[dict[str, Any], dict[str, NDArray[Any]]]
-
-
-class HasHandle(Protocol):
-    """Something with a handle of the system."""
-
-    def fileno(self) -> int:
-        """Handle of the system."""
-        ...
 
 
 #: Bytes of the longest JSON of a message.
@@ -37,11 +32,11 @@ LONGEST = 2**28
 _HEAD = struct.Struct(">Q")
 
 
-def wait_for(ends: Iterable[HasHandle], timeout: float | None, event: int = select.POLLIN) -> bool:
+def wait_for(ends: Iterable[HasFileno], timeout: float | None, event: int = select.POLLIN) -> bool:
     """Wait until one of some ends has something to receive, or takes something; returns whether one has."""
     poll = select.poll()
     for end in ends:
-        poll.register(end.fileno(), event)
+        poll.register(end, event)
     return bool(poll.poll(None if timeout is None else timeout * 1000))
 
 

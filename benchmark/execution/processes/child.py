@@ -30,7 +30,7 @@ _TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
 
 def run(pipe: str, trace: str, parent: str) -> None:
     """Answer requests until there are no more; whatever threads and exit handlers they leave, this process ends."""
-    process.own.mark, process.own.trace = os.environ[reaper.MARK], int(trace)
+    process.own_mark, process.own_trace = os.environ[reaper.MARK], int(trace)
     for handle in (int(pipe), int(trace)):
         os.set_inheritable(handle, False)
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the program

@@ -21,7 +21,6 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, NoReturn
 
@@ -74,15 +73,8 @@ _PROGRAM = (
 _numbers = itertools.count()
 
 
-@dataclass
-class Own:
-    """What a child knows of itself: its mark, and the file for its traceback; the first process has neither."""
-
-    mark: str = ""
-    trace: int = -1
-
-
-own = Own()
+#: Mark of this process, and the file for its traceback, where it was started by another one; see :mod:`.child`.
+own_mark, own_trace = "", -1
 
 #: Processes that this one has started and not ended.
 running: weakref.WeakSet[Process] = weakref.WeakSet()
@@ -152,14 +144,14 @@ class Process:
         #: Digests of the files that it has read, by path.
         self.files: dict[str, str] = {}
         # All that this process starts bears its mark, too.
-        self._mark = f"{own.mark or token() + '-'}{next(_numbers)}-"
-        self._trace = tempfile.TemporaryFile() if own.trace < 0 else None  # noqa: SIM115
+        self._mark = f"{own_mark or token() + '-'}{next(_numbers)}-"
+        self._trace = tempfile.TemporaryFile() if own_trace < 0 else None  # noqa: SIM115
         ours, theirs = socket.socketpair()
         self._channel = Channel(ours, BIRTH)
         self.fileno = ours.fileno
         try:
             with theirs:
-                trace = self._trace.fileno() if self._trace else own.trace
+                trace = self._trace.fileno() if self._trace else own_trace
                 self._process = _start(theirs.fileno(), trace, self._mark, quiet)
         except BaseException:  # an interrupt, of one that nobody would know of
             self._channel.close()
@@ -344,7 +336,7 @@ def end_like(code: int) -> NoReturn:
 
 def is_child() -> bool:
     """Return whether this process was started by :class:`Process`."""
-    return bool(own.mark)
+    return bool(own_mark)
 
 
 @contextmanager
@@ -388,5 +380,5 @@ def token() -> str:
 
 def adopt() -> None:
     """Mark this process, so that whatever foreign code starts here ends with it; a child bears a mark already."""
-    if not own.mark:
+    if not own_mark:
         os.environ[reaper.MARK] = f"{token()}-here-"
