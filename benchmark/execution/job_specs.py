@@ -121,7 +121,7 @@ class Job:
     def package(self) -> str:
         """Jobs of one package may share a process: all built-in methods of a package, or those of one plugin file."""
         packages = dict.fromkeys(_package(module) for module in (self.method.module, self.scorer.module))
-        return " ".join(each for each in packages if each != "retrieval")
+        return " ".join(package for package in packages if package != "retrieval")
 
 
 def _package(module: str) -> str:
@@ -173,9 +173,9 @@ class ComparisonTask(msgspec.Struct, frozen=True, tag=True):
 Task = ShapeBatch | ScoringTask | ComparisonTask
 
 
-def to_json(described: Task | Job) -> str:
-    """Write a task or a job."""
-    return json.dumps(msgspec.to_builtins(described, enc_hook=_as_text))
+def to_json(task: Task | Job) -> str:
+    """Write a task or a job; a parameter of a method is written as text, which the method reads again."""
+    return json.dumps(msgspec.to_builtins(task, enc_hook=format_value))
 
 
 def task_of(text: str) -> Task:
@@ -192,11 +192,6 @@ def _read(text: str, kind: type[T]) -> T:
     return msgspec.convert(json.loads(text), kind, dec_hook=lambda custom, value: custom(value))
 
 
-def _as_text(value: Any) -> str:
-    """A path, or a parameter of a method, which reads it again."""
-    return format_value(value)
-
-
 def shape_batches(jobs: list[Job]) -> list[ShapeBatch]:
     """Cut the first half of jobs into batches.
 
@@ -207,11 +202,11 @@ def shape_batches(jobs: list[Job]) -> list[ShapeBatch]:
     for job in jobs:
         place = (job.dataset, job.data_root, job.input, job.seed, job.results, job.package)
         groups.setdefault(place, []).append(job)
-    found: list[ShapeBatch] = []
+    batches: list[ShapeBatch] = []
     large: dict[tuple[Any, ...], tuple[int, ShapeBatch]] = {}
     for place, group in groups.items():
         if again := tuple(job for job in group if job.ranks_again):
-            found.append(ShapeBatch(again, ()))
+            batches.append(ShapeBatch(again, ()))
             group = [job for job in group if not job.ranks_again]
         identifiers = list(dict.fromkeys(identifier for job in group for identifier in job.identifiers))
         sizes = {identifier: size for job in group for identifier, size in job.large_files.items()}
@@ -224,13 +219,12 @@ def shape_batches(jobs: list[Job]) -> list[ShapeBatch]:
                 large[shape] = sizes[identifier], _batch(group, (identifier,))
                 identifiers.remove(identifier)
         starts = range(0, len(identifiers), LARGEST_BATCH)
-        found += [_batch(group, tuple(identifiers[start : start + LARGEST_BATCH])) for start in starts]
-    return [batch for _, batch in sorted(large.values(), key=lambda pair: -pair[0])] + found
+        batches += [_batch(group, tuple(identifiers[start : start + LARGEST_BATCH])) for start in starts]
+    return [batch for _, batch in sorted(large.values(), key=lambda pair: -pair[0])] + batches
 
 
 def _batch(group: list[Job], chosen: tuple[str, ...]) -> ShapeBatch:
-    wanted = set(chosen)
-    return ShapeBatch(tuple(job for job in group if wanted & set(job.identifiers)), chosen)
+    return ShapeBatch(tuple(job for job in group if not set(chosen).isdisjoint(job.identifiers)), chosen)
 
 
 def comparison_tasks(job: Job) -> list[ComparisonTask]:
