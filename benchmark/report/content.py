@@ -273,7 +273,7 @@ def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool
     rows = []
     for method in names if by_row else ():
         of_row = by_row.get(method, {})
-        cells: dict[Input, Cell] = {input_: cell_of(found, n_folds) for input_, found in of_row.items()}
+        cells: dict[Input, Cell] = {input_: cell_of(of_input, n_folds) for input_, of_input in of_row.items()}
         if method in printed:
             cells = dict.fromkeys(inputs, Cell()) | cells
             row = Row(method, printed[method].title, "paper", printed[method].values[table.identifier], cells)

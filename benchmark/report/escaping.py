@@ -38,11 +38,11 @@ def markdown_text(text: object) -> str:
 
 def markdown_line(text: object) -> str:
     """A sentence in Markdown that begins a line; commands between single backticks stay code."""
-    told = clean(text).strip()
-    if "``" in told or told.count("`") % 2:
-        marked = markdown_text(told)
+    line = clean(text).strip()
+    if "``" in line or line.count("`") % 2:
+        marked = markdown_text(line)
     else:
-        parts = told.split("`")
+        parts = line.split("`")
         marked = "`".join(part if number % 2 else markdown_text(part) for number, part in enumerate(parts))
     begins = _AT_START.match(marked)
     return marked if begins is None else f"{begins[0]}\\{marked[begins.end() :]}"
@@ -50,9 +50,9 @@ def markdown_line(text: object) -> str:
 
 def latex_text(text: object) -> str:
     r"""Text in LaTeX; what stands after a line break must not look like an argument of ``\\``."""
-    told = "".join(_LATEX.get(character, character) for character in clean(text))
-    told = re.sub("-(?=-)", "-{}", told)  # two hyphens are an option of a command, no dash
-    return f"{{}}{told}" if told.lstrip().startswith(("[", "*")) else told
+    escaped = "".join(_LATEX.get(character, character) for character in clean(text))
+    escaped = re.sub("-(?=-)", "-{}", escaped)  # two hyphens are an option of a command, no dash
+    return f"{{}}{escaped}" if escaped.lstrip().startswith(("[", "*")) else escaped
 
 
 def latex_prose(text: object) -> str:
@@ -82,8 +82,8 @@ def csv_cell(value: object) -> object:
     """A cell that no spreadsheet takes for a formula; numbers stay numbers."""
     if not isinstance(value, str):
         return value
-    told = clean(value)
-    return f"'{told}" if told.lstrip().startswith(("=", "+", "-", "@")) else told
+    text = clean(value)
+    return f"'{text}" if text.lstrip().startswith(("=", "+", "-", "@")) else text
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:

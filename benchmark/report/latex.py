@@ -10,10 +10,10 @@ methods, data and scorers. Notes stand under the table, in a file of their own t
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
-from typing import Any, Literal
+from itertools import chain, pairwise
+from typing import Literal, TypeVar
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -24,13 +24,14 @@ from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.plugins.scorers import DEFAULT, scorers
 from benchmark.reference.bibliography import is_listed
-from benchmark.report.cell import Cell
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TableContent
 from benchmark.report.escaping import latex_prose, latex_text
 from benchmark.report.frame import Extra, Style, figures, labels, printed
 from benchmark.report.notes import notes
 from benchmark.report.rounding import number
 from benchmark.text import clean
+
+T = TypeVar("T")
 
 Notes = Literal["table", "appendix", "none"]
 """Where notes stand: under their table, in a file beside that of the table, or nowhere."""
@@ -70,6 +71,14 @@ class Columns:
     width: int
 
 
+@dataclass(frozen=True)
+class Tabular:
+    """Columns beside each other, and their rows as LaTeX."""
+
+    columns: Sequence[Columns]
+    rows: Sequence[str]
+
+
 def latex_files(tables: Sequence[TableContent], where: Notes = "table", *, has_variants: bool = True) -> dict[str, str]:
     """Write of each table all inputs and, with variants, each input alone, and the paper's rows beside ours.
 
@@ -87,24 +96,20 @@ def latex_files(tables: Sequence[TableContent], where: Notes = "table", *, has_v
     dict
         Texts by file name.
     """
-    files: dict[str, str] = {}
-    whole = ((table.file_stem, table, None) for table in tables)
-    for name, table, extra in _variants(tables) if has_variants else whole:
-        files[f"{name}.tex"] = latex(table, name, extra, has_notes=where == "table")
-        if where == "appendix" and (said := notes(table, reasons=False)):
-            files[f"notes-{name}.tex"] = appendix(name, said)
-    return files
-
-
-def _variants(tables: Sequence[TableContent]) -> Iterator[tuple[str, TableContent, Extra | None]]:
-    """Name, content and extra columns of each file."""
+    variants: list[tuple[str, TableContent, Extra | None]] = []
     for table in tables:
-        yield table.file_stem, table, None
-        for input_ in table.inputs:
+        variants.append((table.file_stem, table, None))
+        for input_ in table.inputs if has_variants else ():
             if len(table.inputs) > 1:
-                yield f"{table.file_stem}-{input_}", table.of(input_), None
+                variants.append((f"{table.file_stem}-{input_}", table.of(input_), None))
             if table.has_paper:
-                yield f"paper-{table.file_stem}-{input_}", table.of(input_, paper_only=True), "difference"
+                variants.append((f"paper-{table.file_stem}-{input_}", table.of(input_, paper_only=True), "difference"))
+    files = {}
+    for name, table, extra in variants:
+        files[f"{name}.tex"] = latex(table, name, extra, has_notes=where == "table")
+        if where == "appendix" and (below := notes(table, reasons=False)):
+            files[f"notes-{name}.tex"] = appendix(name, below)
+    return files
 
 
 def latex(table: TableContent, name: str = "", extra: Extra | None = None, *, has_notes: bool = True) -> str:
@@ -124,7 +129,7 @@ def latex(table: TableContent, name: str = "", extra: Extra | None = None, *, ha
     return float_of(
         name or table.file_stem,
         _caption(table),
-        [label + _citation(row) for label, row in _titles(table)],
+        _titles(table),
         _columns(table, extra),
         rules=_rules(table),
         notes=notes(table, reasons=False) if has_notes else (),
@@ -134,8 +139,8 @@ def latex(table: TableContent, name: str = "", extra: Extra | None = None, *, ha
 
 def latex_rows(table: TableContent) -> str:
     """Return the rows of a table alone, for a tabular of one's own."""
-    titles = [label + _citation(row) for label, row in _titles(table)]
-    rows = _tabular(_columns(table, None), titles, range(len(titles)), _rules(table))["rows"]
+    titles = _titles(table)
+    rows = _rows(_columns(table, None), titles, range(len(titles)), _rules(table))
     return "".join(f"{row}\n" for row in rows)
 
 
@@ -161,53 +166,38 @@ def float_of(
         What its first line says of it.
     """
     breakable = [title.replace("=", r"=\allowbreak{}").replace(r"~\cite", r" \cite") for title in titles]
-    parts: list[list[Columns]] = [[]]
-    for group in columns:
-        if parts[-1] and sum(other.width for other in parts[-1]) + group.width > _MOST_FIGURES:
-            parts.append([])
-        parts[-1].append(group)
-    blocks: list[tuple[float, dict[str, Any]]] = []
+    parts = _packed(((group.width, group) for group in columns), _MOST_FIGURES)
+    tabulars = []
     for part in parts:
         is_wide = sum(group.width for group in part) > 2 * _OF_COLUMN
         heights = [math.ceil(len(title.partition("~")[0]) / _TITLE) if is_wide else 1 for title in titles]
-        for place in _even(heights):
-            shown = _tabular(part, breakable, range(len(titles))[place], rules)
-            blocks.append((_FRAME + sum(heights[place]), {"tabular": shown, "note": ""}))
-    blocks += [(len(note) / _LINE, {"tabular": None, "note": _sentence(note)}) for note in notes]
-    floats: list[list[dict[str, Any]]] = [[]]
-    used: float = math.ceil(len(caption) / _LINE) + _CONTINUED
-    for height, block in blocks:
-        if floats[-1] and used + height > _PAGE:
-            floats.append([])
-            used = _CONTINUED
-        floats[-1].append(block)
-        used += height
+        for lines in _even(heights):
+            rows = _rows(part, breakable, range(len(titles))[lines], rules)
+            tabulars.append((_FRAME + sum(heights[lines]), Tabular(part, rows)))
+    sentences = ((len(note) / _LINE, _sentence(note)) for note in notes)
+    floats = _packed(chain(tabulars, sentences), _PAGE - _CONTINUED, math.ceil(len(caption) / _LINE))
     width = max(sum(group.width for group in part) for part in parts)
-    return ENVIRONMENT.get_template("table.tex").render(
-        name=Latex(name),
-        remark=Latex(remark),
-        caption=Latex(caption),
-        floats=[(blocks, Latex(" ".join(block["note"] for block in blocks if block["note"]))) for blocks in floats],
-        environment=Latex("table" if width <= _OF_COLUMN else "table*"),
-    )
+    environment = "table" if width <= _OF_COLUMN else "table*"
+    return _TEMPLATE.render(name=name, remark=remark, caption=caption, floats=floats, environment=environment)
 
 
-def _tabular(part: Sequence[Columns], titles: Sequence[str], lines: range, rules: Collection[int]) -> dict[str, Any]:
-    """Heading and rows of a tabular as LaTeX."""
-    counts = [len(group.heads) for group in part]
-    firsts = list(accumulate(counts, initial=2))
-    spans = [rf"\multicolumn{{{count}}}{{c}}{{{group.title}}}" for count, group in zip(counts, part, strict=True)]
-    rows = [" & ".join([titles[line], *(group.cells[line] for group in part)]) + r" \\" for line in lines]
-    return {
-        "count": sum(counts),
-        "spans": Latex(" & ".join(["", *spans]) + r" \\") if any(group.title for group in part) else "",
-        "span_rules": Latex(" ".join(rf"\cmidrule(lr){{{a}-{b - 1}}}" for a, b in pairwise(firsts))),
-        "head": Latex(" & ".join(["Method", *(head for group in part for head in group.heads)]) + r" \\"),
-        "rows": [
-            Latex("\\midrule\n" * (line in rules and line != lines[0]) + row)
-            for line, row in zip(lines, rows, strict=True)
-        ],
-    }
+def _packed(items: Iterable[tuple[float, T]], most: float, used: float = 0) -> list[list[T]]:
+    """Items in their order, by their sizes in as few lists as hold them; some of the first one is used already."""
+    packed: list[list[T]] = [[]]
+    for size, item in items:
+        if packed[-1] and used + size > most:
+            packed.append([])
+            used = 0
+        packed[-1].append(item)
+        used += size
+    return packed
+
+
+def _rows(part: Sequence[Columns], titles: Sequence[str], lines: range, rules: Collection[int]) -> list[str]:
+    """Some lines of a tabular as LaTeX, with the rules above them."""
+    cells = [" & ".join([titles[line], *(group.cells[line] for group in part)]) for line in lines]
+    above = ["\\midrule\n" if line in rules and line != lines[0] else "" for line in lines]
+    return [rf"{rule}{row} \\" for rule, row in zip(above, cells, strict=True)]
 
 
 def _sentence(note: str) -> str:
@@ -225,14 +215,19 @@ def _even(heights: Sequence[int]) -> list[slice]:
     return [slice(start, end) for start, end in pairwise(ends)]
 
 
-def appendix(name: str, said: Sequence[str]) -> str:
+def appendix(name: str, lines: Iterable[str]) -> str:
     """Write the notes of a table as a paragraph that refers to it."""
-    sentences = " ".join(map(_sentence, said))
+    sentences = " ".join(map(_sentence, lines))
     return f"% notes to {name}\n\\paragraph{{Table~\\ref{{tab:{name}}}.}} {sentences}\n"
 
 
-def _titles(table: TableContent) -> list[tuple[str, Row | None]]:
-    return list(zip(map(latex_prose, labels(table)), [*table.rows, None], strict=True))
+def _titles(table: TableContent) -> list[str]:
+    """Labels with the sources of methods of this suite; those of plugins are in nobody's list of references."""
+    titles = [latex_prose(label) for label in labels(table)]
+    for place, row in enumerate(table.rows):
+        base = row.method.partition("[")[0]
+        titles[place] += _cited(MethodSpec(base, BUILT_IN[base]).info.cite) if base in BUILT_IN else ""
+    return titles
 
 
 def _rules(table: TableContent) -> list[int]:
@@ -244,25 +239,18 @@ def _rules(table: TableContent) -> list[int]:
 def _columns(table: TableContent, extra: Extra | None) -> list[Columns]:
     """Figures by group, or the status of a job that has none."""
     frame = figures(table, extra)
-    wide, made = printed(frame, _STYLE), []
+    wide, columns = printed(frame, _STYLE), []
     for (group, kind, input_), of_group in frame.groupby(["group", "kind", "input"], sort=False, dropna=False):
+        heads = list(of_group["measure"].unique())
         space = r"\enspace " if kind == "interval" else ""
         cells = [" & ".join(space + text for text in texts) for texts in wide[group].to_numpy().tolist()]
         for place, row in enumerate(table.rows):
             cell = row.cells.get(input_)
             if cell is not None and cell.status not in ("ok", "missing"):
-                heads = of_group["measure"].nunique()
-                cells[place] = rf"\multicolumn{{{heads}}}{{c}}{{\textit{{{latex_text(cell.status)}}}}}"
-        heads = list(of_group["measure"].unique())
+                cells[place] = rf"\multicolumn{{{len(heads)}}}{{c}}{{\textit{{{latex_text(cell.status)}}}}}"
         is_wide = kind == "interval" or of_group["spread"].any()
-        made.append(Columns(latex_text(group), heads, cells, len(heads) * (1 + is_wide)))
-    return made
-
-
-def _citation(row: Row | None) -> str:
-    """The source of a method of this suite; those of plugins are in nobody's list of references."""
-    base = row.method.partition("[")[0] if row else ""
-    return _cited(MethodSpec(base, BUILT_IN[base]).info.cite) if base in BUILT_IN else ""
+        columns.append(Columns(latex_text(group), heads, cells, len(heads) * (1 + is_wide)))
+    return columns
 
 
 def _cited(key: str) -> str:
@@ -273,7 +261,7 @@ def _caption(table: TableContent) -> str:
     """Caption as LaTeX, with the sources of data and scorer."""
     ours = " and ".join(_INPUTS[input_] for input_ in table.inputs)
     columns = f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
-    scorer = f" Scorer: {found}." if (found := scorer_cited(table)) else ""
+    scorer = f" Scorer: {cited}." if (cited := scorer_cited(table)) else ""
     words = latex_prose(f"{table.caption}: {table.data_title}")
     return f"{words}{data_source(table)} {latex_text(f'({table.size}). {columns}')}{scorer}"
 
@@ -291,10 +279,12 @@ def scorer_cited(table: TableContent) -> str:
 
 
 def _digest(table: TableContent) -> str:
-    def part(cell: Cell) -> Mapping[str, Any]:
-        return {"scores": cell.scores, "status": cell.status}
-
-    return digest([(row.method, {input_: part(cell) for input_, cell in row.cells.items()}) for row in table.rows])
+    """Digest of the figures of a table."""
+    rows = [
+        (row.method, {name: {"scores": cell.scores, "status": cell.status} for name, cell in row.cells.items()})
+        for row in table.rows
+    ]
+    return digest(rows)
 
 
 def _joined(parts: Sequence[object]) -> Latex:
@@ -327,4 +317,6 @@ ENVIRONMENT = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
+#: A table is LaTeX in all its parts.
+_TEMPLATE = ENVIRONMENT.overlay(autoescape=False, finalize=None).get_template("table.tex")
 ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number, "quoted": _quoted}

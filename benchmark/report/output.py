@@ -60,11 +60,11 @@ class Folder:
         """
         root, earlier = self.root, self._earlier(files)
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-        found = {name: digest for name in {*files, *earlier} if (digest := self._digest(name))}
-        strange = [name for name in files if name in found and name not in earlier]
+        present = {name: digest for name in {*files, *earlier} if (digest := self._digest(name))}
+        strange = [name for name in files if name in present and name not in earlier]
         if strange and not self.force and not (self.contents and earlier):
             raise self._strange(strange[0])
-        edited = [n for n in files if n in found and found[n] not in (*earlier.get(n, ()), digests[n])]
+        edited = [n for n in files if n in present and present[n] not in (*earlier.get(n, ()), digests[n])]
         edited = [] if self.force else edited
         try:
             # Stopped before the end, it takes neither what it has written nor what it has not for another's.
@@ -73,9 +73,9 @@ class Folder:
                 if name not in edited:
                     write_atomically(root / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
             for name in earlier.keys() - files.keys():
-                if found.get(name) in earlier[name]:
+                if present.get(name) in earlier[name]:
                     (root / name).unlink()
-            left = {name: told for name, told in earlier.items() if name not in files and (root / name).exists()}
+            left = {name: of_file for name, of_file in earlier.items() if name not in files and (root / name).exists()}
             self._list(left | {name: earlier.get(name, []) if name in edited else [digests[name]] for name in files})
             for folder in {(root / name).parent for name in files}:
                 sweep(folder, deep=False)
@@ -97,8 +97,8 @@ class Folder:
 
     def _list(self, digests: Mapping[str, Iterable[str]]) -> None:
         if self.contents:
-            told = {name: [*digests[name]] for name in sorted(digests)}
-            write_text(self.root / self.contents, json.dumps(told, indent=0) + "\n")
+            lists = {name: [*digests[name]] for name in sorted(digests)}
+            write_text(self.root / self.contents, json.dumps(lists, indent=0) + "\n")
 
     def _earlier(self, files: Mapping[str, bytes]) -> dict[str, list[str]]:
         """Digests of what was written before; a name that leads out of the folder is none."""
@@ -106,12 +106,12 @@ class Folder:
             own = (name for name, data in files.items() if data[:_HEAD] == self._read(name)[:_HEAD])
             return {name: [self._digest(name)] for name in own}
         try:
-            told = json.loads(self._read(self.contents))
+            listed = json.loads(self._read(self.contents))
         except (ValueError, RecursionError):
             return {}
         return {
-            name: [each for each in digests if isinstance(each, str)]
-            for name, digests in (told.items() if isinstance(told, dict) else ())
+            name: [digest for digest in digests if isinstance(digest, str)]
+            for name, digests in (listed.items() if isinstance(listed, dict) else ())
             if isinstance(digests, list) and (self.root / name).resolve().is_relative_to(self.root.resolve())
         }
 
