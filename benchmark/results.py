@@ -17,19 +17,19 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.merging import told
-from benchmark.pipeline.storage.records import answered_shapes, by_place, chance_of, coverage_of, scorer_name
+from benchmark.pipeline.storage.records import Record, answered_shapes, by_place, chance_of, coverage_of, scorer_name
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.inspection import inspect
 from benchmark.plugins.registry import methods
@@ -41,8 +41,11 @@ from benchmark.text import DATA_VARIABLE, say
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from benchmark.datasets.base import Entry
     from benchmark.geometry.mesh import Mesh
     from benchmark.report.artefact_reader import ArtefactReader
+
+T = TypeVar("T")
 
 __all__ = ["ResultsFolder", "frame_of", "open_results", "run"]
 
@@ -162,15 +165,7 @@ class ResultsFolder:
         method_run = self._artefacts.method_run(record)
         if method_run.describes:
             raise ConfigurationError(f"{record['method']} makes no forms", "ask for its descriptors")
-        entries = {entry.identifier: entry for entry in method_run.preparation.dataset.entries}
-        found = {
-            name: form
-            for name in answered_shapes(record)
-            if name in entries and (form := method_run.found_form(entries[name])) is not None
-        }
-        if len(found) < len(answered_shapes(record)):
-            raise self._absent(record, "forms")
-        return found
+        return self._of_shapes(record, "forms", method_run.found_form)
 
     def descriptors(self, key: str) -> DataFrame:
         """Descriptors, one row for each shape; errors as of :meth:`forms`."""
@@ -182,15 +177,12 @@ class ResultsFolder:
         method_run = self._artefacts.method_run(record)
         if not method_run.describes:
             raise ConfigurationError(f"{record['method']} describes no shapes", "ask for its forms")
-        entries = {entry.identifier: entry for entry in method_run.preparation.dataset.entries}
-        found = {
-            name: self._store.find(method_run.recipe(entries[name]))
-            for name in answered_shapes(record)
-            if name in entries
-        }
-        vectors = {name: require_arrays(each)["descriptor"] for name, each in found.items() if each is not None}
-        if len(vectors) < len(answered_shapes(record)):
-            raise self._absent(record, "descriptors")
+
+        def vector(entry: Entry) -> Any:
+            descriptor = self._store.find(method_run.recipe(entry))
+            return None if descriptor is None else require_arrays(descriptor)["descriptor"]
+
+        vectors = self._of_shapes(record, "descriptors", vector)
         return DataFrame.from_dict(vectors, orient="index").rename_axis("shape")
 
     # ------------------------------------------------------------------------------------------------------------------
@@ -206,18 +198,23 @@ class ResultsFolder:
         return ArtefactReader(self._store, methods(self.plugins), self.data_root)
 
     @cached_property
-    def _known(self) -> Results:
-        return Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
-
-    @cached_property
     def _results(self) -> dict[str, Result]:
-        known = self._known
+        known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
         places = by_place(known.records())
         seen = sorted({(place.seed, place.scorer) for place in places})
         chosen = (known.all(seed, scorer=scorer, places=places) for seed, scorer in seen)
         return {result.record["key"]: result for results in chosen for result in results}
 
-    def _scored(self, key: str) -> dict[str, Any]:
+    def _of_shapes(self, record: Record, what: str, read: Callable[[Entry], T | None]) -> dict[str, T]:
+        """What is stored of each shape with a result, by name; raises ``StorageError`` unless all of it is."""
+        entries = {entry.identifier: entry for entry in self._artefacts.dataset(record).entries}
+        names = [name for name in answered_shapes(record) if name in entries]
+        stored = {name: content for name in names if (content := read(entries[name])) is not None}
+        if len(stored) < len(answered_shapes(record)):
+            raise self._absent(record, what)
+        return stored
+
+    def _scored(self, key: str) -> Record:
         if key not in self._results:
             raise ConfigurationError(f"{self.folder} holds no record '{key}'", "take a key from records()")
         record = dict(self._results[key].record)
@@ -225,7 +222,7 @@ class ResultsFolder:
             raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
         return record
 
-    def _absent(self, record: dict[str, Any], what: str) -> StorageError:
+    def _absent(self, record: Record, what: str) -> StorageError:
         changed = self._results[record["key"]].outdated
         why = f"made before the last change ({changed})" if changed else "made elsewhere, or freed"
         return StorageError(f"the {what} of {told(record)} are not in {self.folder}: {why}", "run it again here")

@@ -212,13 +212,11 @@ class RowCheck:
         self.gallery = self._gallery_here()
         if self.gallery is not None:
             self.compared = "data"
-            self._compare_labels({entry.identifier: entry.subject for entry in self.gallery.entries})
-            if self.gallery is not None:
-                self._compare_inputs(plain(data_recipe(self.gallery, record["input"])))
+            labels = {entry.identifier: entry.subject for entry in self.gallery.entries}
+            self._compare_labels(labels, plain(data_recipe(self.gallery, record["input"])))
         elif similar := self._record_of_gallery():
             self.compared = "records"
-            self._compare_labels(dict(zip(similar["shapes"], similar["labels"], strict=True)))
-            self._compare_inputs(similar["recipe"])
+            self._compare_labels(dict(zip(similar["shapes"], similar["labels"], strict=True)), similar["recipe"])
         elif catalogued(name) is not None:
             problem = f"neither the data of '{name}' nor a record of it is here to compare labels and inputs with"
             self._claim("gallery-unknown", problem, "pass --data-root, or --results with a record of it")
@@ -255,25 +253,22 @@ class RowCheck:
     def _labels(self) -> dict[str, str]:
         return dict(zip(self.record["shapes"], self.record["labels"], strict=True))
 
-    def _compare_labels(self, labels: Mapping[str, str]) -> None:
-        name = self.record["gallery"]
-        if list(labels) != self.record["shapes"]:
-            note = self._refute if catalogued(str(self.record["data"]["name"])) else self._claim
+    def _compare_labels(self, labels: Mapping[str, str], recipe: Mapping[str, Any]) -> None:
+        """Compare labels, and where they are the same the meshes and cameras that a recipe names."""
+        record, name = self.record, self.record["gallery"]
+        if list(labels) != record["shapes"]:
+            note = self._refute if catalogued(str(record["data"]["name"])) else self._claim
             problem = f"its shapes are not those of '{name}' as they are known here"
             note("shapes-differ", problem, "name the data that it was run on")
             self.gallery = None
         elif wrong := [shape for shape, label in self._labels.items() if labels[shape] != label]:
             shape = wrong[0]
             self._refute("labels-differ", f"it calls '{shape}' a '{self._labels[shape]}', which is a '{labels[shape]}'")
-
-    def _compare_inputs(self, recipe: Mapping[str, Any]) -> None:
-        told = self.record["recipe"]
-        for part, what in (("gallery", "meshes"), ("view", "cameras")):
-            if not self._is_false and recipe.get(part) != told.get(part):
-                problem = f"its {what} are not those of '{self.record['gallery']}' as they are known here"
-                self._claim("inputs-differ", problem, "compare the versions of the data set")
-                self.gallery = None  # forms of other shapes say nothing
-                return
+        elif others := [part for part in ("gallery", "view") if recipe.get(part) != record["recipe"].get(part)]:
+            what = "meshes" if others[0] == "gallery" else "cameras"
+            problem = f"its {what} are not those of '{name}' as they are known here"
+            self._claim("inputs-differ", problem, "compare the versions of the data set")
+            self.gallery = None  # forms of other shapes say nothing
 
     # Arrays ------------------------------------------------------------------------------------------------------
 
