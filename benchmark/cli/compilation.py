@@ -7,7 +7,6 @@ that the kernels are those for the arrays that a run passes.
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,7 +16,8 @@ from pathlib import Path
 import click
 
 from benchmark.arrays import Arrays
-from benchmark.cli.options import NOT_OK, OK, option, verb
+from benchmark.cli.declare import option
+from benchmark.cli.options import verb
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.errors import BenchmarkError, ShapeError
 from benchmark.execution.processes.channel import Facts, wait_for
@@ -42,11 +42,11 @@ def compile_(
     jobs: int | None = option(
         "-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Processes; all cores by default."
     ),
-) -> None:
+) -> bool:
     """Compile the kernels and build the body model in advance; otherwise the first run does."""
     start = time.monotonic()
     drop_stale_kernels(ROOT)
-    waiting, running, code = list(PARTS), dict[str, Process](), OK
+    waiting, running, ok = list(PARTS), dict[str, Process](), True
     say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
     try:
         while waiting or running:
@@ -61,13 +61,13 @@ def compile_(
                         continue
                     end = "done"
                 except (BenchmarkError, ForeignError, MemoryError, ProcessEnded) as error:
-                    code, end = NOT_OK, f"ended with {error}"
+                    ok, end = False, f"ended with {error}"
                 running.pop(name).end()
                 say(f"{name} {end} after {time.monotonic() - start:.0f} s", err=True)
     finally:
         for process in running.values():
             process.end()
-    sys.exit(code)
+    return ok
 
 
 def _compile(facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -10,20 +9,9 @@ from typing import Any
 
 import click
 
+from benchmark.cli.declare import NAME_OR_FOLDER, PATH, argument, complete_datasets, flag, option
 from benchmark.cli.methods import print_datasets
-from benchmark.cli.options import (
-    NAME_OR_FOLDER,
-    NOT_OK,
-    OK,
-    PATH,
-    argument,
-    complete_datasets,
-    explained,
-    flag,
-    option,
-    shared,
-    verb,
-)
+from benchmark.cli.options import explained, shared, verb
 from benchmark.cli.terminal import counting
 from benchmark.datasets.camera_frames import CameraFrames
 from benchmark.datasets.catalogue import FRAME_SETS, open_dataset, sources
@@ -52,12 +40,12 @@ def list_(
 @verb
 def check(
     name: str = _NAME, plugins: tuple[Path, ...] = shared("plugins"), data_root: Path | None = shared("data_root")
-) -> None:
+) -> bool:
     """Check a data set; exit 1 if it cannot be used."""
     lines, is_usable = _on_data(_checked, name, plugins, data_root, name)
     for line in lines:
         say(line)
-    sys.exit(OK if is_usable else NOT_OK)
+    return bool(is_usable)
 
 
 @verb

@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 import os
 import re
-import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,22 +16,18 @@ import click
 import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
-from benchmark.cli.methods import trained_on_people
-from benchmark.cli.options import (
+from benchmark.cli.declare import (
     NAME_OR_FOLDER,
-    NOT_OK,
     PATH,
-    RunOptions,
     argument,
     complete_datasets,
     complete_methods,
-    explained,
     option,
-    shared,
     timeout_option,
-    verb,
     vertex_count,
 )
+from benchmark.cli.methods import trained_on_people
+from benchmark.cli.options import RunOptions, explained, shared, verb
 from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.depth_folder import DepthFolder
@@ -126,7 +121,7 @@ def canonicalise(
     picture: Path | None = option(
         "--picture", type=PATH, metavar="OUT.png", help="Draw depth and form; for several images, a folder."
     ),
-) -> None:  # fmt: skip
+) -> bool:  # fmt: skip
     """Write the canonical form of a mesh, or of depth images.
 
     A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
@@ -140,8 +135,7 @@ def canonicalise(
         if vertices is not None:
             raise ConfigurationError("a depth image has no vertices", "omit --vertices")
         files = _frame_files(intrinsics, mask, depth_scale)
-        _canonicalise_frames(_frame_jobs(paths, files, output, picture, method), request)
-        return
+        return _canonicalise_frames(_frame_jobs(paths, files, output, picture, method), request)
     if intrinsics or mask or depth_scale or picture:
         raise ConfigurationError(
             f"{paths[0]} is no depth image", "omit --intrinsics, --mask, --depth-scale and --picture"
@@ -155,6 +149,7 @@ def canonicalise(
     # Written here, it is there if, and only if, the method has come to its end.
     write_form(target, Mesh(np.array(points), np.array(faces)))
     say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
+    return True
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
@@ -304,14 +299,14 @@ def _frame_jobs(
     return jobs
 
 
-def _canonicalise_frames(jobs: Sequence[FrameJob], request: FormRequest) -> None:
-    """Write the forms of depth images, made by one process of their own; exit 1 if one of several has none."""
+def _canonicalise_frames(jobs: Sequence[FrameJob], request: FormRequest) -> bool:
+    """Write the forms of depth images, made by one process of their own; returns whether all have one."""
     others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
     guard = request.guard(f"{jobs[0].files.image}{others}", "image")
-    failures = call_apart(write_forms, jobs, request, guard=guard, say=say)
+    failures: int = call_apart(write_forms, jobs, request, guard=guard, say=say)
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
-        sys.exit(NOT_OK)
+    return not failures
 
 
 def write_forms(jobs: Sequence[FrameJob], request: FormRequest, report: Callable[[str], None]) -> int:

@@ -15,7 +15,8 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class, shell_complete
 
 from benchmark import __version__
-from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE, argument, verb
+from benchmark.cli.declare import argument
+from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE, verb
 from benchmark.errors import BenchmarkError
 from benchmark.kernel_cache import choose_kernel_cache
 from benchmark.machine import pin_threads

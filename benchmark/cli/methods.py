@@ -13,7 +13,8 @@ from typing import Any
 import click
 
 from benchmark.api.parameters import format_value
-from benchmark.cli.options import argument, complete_methods, explained, flag, name_unusable, shared, verb
+from benchmark.cli.declare import METHOD, argument, flag
+from benchmark.cli.options import explained, name_unusable, shared, verb
 from benchmark.errors import ConfigurationError
 from benchmark.plugins import registry
 from benchmark.plugins.registry import MethodSpec, variant
@@ -180,7 +181,7 @@ def _models(results: Path) -> Rows:
 
 @verb
 def describe(
-    method: str = argument("METHOD", shell_complete=complete_methods),
+    method: str = METHOD,
     as_json: bool = flag("--json", help="Print JSON."),
     plugins: tuple[Path, ...] = shared("plugins"),
 ) -> None:

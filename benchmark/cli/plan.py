@@ -8,20 +8,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from benchmark.cli.options import (
-    EVERY,
-    FINISHED,
-    PLAN,
-    SELECTION,
-    RunOptions,
-    argument,
-    complete_methods,
-    flag,
-    name_skipped,
-    name_unusable,
-    shared,
-    verb,
-)
+from benchmark.cli.declare import EVERY, FINISHED, argument, complete_methods, flag
+from benchmark.cli.options import PLAN, SELECTION, RunOptions, name_skipped, name_unusable, shared, verb
 from benchmark.datasets.catalogue import sources
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError

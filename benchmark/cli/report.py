@@ -11,7 +11,8 @@ import click
 from matplotlib.figure import Figure
 
 from benchmark.bundles.outcomes import boards
-from benchmark.cli.options import PATH, SELECTION, RunOptions, option, shared, timeout_option, verb
+from benchmark.cli.declare import PATH, option, timeout_option
+from benchmark.cli.options import SELECTION, RunOptions, shared, verb
 from benchmark.cli.plan import planned_jobs
 from benchmark.cli.selection import recorded_tables, stored
 from benchmark.errors import ConfigurationError

@@ -18,7 +18,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from benchmark.api.contracts import Input
-from benchmark.cli.options import NOT_OK, OK, PATH, PLAN, RunOptions, name_skipped, option, shared, timeout_option, verb
+from benchmark.cli.declare import PATH, option, timeout_option
+from benchmark.cli.options import PLAN, RunOptions, name_skipped, shared, verb
 from benchmark.cli.plan import planned_jobs, scorer_spec
 from benchmark.cli.selection import results_of
 from benchmark.cli.terminal import counting, print_tables
@@ -71,7 +72,7 @@ def run(
     frame: Path | None = option(
         "--frame", type=PATH, hidden=True, help="Write the records as JSON, and print no tables."
     ),
-) -> None:  # fmt: skip
+) -> bool:  # fmt: skip
     """Run the missing jobs of a selection, then print its tables."""
     selected = (options.tables, options.methods, options.datasets, options.plugins)
     if not (forms or options.everything or options.paper or any(selected)):
@@ -91,7 +92,7 @@ def run(
         print_tables(contents(results, tables, blanks=not narrow, named=options.is_by_name))
         for perturbed in robustness(results):
             say_lines("\n" + robustness_markdown(perturbed))
-    sys.exit(OK if ok else NOT_OK)
+    return ok
 
 
 def _results(jobs: Sequence[Job], options: RunOptions, store: Store) -> list[Result]:

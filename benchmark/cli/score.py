@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from benchmark.api.contracts import Input
-from benchmark.cli.options import PATH, argument, flag, name_skipped, option, verb
+from benchmark.cli.declare import PATH, argument, flag, option
+from benchmark.cli.options import name_skipped, verb
 from benchmark.errors import ConfigurationError
 from benchmark.external.files import read_distances, read_labels, read_ranked
 from benchmark.external.records import keep_distances

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from benchmark.cli.options import FINISHED, RunOptions, name_skipped
+from benchmark.cli.declare import FINISHED
+from benchmark.cli.options import RunOptions, name_skipped
 from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.datasets.perturbations.dataset import parsed

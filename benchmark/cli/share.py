@@ -13,23 +13,8 @@ from benchmark.bundles.outcomes import Outcome, RowOutcome, keep, worst
 from benchmark.bundles.packing import Offer, write_bundle
 from benchmark.bundles.rows import Request
 from benchmark.bundles.verification import verify as verify_bundle
-from benchmark.cli.options import (
-    NAME_OR_FOLDER,
-    NOT_OK,
-    OK,
-    PATH,
-    USAGE,
-    RunOptions,
-    argument,
-    complete_methods,
-    explained,
-    flag,
-    name_skipped,
-    option,
-    shared,
-    timeout_option,
-    verb,
-)
+from benchmark.cli.declare import METHOD, NAME_OR_FOLDER, PATH, argument, flag, option, timeout_option
+from benchmark.cli.options import NOT_OK, OK, USAGE, RunOptions, explained, name_skipped, shared, verb
 from benchmark.cli.plan import scores_in_words
 from benchmark.cli.selection import recorded
 from benchmark.datasets.catalogue import is_known, open_dataset
@@ -51,7 +36,7 @@ def merge(
     folders: tuple[Path, ...] = argument("DIR...", nargs=-1, required=True, type=PATH),
     published: bool = flag("--published", help="Merge into RESULTS/records, without quick runs and own data."),
     results: Path = shared("results"),
-) -> None:
+) -> bool:
     """Join the records of several results folders; exit 1 if they contradict each other.
 
     Writes one file per data set and one line per record, unless a run is writing records there.
@@ -73,7 +58,7 @@ def merge(
         scores = f"{scores_in_words(there)} here, {scores_in_words(other)} there"
         say(f"conflict: {told(there)} ({there['key'][:12]}): {scores}")
     say(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
-    sys.exit(NOT_OK if merged.conflicts else OK)
+    return not merged.conflicts
 
 
 @verb
@@ -93,7 +78,7 @@ def prune(
 
 @verb
 def submit(
-    method: str = argument("METHOD", shell_complete=complete_methods),
+    method: str = METHOD,
     path: Path = option("-o", "--output", required=True, type=PATH, metavar="BUNDLE.zip", help="File to write."),
     options: RunOptions = shared("datasets", "inputs", "scorer", "plugins", "results", "data_root"),
     seed: int = option("--seed", type=int, default=0, help="Base seed of the runs."),

@@ -9,19 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from benchmark.cli.options import (
-    NOT_OK,
-    OK,
-    PATH,
-    SELECTION,
-    RunOptions,
-    argument,
-    flag,
-    name_skipped,
-    option,
-    shared,
-    verb,
-)
+from benchmark.cli.declare import PATH, argument, flag, option
+from benchmark.cli.options import SELECTION, RunOptions, name_skipped, shared, verb
 from benchmark.cli.selection import is_of_data, no_table, recorded, results_of, stored, tables_of
 from benchmark.cli.terminal import print_tables
 from benchmark.errors import ConfigurationError
@@ -70,7 +59,7 @@ def tables(
     force: bool = shared("force"),
     published: bool = shared("published"),
     fresh: bool = flag("--fresh", help="Omit rows made by other code or versions."),
-) -> None:  # fmt: skip
+) -> bool:  # fmt: skip
     """Print tables of finished jobs, or write them to files; needs no data."""
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
@@ -83,34 +72,37 @@ def tables(
     if not content and not perturbed:
         raise no_table(options)
     if output is None:
-        is_plain = not formats
-        if is_plain and options.is_narrow and len(content) > _FEW and not everything:
+        if not formats and options.is_narrow and len(content) > _FEW and not everything:
             say_lines(overview(content))
             say(f"{len(content)} tables: select with -t and -d, or print them with notes, intervals and tests by --all")
-            return
-        formats, texts = formats or ("markdown",), {}
-        if is_plain and sys.stdout.isatty():
+            return True
+        texts: dict[str, str] = {}
+        if not formats and sys.stdout.isatty():
             print_tables(content)
         else:
-            texts = render(content, formats, notes, has_variants=False, rows_only=rows_only, has_sources=bibliography)
-        for text in (texts | rendered(perturbed, formats)).values():
+            chosen = formats or ("markdown",)
+            texts = render(content, chosen, notes, has_variants=False, rows_only=rows_only, has_sources=bibliography)
+        texts |= rendered(perturbed, formats or ("markdown",))
+        for text in texts.values():
             say_lines(text)
-        return
-    formats, is_whole = formats or FORMATS, not (formats or options.tables or options.methods or options.datasets)
+        return True
+    is_whole = not (formats or options.tables or options.methods or options.datasets or options.inputs)
+    formats = formats or FORMATS
     texts = render(content, formats, notes, rows_only=rows_only) | rendered(perturbed, formats)
     files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=force)
     drawn = perturbed if "markdown" in formats else []
     if check:
-        sys.exit(_check(folder, files, drawn, is_whole=is_whole and not options.inputs))
+        return _check(folder, files, drawn, is_whole=is_whole)
     folder.write(files)
     if drawn:
         from benchmark.report.pictures.charts import draw_curves
 
         draw_curves(drawn, output)
     say(f"wrote {', '.join(files)} to {output}")
+    return True
 
 
-def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, is_whole: bool) -> int:
+def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, is_whole: bool) -> bool:
     """Compare files with those in their folder; a whole set of tables has no others beside it."""
     pictures = {f"{file_stem(frame)}.png" for frame in drawn}
     stale = [*folder.stale(files), *sorted(name for name in pictures if not (folder.root / name).is_file())]
@@ -121,9 +113,9 @@ def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, i
     if left_over:
         say(f"left over: {', '.join(left_over)}; remove these files, which belong to no table any more")
     if stale or left_over:
-        return NOT_OK
+        return False
     say(f"{len(files) + len(pictures)} files are up to date")
-    return OK
+    return True
 
 
 @verb

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,18 +10,8 @@ import click
 
 from benchmark.api.learning import CARD, ChecksOptions, Learner, read_card
 from benchmark.api.parameters import assignments
-from benchmark.cli.options import (
-    NOT_OK,
-    OK,
-    RunOptions,
-    argument,
-    complete_methods,
-    complete_methods_and_files,
-    option,
-    shared,
-    timeout_option,
-    verb,
-)
+from benchmark.cli.declare import METHOD, argument, complete_methods_and_files, option, timeout_option
+from benchmark.cli.options import RunOptions, shared, verb
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.pipeline.storage.store import Store
@@ -46,7 +35,7 @@ def check(
     ),
     plugins: tuple[Path, ...] = shared("plugins"),
     timeout: float = timeout_option("one check"),
-) -> None:
+) -> bool:
     """Test the contract of a method, or of everything in a plugin file; exit 1 if it fails.
 
     Append parameters to either: FILE[power=1].
@@ -54,12 +43,12 @@ def check(
     schedule = tuple(assignments(assigned).items())
     report = check_apart(Target(target, chosen, tuple(map(str, plugins)), schedule), timeout)
     say_lines(str(report))
-    sys.exit(OK if report else NOT_OK)
+    return bool(report)
 
 
 @verb
 def train(
-    method: str = argument("METHOD", shell_complete=complete_methods),
+    method: str = METHOD,
     table: str = option("-t", "--table", default="I", metavar="TABLE", help="Table that the model is for."),
     only: str | None = option("--only", metavar="TRAINING", help="Train only on this, e.g. humans-strict-0-1."),
     configuration: str | None = option("--config", metavar="NAME", help="Configuration of the method."),

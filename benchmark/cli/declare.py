@@ -1,0 +1,143 @@
+"""Options and arguments, each declared as the default of a parameter of a verb; nothing heavy is imported for them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from benchmark.errors import ConfigurationError
+
+#: Stands for all methods, and for those of all finished jobs, variants included, whatever else is named.
+EVERY, FINISHED = "all", "finished"
+
+#: Fewest vertices of a prepared mesh.
+FEWEST_VERTICES = 4
+
+_UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
+
+
+def option(*words: str, **attributes: Any) -> Any:
+    """Declare an option as the default of a parameter of a verb; its default is shown unless it is nothing."""
+    attributes.setdefault("show_default", attributes.get("default") not in (None, ""))
+    return lambda name: [click.Option([*words, name], **attributes)]
+
+
+def flag(*words: str, **attributes: Any) -> Any:
+    """Declare an option without a value."""
+    return option(*words, is_flag=True, default=False, show_default=False, **attributes)
+
+
+def argument(metavar: str | None = None, **attributes: Any) -> Any:
+    """Declare an argument as the default of a parameter of a verb."""
+    return lambda name: [click.Argument([name], metavar=metavar, **attributes)]
+
+
+def timeout_option(what: str, default: str = "10m") -> Any:
+    """Declare the limit of the time that foreign code may take for something."""
+    return option("--timeout", type=duration, metavar="TIME", default=default,
+                  help=f"Time limit for {what}: 90s, 10m, 2h.")  # fmt: skip
+
+
+# Types ---------------------------------------------------------------------------------------------------------------
+
+
+class PathType(click.ParamType[Any]):
+    """What the system can look up as a path; whether there is anything is another question."""
+
+    name = "path"
+
+    def __init__(self, result: type) -> None:
+        self.result = result
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse what cannot be a path: nothing at all, or more than the system takes."""
+        text, option = str(value), param.opts[-1] if param else self.name
+        if not text:
+            raise ConfigurationError(f"{option} is empty", "name a file or a folder; the current one is '.'")
+        try:
+            os.lstat(text)
+        except (FileNotFoundError, NotADirectoryError, PermissionError):
+            pass
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise ConfigurationError(f"{option} '{text[:40]}...' cannot be a path: {reason}", "correct it") from error
+        return self.result(text)
+
+
+PATH, NAME_OR_FOLDER = PathType(Path), PathType(str)
+
+
+def duration(text: str) -> float:
+    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", text.strip())
+    if not match or float(match[1]) == 0:
+        raise ValueError(f"'{text}' is not a duration; write 90s, 10m or 2h")
+    return float(match[1]) * _UNITS[match[2]]
+
+
+def vertex_count(text: str) -> int | str:
+    """A number of vertices, or ``all`` of them."""
+    if text == "all":
+        return text
+    if not text.isdecimal() or int(text) < FEWEST_VERTICES:
+        raise ValueError(f"'{text}' is no number of vertices; write {FEWEST_VERTICES} or more, or all")
+    return int(text)
+
+
+# Names that a shell completes ----------------------------------------------------------------------------------------
+
+
+def complete_methods(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Methods, and the words for several; behind a bracket, the parameters of the method."""
+    from importlib.metadata import entry_points
+
+    from benchmark.plugins.inspection import entry_points_of
+    from benchmark.plugins.parameters import described
+    from benchmark.plugins.registry import BUILT_IN, MethodSpec
+
+    name, bracket, rest = begun.partition("[")
+    if bracket and name in BUILT_IN:
+        before = rest[: rest.rfind(",") + 1]
+        parameters = described(MethodSpec(name, BUILT_IN[name]).load())
+        return _items([f"{name}[{before}{parameter.name}=" for parameter in parameters], begun)
+    installed = (point.name for point in entry_points(group=entry_points_of(MethodSpec)))
+    return _items([*BUILT_IN, *installed, EVERY, FINISHED], begun)
+
+
+def complete_methods_and_files(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Methods, and files."""
+    return [*complete_methods(context, parameter, begun), CompletionItem(begun, type="file")]
+
+
+def complete_datasets(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Data sets, and folders."""
+    from benchmark.datasets.catalogue import CATALOGUE
+
+    return [*_items(CATALOGUE, begun), CompletionItem(begun, type="dir")]
+
+
+def complete_tables(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Identifiers of tables."""
+    from benchmark.protocols.tables import TABLES
+
+    return _items([table.identifier for table in TABLES], begun)
+
+
+def complete_scorers(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Scorers."""
+    from benchmark.plugins.scorers import BUILT_IN
+
+    return _items(BUILT_IN, begun)
+
+
+def _items(names: Iterable[str], begun: str) -> list[CompletionItem]:
+    return [CompletionItem(name) for name in names if name.startswith(begun)]
+
+
+METHOD = argument("METHOD", shell_complete=complete_methods)
