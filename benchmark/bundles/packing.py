@@ -16,8 +16,7 @@ import msgspec
 
 from benchmark import __version__
 from benchmark.arrays import Arrays, save_arrays
-from benchmark.bundles.reading import LONGEST, MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
-from benchmark.bundles.remaking import FACES
+from benchmark.bundles.reading import FACES, LONGEST, MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
 from benchmark.datasets.base import Entry as Shape
 from benchmark.datasets.catalogue import CATALOGUE, catalogued, is_path
 from benchmark.errors import BenchmarkError, ConfigurationError

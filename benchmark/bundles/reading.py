@@ -11,11 +11,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
-from benchmark.arrays import PACKED, UnsafeArrays, load_arrays
-from benchmark.errors import BenchmarkError
+from benchmark.arrays import PACKED, Arrays, UnsafeArrays, load_arrays
+from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.record_schema import read_json
+from benchmark.plugins.scorers import ScorerSpec
 from benchmark.text import clean
 
 MANIFEST = "bundle.json"
@@ -31,6 +35,11 @@ NAMES = re.compile(
 LARGEST_BUNDLE, LARGEST_TOTAL, LARGEST_FILE, LARGEST_JSON, LARGEST_ARRAYS = 2**30, 2**31, 2**29, 2**25, 2**30
 
 MOST_FILES = 2000
+
+_MOST_VERTICES = 1_000_000
+
+#: Array of a form that holds its faces where they are those of the shape; it counts to no digest.
+FACES = "about:faces"
 
 #: Characters of the longest text of a bundle.
 LONGEST = 500
@@ -215,3 +224,58 @@ def _check(part: zipfile.ZipInfo) -> None:
         raise BundleError("no-zip", f"'{shown}' in it is encrypted, or packed in an unusual way")
     if part.file_size > LARGEST_FILE:
         raise BundleError("too-large", f"'{shown}' unpacks to {part.file_size:,} bytes")
+
+
+# Arrays --------------------------------------------------------------------------------------------------------------
+
+
+def form_of(arrays: Arrays) -> Mesh:
+    """Return a form of a bundle; raises ``InvalidMesh`` if it is none."""
+    return Mesh(arrays["vertices"], arrays.get("faces", arrays[FACES]))
+
+
+def check_form(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+    """Raise :class:`BundleError` unless arrays are a form."""
+    try:
+        if not len(arrays["vertices"]) <= _MOST_VERTICES:
+            raise BundleError("too-large", f"the form of '{name}' has too many vertices", "ask its author")
+        form_of(arrays)
+    except ShapeError as error:
+        raise BundleError("bad-form", f"the form of '{name}': {error.problem}", "ask its author") from error
+    except (KeyError, TypeError) as error:
+        raise BundleError("no-arrays", f"the form of '{name}' lacks vertices or faces", "ask its author") from error
+
+
+def check_signature(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+    """Refuse what the compiled code of a scorer must not be given: it looks at no bound."""
+    is_fine = all(array.dtype.kind in "biuf" and np.isfinite(array).all() for array in arrays.values())
+    if is_fine and scorer and scorer.base_name == ScorerSpec().base_name:
+        is_fine = arrays.keys() == {"descriptors", "view_offsets"} and _are_views(scorer, **arrays)
+    elif is_fine:
+        is_fine = arrays.keys() == {"energies"} and arrays["energies"].dtype == np.float64
+    if not is_fine:
+        raise BundleError("no-arrays", f"the signature of '{name}' does not come from its scorer", "ask its author")
+
+
+def _are_views(scorer: ScorerSpec, descriptors: NDArray[Any], view_offsets: NDArray[Any]) -> bool:
+    from retrieval.features import DESCRIPTOR_SIZE
+
+    created: Any = scorer.create()
+    return (
+        descriptors.dtype == np.uint8
+        and descriptors.ndim == 2
+        and descriptors.shape[1] == DESCRIPTOR_SIZE
+        and view_offsets.dtype == np.int32
+        and view_offsets.shape == (created.n_views + 1,)
+        and bool(view_offsets[0] == 0 and view_offsets[-1] == len(descriptors) and (np.diff(view_offsets) >= 0).all())
+    )
+
+
+def check_descriptor(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+    """Raise :class:`BundleError` unless arrays are a descriptor."""
+    vector = arrays.get("descriptor")
+    if vector is None or vector.ndim != 1 or vector.dtype != np.float64 or not np.isfinite(vector).all():
+        raise BundleError("no-arrays", f"the descriptor of '{name}' is not a finite vector", "ask its author")
+
+
+CHECKS = {"forms": check_form, "signatures": check_signature, "descriptors": check_descriptor}

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.arrays import Arrays, load_arrays
-from benchmark.bundles.reading import Entry
+from benchmark.bundles.reading import FACES, Entry, form_of
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.process import ForeignError
-from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.method_run import MethodRun
 from benchmark.pipeline.preparation import require_arrays
 from benchmark.pipeline.ranking import in_shuffled_order
@@ -29,9 +28,6 @@ from benchmark.plugins.remote import close_to_plugins
 from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
 from benchmark.report.artefact_reader import ArtefactReader
-
-#: Array of a form that holds its faces where they are those of the shape; it counts to no digest.
-FACES = "about:faces"
 
 
 class Remaking(NamedTuple):
@@ -132,7 +128,7 @@ def _apart(arrays: Arrays, name: str, items: Mapping[str, Arrays], run: MethodRu
         if not (is_same and np.array_equal(faces, told.get("faces", told[FACES]))):
             return np.inf
         return rigid_distance(arrays["vertices"], told["vertices"])
-    signature = signature_of(run.scorer, Mesh(arrays["vertices"], faces))
+    signature = signature_of(run.scorer, form_of(arrays))
     others = [item for other, item in items.items() if other != name][:10]
     distances = form_distances(run.scorer, [signature, told, *others], 0)
     return float(distances[0, 1] / max(distances[1, 2:].mean(), 1e-300))

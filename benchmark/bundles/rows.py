@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from benchmark.arrays import Arrays, digest_of
 from benchmark.bundles.outcomes import Fault, RowOutcome
-from benchmark.bundles.reading import Archive, BundleError, Entry, Plugin
-from benchmark.bundles.remaking import FACES, Remaking, remake
+from benchmark.bundles.reading import CHECKS, Archive, BundleError, Entry, Plugin, form_of
+from benchmark.bundles.remaking import Remaking, remake
 from benchmark.datasets.catalogue import catalogued, is_present
 from benchmark.errors import BenchmarkError, ShapeError
 from benchmark.execution.plan import data_recipe
 from benchmark.execution.processes.calls import Guard, call_apart
-from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.recipes import scorer_recipe
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage.keys import digest, plain
@@ -52,8 +51,6 @@ TOLERANCE = {"forms": 0.01, "descriptors": 0.01, "signatures": 0.05}
 #: Forms of a record that are made again, at least.
 FEWEST_AGAIN = 3
 
-_MOST_VERTICES = 1_000_000
-
 _ASK, _EDITED = "ask its author", "it may have been edited; ask its author"
 
 Matrix = NDArray[np.float64]
@@ -67,16 +64,11 @@ class Request:
     ----------
     path
         The bundle.
-    results
-        Results folder whose records are looked at where data is not here.
-    data_root
-        Folder of the official data sets.
-    folders
-        Folders of meshes by the names of their data sets.
-    run
-        Whether the plugin of the bundle may be run.
-    n_again
-        Forms of each record to make again.
+    results, data_root, folders
+        Results folder whose records are looked at where data is not here, folder of the official data sets, and folders
+        of meshes by the names of their data sets.
+    run, n_again
+        Whether the plugin of the bundle may be run, and the number of forms of each record to make again.
     limit
         Seconds that each step may take.
     """
@@ -100,24 +92,9 @@ class Request:
 
 @dataclass
 class RowCheck:
-    """A record at its verification.
+    """A record at its verification: what it was made from, what is wrong with it, and what was computed again.
 
-    Parameters
-    ----------
-    request, archive
-        What is verified, and what it is compared with.
-    entry, record
-        The record, and what it was made from.
-    plugin, may_run
-        The plugin that made it, and whether it may be run.
-    say
-        Told what is being done.
-    gallery
-        Its shapes, where their data is here and the same.
-    compared
-        What labels and inputs were compared with.
-    again, apart
-        Shapes whose forms were made again, and how far these are from those of the bundle.
+    Its gallery is None where the data is not here, or another one; the plugin that made it is run only if it may be.
     """
 
     request: Request
@@ -345,7 +322,7 @@ class RowCheck:
         scorer, signatures = spec.create(), items
         if self.entry.holds == "forms":
             try:
-                signatures = [signature_of(scorer, _form(arrays)) for arrays in items]
+                signatures = [signature_of(scorer, form_of(arrays)) for arrays in items]
             except ShapeError as error:
                 raise BundleError("bad-form", error.problem, _ASK, "false") from error
         return [form_distances(scorer, signatures, draw) for draw in range(spec.info.draws)]
@@ -420,56 +397,5 @@ class RowCheck:
         return (folder / plugin.file).resolve()
 
 
-def _form(arrays: Arrays) -> Mesh:
-    return Mesh(arrays["vertices"], arrays.get("faces", arrays[FACES]))
-
-
 def _differ(one: Matrix, other: Matrix) -> bool:
     return one.shape != other.shape or not np.abs(one - other).max() <= DISTANCE_TOLERANCE * max(one.mean(), 1e-30)
-
-
-def check_form(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
-    """Raise :class:`BundleError` unless arrays are a form."""
-    try:
-        if not len(arrays["vertices"]) <= _MOST_VERTICES:
-            raise BundleError("too-large", f"the form of '{name}' has too many vertices", _ASK)
-        _form(arrays)
-    except ShapeError as error:
-        raise BundleError("bad-form", f"the form of '{name}': {error.problem}", _ASK) from error
-    except (KeyError, TypeError) as error:
-        raise BundleError("no-arrays", f"the form of '{name}' lacks vertices or faces", _ASK) from error
-
-
-def check_signature(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
-    """Refuse what the compiled code of a scorer must not be given: it looks at no bound."""
-    is_fine = all(array.dtype.kind in "biuf" and np.isfinite(array).all() for array in arrays.values())
-    if is_fine and scorer and scorer.base_name == ScorerSpec().base_name:
-        is_fine = arrays.keys() == {"descriptors", "view_offsets"} and _are_views(scorer, **arrays)
-    elif is_fine:
-        is_fine = arrays.keys() == {"energies"} and arrays["energies"].dtype == np.float64
-    if not is_fine:
-        raise BundleError("no-arrays", f"the signature of '{name}' does not come from its scorer", _ASK)
-
-
-def _are_views(scorer: ScorerSpec, descriptors: NDArray[Any], view_offsets: NDArray[Any]) -> bool:
-    from retrieval.features import DESCRIPTOR_SIZE
-
-    created: Any = scorer.create()
-    return (
-        descriptors.dtype == np.uint8
-        and descriptors.ndim == 2
-        and descriptors.shape[1] == DESCRIPTOR_SIZE
-        and view_offsets.dtype == np.int32
-        and view_offsets.shape == (created.n_views + 1,)
-        and bool(view_offsets[0] == 0 and view_offsets[-1] == len(descriptors) and (np.diff(view_offsets) >= 0).all())
-    )
-
-
-def check_descriptor(name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
-    """Raise :class:`BundleError` unless arrays are a descriptor."""
-    vector = arrays.get("descriptor")
-    if vector is None or vector.ndim != 1 or vector.dtype != np.float64 or not np.isfinite(vector).all():
-        raise BundleError("no-arrays", f"the descriptor of '{name}' is not a finite vector", _ASK)
-
-
-CHECKS = {"forms": check_form, "signatures": check_signature, "descriptors": check_descriptor}

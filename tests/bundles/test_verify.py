@@ -14,9 +14,9 @@ import pytest
 
 from benchmark.bundles.outcomes import Outcome
 from benchmark.bundles.packing import Offer, _withheld
-from benchmark.bundles.reading import LARGEST_FILE, BundleError
+from benchmark.bundles.reading import LARGEST_FILE, BundleError, check_signature
 from benchmark.bundles.remaking import rigid_distance
-from benchmark.bundles.rows import Request, check_signature
+from benchmark.bundles.rows import Request
 from benchmark.bundles.verification import verified
 from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.scorers import ScorerSpec
