@@ -78,7 +78,7 @@ boundscheck: setup
 	$(BIN)/python -m tools.boundscheck
 
 portability: setup
-	$(BIN)/python -m tools.portability.suite $(ARGS)
+	$(BIN)/python -m tools.portability $(ARGS)
 
 # Kills, bad plugins, damaged files, full disks, odd command lines; about an hour, or give ARGS="--seconds 300".
 faults: setup

@@ -1,1 +1,1 @@
-"""Programs that developers run: speed, faults, portability, studies, checked indices."""
+"""Programs that developers run: speed, faults, portability, golden results, checked indices."""

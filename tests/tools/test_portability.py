@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from tools.portability.variants import NEHALEM, OLDEST
+from tools.portability import NEHALEM, OLDEST
 
 PROGRAM = """
 import hashlib

@@ -1,11 +1,18 @@
-"""Processors to be, by environment variables: which kernels BLAS, numba and numpy choose."""
+"""``make portability``: golden results under the kernels of other processors, two variants side by side.
+
+Which kernels BLAS, numba and numpy choose is set by environment variables.
+"""
 
 from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
 from pathlib import Path
 
 from threadpoolctl import threadpool_info
@@ -36,7 +43,7 @@ class Variant:
 
     name: str
     environment: Mapping[str, str]
-    needs: frozenset[str] = field(default=frozenset())
+    needs: frozenset[str] = frozenset()
     cache: str | None = None
 
     def variables(self) -> dict[str, str]:
@@ -99,3 +106,59 @@ TESTED = (NEHALEM, GENERIC, HASWELL, ZEN, SKYLAKEX)
 #: For continuous integration: what can be tested at once in one variant, and one of the two that share the kernels of
 #: Haswell, which differ in the sizes of blocks alone.
 TOGETHER = (OLDEST, HASWELL, SKYLAKEX)
+
+
+#: The golden results of all components; a variant whose kernels are not compiled does that first.
+COMMAND = (sys.executable, "-m", "tools.golden")
+
+
+def compared(variant: Variant) -> tuple[Variant, int, float, str]:
+    """Exit code, seconds and output of the command under one variant."""
+    start, both = time.perf_counter(), subprocess.STDOUT
+    done = subprocess.run(COMMAND, env=variant.variables(), stdout=subprocess.PIPE, stderr=both, text=True, check=False)
+    return variant, done.returncode, time.perf_counter() - start, done.stdout
+
+
+def all_pass(variants: Sequence[Variant]) -> bool:
+    """Run the command under each variant that the processor can run; print one line each; whether all passed."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for variant in variants:
+        if variant.obstacle():
+            print(f"{variant.name:<10} skipped: {variant.obstacle()}", flush=True)
+    failed = False
+    with ThreadPoolExecutor(max_workers=min(2, os.cpu_count() or 1)) as pool:
+        runs = [pool.submit(compared, variant) for variant in variants if not variant.obstacle()]
+        for future in as_completed(runs):
+            variant, code, seconds, output = future.result()
+            summary = output.strip().splitlines()[-1:] or ["no output"]
+            ending = "FAILED" if code else "passed"
+            print(f"{variant.name:<10} {ending} in {seconds:.0f} s: {summary[0].strip()}", flush=True)
+            if code:
+                failed, log = True, FOLDER / f"{variant.name}.log"
+                log.write_text(output)
+                settings = " ".join(f"{key}={value}" for key, value in variant.environment.items())
+                print(output[-4000:], f"all of it is in {log}; again: {settings} make golden", sep="\n", flush=True)
+    return not failed
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the suite; 0 if all variants passed.
+
+    With ``--others``, without the kernels that this processor chooses by itself, under which ``make golden`` ran, and
+    the old instructions of BLAS, numba and numpy at once.
+    """
+    start = time.perf_counter()
+    variants: Sequence[Variant] = TESTED
+    if "--others" in arguments:
+        own = own_kernels()
+        if own in (variant.name for variant in TESTED):
+            print(f"{own:<10} left out: the choice of this processor", flush=True)
+        variants = [variant for variant in TOGETHER if variant.name != own]
+    passed = all_pass(variants)
+    if passed:
+        print(f"golden results agree under all kernels in {time.perf_counter() - start:.0f} s")
+    return int(not passed)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
