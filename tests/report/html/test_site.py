@@ -230,3 +230,12 @@ def test_classes_and_the_front_are_those_of_the_records(artefacts):
     assert told["gps"]["classes"]["NN"] == [1.0, 0.5]
     assert told["gps"]["seconds"] == 2.0
     assert data["fronts"]["mesh"]["NN"] == {"methods": ["gps"], "all": ["pca", "gps"]}
+
+
+def test_commands_can_be_pasted(artefacts, tmp_path):
+    """They name plugins and folders, and no row that no command makes."""
+    tables = contents([Result(each) for each in (record("gps"), record("theirs", family="external"))])
+    options = ("--plugin", "my file.py", "--data-root", "/data")
+    write_report(tables, artefacts, tmp_path, "python -m benchmark report", options=options)
+    command = "python -m benchmark run -d rods -m gps --plugin &#x27;my file.py&#x27; --data-root /data"
+    assert f">{command}\n" in (tmp_path / "index.html").read_text()
