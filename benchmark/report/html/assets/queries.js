@@ -5,7 +5,7 @@
   const { load, pageData, address, addressOf, make, fill, number } = canonicalForms;
   const { queries: stem } = pageData();
   const NEAREST = 5, AT_ONCE = 20, MOST_NAMES = 400, ACROSS = 10, DOWN = 5;
-  const KNOWN = ["it makes no forms", "not kept here"];  // no fault of a shape
+  const NOT_STORED = "not kept here", KNOWN = ["it makes no forms", NOT_STORED];  // no fault of a shape
   const byId = (id) => document.getElementById(id);
   /* Queries are numbers in the gallery; those of `base` have data, those of `kept` pass the filters. */
   let all = null, gallery = null, base = [], kept = [], query = 0;
@@ -141,7 +141,9 @@
       ...methods().map((method) => {
         const scores = data[method.name]?.scores[within];
         const text = scores ? all.measures.map((m, n) => `${m} ${scores[n] === null ? "–" : number(scores[n])}`).join("   ") : "left out";
-        return make("div", { class: "row" }, side(method, k, data[method.name]?.nearest?.[within], text));
+        const nearest = data[method.name]?.nearest?.[within];
+        const isStored = nearest || missing(method, k) !== NOT_STORED;
+        return make("div", { class: "row" }, isStored ? side(method, k, nearest, text) : heading(method.title, text));
       }),
       ...failed.map((each) => make("div", { class: "row" }, make("h3", {}, make("b", { text: each.title })), make("p", { class: "why", text: each.why }))),
     );
@@ -197,12 +199,14 @@
     const why = missing(method, k);
     const picture = why ? make("div", { class: "thumb none", text: KNOWN.includes(why) ? why : "no form" }) : thumbnail(k, method.sheet, `form of ${gallery.names[k]} by ${method.title}`);
     const form = make("figure", { class: "form" }, picture, make("figcaption", { text: method.title }));
-    const head = make("h3", {}, make("b", { text: method.title }), make("span", { text }));
+    const head = heading(method.title, text);
     const list = make("ol", { class: "matches", "aria-label": `Nearest shapes by ${method.title}` });
     list.append(...(nearest ?? []).slice(0, NEAREST).map((match, n) => make("li", {}, tile(method, match, k, n))));
     const reason = why && !KNOWN.includes(why) ? [make("p", { class: "why", text: why })] : [];
     return make("div", { class: "side" }, form, head, ...reason, ...(nearest ? [list] : []));
   }
+
+  const heading = (title, text) => make("h3", {}, make("b", { text: title }), make("span", { text }));
 
   /* Why a shape has no picture of its form; "" where it has one. */
   function missing(method, k) {
