@@ -67,3 +67,22 @@ def test_what_is_false_or_no_outcome_is_refused(ran, tmp_path):
     (tmp_path / "bundles" / "a.json").write_text(json.dumps({"rows": []}))
     with pytest.raises(ConfigurationError, match="is no outcome of a bundle"):
         boards(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name", ["\x1b[31mred\nline", "abc\u202edcba", "a\ud800b", "a\0b", "../../pwned", r"\input{/etc/passwd}"]
+)
+def test_a_hostile_name_is_refused_or_printed_in_its_line(ran, tmp_path, name):
+    hostile = Forgery(ran / "flat.zip")
+    hostile.manifest["title"] = hostile.manifest["author"] = hostile.record["data"]["title"] = name
+    hostile.record["gallery"] = name
+    told = command("verify", hostile.write(tmp_path / "hostile.zip"), "--into", tmp_path)
+    *_, row, last = told.stdout.splitlines()
+    assert told.stdout.replace("\n", "").isprintable()
+    if "\0" in name or "\ud800" in name:
+        assert row.startswith("false       [record-edited] ")
+        assert "hostile.zip: false" in last
+    else:
+        assert row.startswith("verified    ")
+        ((heading, rows),) = boards(tmp_path)
+        assert (name in heading, rows[0][1]) == (True, name)
