@@ -20,7 +20,7 @@ from benchmark.cli.options import INTERRUPTED, TERMINATED, USAGE, verb
 from benchmark.errors import BenchmarkError
 from benchmark.kernel_cache import choose_kernel_cache
 from benchmark.machine import pin_threads
-from benchmark.plugins.closing import close_process
+from benchmark.plugins import close_process
 from benchmark.text import say
 
 #: How the program is called in messages.
@@ -117,7 +117,7 @@ def completion(shell: str = argument(type=click.Choice(["bash", "zsh", "fish"]))
 
 def program() -> None:
     """Run the command line as a program of its own, into which no plugin comes."""
-    close_process("Inspected")
+    close_process()
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
     main()

@@ -20,7 +20,7 @@ from typing import TypeVar
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
 from benchmark.execution.processes.opened_files import NOT_OF_PLUGINS, digest_of_file, leave_out
 from benchmark.execution.processes.process import adopt, one_of_us
-from benchmark.plugins.closing import require_open_process
+from benchmark.plugins import require_open_process
 from benchmark.source_code import digest_of_source
 
 Info = TypeVar("Info")

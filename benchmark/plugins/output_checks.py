@@ -1,19 +1,30 @@
-"""Checks of the output of a method or a scorer before it is used: nothing is cast that would change."""
+"""Checks of what plugins say and return, before it is used: nothing is cast that would change."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
-from benchmark.api.scoring import Scorer, SignatureArrays
+from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
+from benchmark.api.datasets import DatasetInfo, Entry
+from benchmark.api.scoring import Scorer, ScorerInfo, SignatureArrays
 from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_line
 from benchmark.execution.processes.process import one_of_us
+from benchmark.text import LONGEST_NAME, RESERVED, clean, is_name
 
 Note = NDArray[Any]
+Info = MethodInfo | ScorerInfo | DatasetInfo
+
+#: Random draws of a scorer, each of which ranks the whole gallery.
+_MOST_DRAWS = 100
+
+#: Characters of the longest identifier, class and pose of a shape.
+_LONGEST = 200
 
 #: Array that stands where there is no result: the problem, its hint, and the kind of error.
 REFUSED = "refused"
@@ -136,3 +147,74 @@ def real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint: 
     else:
         return found.astype(np.float64)
     raise InvalidForm(f"{who} returned {what}", hint)
+
+
+# What plugins say of themselves --------------------------------------------------------------------------------------
+
+
+def _are_words(value: Any) -> bool:
+    return isinstance(value, tuple | list) and all(isinstance(word, str) for word in value)
+
+
+def _is_width(value: Any) -> bool:
+    return value is None or (type(value) in (int, float) and 0 < value < 1e300)
+
+
+#: For each field of an info besides its texts: what it must be, how a message begins, and what to write instead.
+_FIELDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
+    "inputs": (
+        lambda value: _are_words(value) and bool(value) and set(value) <= {"mesh", "view"},
+        "inputs are", "name 'mesh', 'view' or both in a tuple",
+    ),
+    "scale": (lambda value: value in ("equivariant", "invariant"), "scale is", "write 'equivariant' or 'invariant'"),
+    "family": (lambda value: value in ("paper", "control", "extended"), "family is", "write 'extended'"),
+    "deterministic": (lambda value: isinstance(value, bool), "deterministic is", "write True or False"),
+    "invariant": (lambda value: isinstance(value, bool), "invariant is", "write True or False"),
+    "draws": (
+        lambda value: type(value) is int and 1 <= value <= _MOST_DRAWS,
+        "draws is", f"write a whole number from 1 to {_MOST_DRAWS}",
+    ),
+    "requires": (_are_words, "requires is", "write a tuple of the import names of packages"),
+    "files": (_are_words, "files is", "write a tuple of paths"),
+    "half_width": (_is_width, "half_width is", "write a positive number in units of the meshes, or None"),
+}  # fmt: skip
+
+
+def problems_of(info: Info) -> Iterator[tuple[str, str]]:
+    """Return what is wrong with what a plugin says about itself: each problem with its hint."""
+    if isinstance(info, MethodInfo) and isinstance(info.name, str) and info.name in RESERVED:
+        yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
+    if not is_name(info.name):
+        problem = f"name {info.name!r:.80} is not lower-case words joined by hyphens"
+        yield problem, f"write it so, with {LONGEST_NAME} characters at most"
+    for name in ("title", "summary", "departs", "cite"):
+        text = getattr(info, name, "")
+        if not isinstance(text, str) or "\n" in text:
+            yield f"{name} {text!r:.80} is not a text of one line", "write a text"
+    if isinstance(info.title, str) and not info.title.strip():
+        yield "title is empty", "say what the tables shall print"
+    for name, (fits, begin, hint) in _FIELDS.items():
+        if hasattr(info, name) and not fits(value := getattr(info, name)):
+            yield f"{begin} {value!r:.80}", hint
+
+
+def problems_of_entries(entries: Sequence[Any]) -> Iterator[tuple[str, str]]:
+    """Return what is wrong with the shapes that a data set lists: each problem with its hint."""
+    if not entries:
+        yield "it lists no shapes", "let 'entries' list at least two classes, one of them with two shapes"
+    for entry in entries:
+        if not isinstance(entry, Entry):
+            yield f"'entries' lists {type(entry).__name__}", "list Entry(identifier, subject, pose)"
+            return
+        for name in ("identifier", "subject", "pose"):
+            text = getattr(entry, name)
+            if not isinstance(text, str) or not 0 < len(text) <= _LONGEST or clean(text) != text:
+                yield f"{name} {text!r:.80} is not a text of one line", f"write 1 to {_LONGEST} printable characters"
+                return
+        path: Any = entry.path
+        if not isinstance(path, Path | None):
+            yield f"path of '{entry.identifier}' is {type(path).__name__}", "pass a pathlib.Path"
+            return
+    name, count = Counter(entry.identifier for entry in entries).most_common(1)[0] if entries else ("", 0)
+    if count > 1:
+        yield f"two shapes are called '{name}'", "give each shape an identifier of its own"

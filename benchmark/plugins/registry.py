@@ -9,11 +9,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import NoReturn
 
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.inspection import KnownPlugins, installed
+from benchmark.plugins.inspection import S, installed, plugins_of
+from benchmark.plugins.modules import unknown
 from benchmark.plugins.parameters import combinations, split_name
-from benchmark.plugins.specs import MethodSpec, S, plugin_methods
+from benchmark.plugins.specs import MethodSpec
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
 
@@ -57,6 +59,40 @@ BUILT_IN: dict[str, str] = {
 }
 
 
+class KnownPlugins(dict[str, S]):
+    """Plugins of one kind by name, in the order of the tables; to look up another name raises what is wrong with it.
+
+    Parameters
+    ----------
+    kind
+        Methods or scorers.
+    built_in
+        Where each of the suite is defined, by its name.
+    plugins
+        Python files that may define further ones.
+
+    Raises
+    ------
+    ConfigurationError
+        If two have one name, or a plugin file cannot be used.
+    """
+
+    def __init__(self, kind: type[S], built_in: Mapping[str, str], plugins: Iterable[Path]) -> None:
+        super().__init__({name: kind(name, target) for name, target in built_in.items()})
+        self._kind, self._installed = kind.kind, installed(kind, frozenset(built_in))  # type: ignore[arg-type]
+        self.update({spec.name: spec for spec in self._installed.specs})
+        for spec in (spec for path in plugins for spec in plugins_of(kind, path)):
+            if spec.name in self:
+                raise ConfigurationError(
+                    f"two {kind.kind}s are called '{spec.name}': {self[spec.name].target} and {spec.target}",
+                    "rename one",
+                )
+            self[spec.name] = spec
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise self._installed.faults.get(name) or unknown(self._kind, name, self)
+
+
 def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
     """All known methods by name, in the order of the tables.
 
@@ -70,7 +106,12 @@ def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
     ConfigurationError
         If two methods have one name, or a plugin file cannot be used.
     """
-    return KnownPlugins(MethodSpec, BUILT_IN, (spec for path in plugins for spec in plugin_methods(path)))
+    return KnownPlugins(MethodSpec, BUILT_IN, plugins)
+
+
+def plugin_methods(path: Path) -> list[MethodSpec]:
+    """Methods defined in a plugin file; see :func:`benchmark.plugins.inspection.plugins_in`."""
+    return plugins_of(MethodSpec, path)
 
 
 def unusable() -> tuple[str, ...]:

@@ -1,30 +1,47 @@
-"""Methods and scorers of plugins in processes that do not import them."""
+"""Plugins in processes of their own: what each tells of itself, and methods and scorers whose work is done there.
+
+There is one process for each plugin file and kind: they share no knowledge. Facts that a process watched by nobody
+needs are told by processes that end at once.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn, Self
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import CanonicalForm, FloatArray, MethodInfo, Shape
-from benchmark.api.learning import read_card
-from benchmark.api.scoring import ScorerInfo, SignatureArrays
+from benchmark.api.contracts import CanonicalForm, FloatArray, Shape
+from benchmark.api.scoring import SignatureArrays
 from benchmark.arrays import Arrays
-from benchmark.execution.processes.calls import Guard
+from benchmark.errors import ConfigurationError
+from benchmark.execution.processes.calls import BrokenCall, Guard, KilledCall, call_apart
+from benchmark.execution.processes.process import Process, Serve, is_child
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.costs import Cost
-from benchmark.plugins.closing import close_process
-from benchmark.plugins.inspection import LIMIT, look, told
-from benchmark.plugins.services import service, services, watch_starts
-from benchmark.plugins.serving import folded, serve, spec_of, tell
-from benchmark.plugins.specs import ScorerSpec
+from benchmark.pipeline.storage.keys import plain
+from benchmark.plugins import close_process
+from benchmark.plugins.serving import folded
 
 Facts = dict[str, Any]
+
+#: Seconds that importing a file, making its methods and listing the shapes of its data sets may take.
+LIMIT = 30.0
+
+#: Deaths by somebody else's hand after which a file is blamed for them.
+_MAX_RETRIES = 3
+
+#: Processes at work, by kind and plugin file, and by name where one leaves threads or processes behind.
+_processes: dict[tuple[str, ...], Process] = {}
+
+#: What plugins have told, by kind, target and parameters.
+_told: dict[str, Facts] = {}
+
+_starting: Callable[[bool], object] = bool
 
 
 def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
@@ -33,66 +50,114 @@ def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
     Parameters
     ----------
     starting
-        See :func:`benchmark.plugins.services.watch_starts`.
+        Called with True before a process starts and imports its plugin, and with False after that.
     """
-    watch_starts(starting)
-    close_process(Remote.__name__)
+    global _starting
+    _starting = starting
+    close_process()
+
+
+def look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) -> Any:
+    """Call a function that imports foreign code apart, again if somebody else may have ended its process.
+
+    Raises
+    ------
+    ConfigurationError
+        If the code crashes, ends its process or takes too long.
+    """
+    for retries in reversed(range(_MAX_RETRIES)):
+        try:
+            return call_apart(function, *arguments, guard=Guard(what, hint, LIMIT, quiet=True))
+        except BrokenCall as error:
+            if not (retries and isinstance(error, KilledCall)):
+                raise ConfigurationError(error.problem, error.hint) from error
+
+
+def remember(facts: Facts) -> None:
+    """Note what a plugin has told of itself."""
+    _told[_key(facts["kind"], facts["target"], facts["chosen"])] = facts
+
+
+def _key(*names: Any) -> str:
+    return json.dumps(names, sort_keys=True)
 
 
 @dataclass(frozen=True)
 class Remote:
-    """A method or scorer in the process of its plugin, by what names it there."""
+    """A plugin in its process, by what names it there.
 
+    Parameters
+    ----------
+    serve
+        What its process answers requests with.
+    kind, base_name, target, parameters
+        See :class:`benchmark.plugins.specs.PluginSpec`.
+    """
+
+    serve: Serve
     kind: str
-    target: str
-    name: str
     base_name: str
+    target: str
+    parameters: Mapping[str, Any]
 
     @property
     def facts(self) -> Facts:
-        """What its process tells of it, see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
-        key = (self.kind, self.target, self.name)
-        if key not in told:
-            facts = self._ask()
-            told[key] = told[self.kind, self.target, facts["name"]] = facts
-        return told[key]
+        """What it tells of itself, see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
+        key = _key(self.kind, self.target, plain(self.parameters))
+        if key not in _told:
+            facts = self.request("facts")[0] if is_child() else self.look("facts")
+            remember(facts)
+            _told[key] = facts
+        return _told[key]
 
-    def _ask(self) -> Facts:
-        return self.request("tell", {}, {})[0]
-
-    def chosen(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return parameters that were looked at before."""
-        return parameters
-
-    def create(self) -> Foreign:
-        """Return a method or a scorer that works in its process."""
-        if self.kind == ScorerSpec.kind:
-            return _RemoteScorer(self, msgspec.convert(self.facts["info"], ScorerInfo))
-        kind = _RemoteDescriptor if self.facts["describes"] else RemoteMethod
-        return kind(self, msgspec.convert(self.facts["info"], MethodInfo))
+    def look(self, work: str, **facts: Any) -> Facts:
+        """Have some work done in a process that ends at once."""
+        hint = "correct the plugin: importing it and making its methods must end at once"
+        answer: Facts = look(
+            _answer, self.serve, self._message(work, facts), what=f"{self.kind} '{self.base_name}'", hint=hint
+        )
+        return answer
 
     @property
     def _places(self) -> tuple[tuple[str, ...], ...]:
         """Place of its process, that which it shares with others of its plugin, and that which is its own."""
         shared = (self.kind, self.target.rpartition(":")[0])
         own = (*shared, self.base_name)
-        return (own if own in services else shared), shared, own
+        return (own if own in _processes else shared), shared, own
 
     @property
     def files(self) -> dict[str, str]:
         """Files that its process has read, with their digests."""
-        process = services.get(self._places[0])
+        process = _processes.get(self._places[0])
         return process.files if process else {}
 
-    def request(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> tuple[Facts, Arrays]:
-        """Have some work done."""
+    def request(
+        self, work: str, facts: Mapping[str, Any] | None = None, arrays: Arrays | None = None
+    ) -> tuple[Facts, Arrays]:
+        """Have some work done; a process that starts is asked for facts, which takes no time of a job."""
         place, shared, own = self._places
-        process = service(place, serve, {"work": "tell", **asdict(self)})
+        if place not in _processes:
+            _starting(True)
+            try:
+                _processes[place] = Process(self.serve, is_plugin=True)
+                _processes[place].request_or_end_alike(self._message("facts", {}))
+            finally:
+                _starting(False)
+        process = _processes[place]
         try:
-            return process.request_or_end_alike({"work": work, **asdict(self), **facts}, arrays)
+            return process.request_or_end_alike(self._message(work, facts or {}), arrays)
         finally:
-            if process.is_occupied and place == shared and work != "tell":  # telling imports the plugin, for all of it
-                services[own] = services.pop(shared)
+            if process.is_occupied and place == shared and work != "facts":  # facts import the plugin, for all of it
+                _processes[own] = _processes.pop(shared)
+
+    def _message(self, work: str, facts: Mapping[str, Any]) -> Facts:
+        names = {"kind": self.kind, "base_name": self.base_name, "target": self.target}
+        return {"work": work, **names, "parameters": plain(self.parameters), **facts}
+
+
+def _answer(serve: Serve, message: Facts) -> Facts:
+    """Facts of an answer, in a process that may import the plugin."""
+    return dict(serve(message, {}, None)[0])  # type: ignore[arg-type]  # nobody is told of progress
 
 
 @dataclass(frozen=True)
@@ -121,16 +186,16 @@ class Foreign:
         """Files that its process has read so far, with their digests."""
         return self.remote.files
 
-    def _worked(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> Arrays:
-        told, found = self.remote.request(work, {**facts, "model": self.model}, arrays)
-        if "cost" in told:
-            self.book(Cost.from_json(told["cost"]))
-        return found
+    def _work(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> Arrays:
+        answer, results = self.remote.request(work, {**facts, "model": self.model}, arrays)
+        if "cost" in answer:
+            self.book(Cost.from_json(answer["cost"]))
+        return results
 
     def _on_shape(self, work: str, shape: Shape) -> Arrays:
         facts = {"seed": shape.seed, "source_area": shape.source_area}
         depth = {} if shape.depth is None else {"depth": shape.depth}
-        return self._worked(work, facts, {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, **depth})
+        return self._work(work, facts, {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, **depth})
 
 
 class RemoteMethod(Foreign):
@@ -138,93 +203,68 @@ class RemoteMethod(Foreign):
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """See :class:`benchmark.api.contracts.Method`."""
-        found = self._on_shape("canonicalise", shape)
-        notes = {name.removeprefix("note:"): value.item() for name, value in found.items() if name.startswith("note:")}
-        return CanonicalForm(found["vertices"], found["faces"], notes)
+        form = self._on_shape("canonicalise", shape)
+        notes = {name.removeprefix("note:"): value.item() for name, value in form.items() if name.startswith("note:")}
+        return CanonicalForm(form["vertices"], form["faces"], notes)
+
+
+class RemoteLearner(RemoteMethod):
+    """A learner in the process of its plugin; see :class:`benchmark.api.learning.Learner`."""
+
+    @property
+    def model_name(self) -> str:
+        """Name of its models."""
+        return str(self.remote.facts["model_name"])
+
+    @property
+    def split(self) -> str:
+        """Data that trains it."""
+        return str(self.remote.facts["split"])
+
+    @property
+    def shipped_models(self) -> Path:
+        """Folder of the models that come with it."""
+        return Path(self.remote.facts["shipped_models"])
+
+    @property
+    def model_folder(self) -> Path | None:
+        """Folder of its model, where it says so."""
+        folder = self.remote.facts["model_folder"]
+        return None if folder is None else Path(folder)
+
+    def train(self, *_: object) -> NoReturn:
+        """Raise ``AssertionError``: it is trained where it is imported."""
+        raise AssertionError("a plugin is trained in a process of its own")
 
     def load(self, folder: Path) -> Self:
-        """See :class:`benchmark.api.learning.Learner`."""
+        """Return the same with a model."""
         return replace(self, model=str(folder))
 
+    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
+        """Raise ``ConfigurationError`` if the card is none of its own."""
+        self.remote.look("check_card", folder=str(folder))
 
-class _RemoteDescriptor(Foreign):
+
+class RemoteDescriptor(Foreign):
+    """A descriptor in the process of its plugin."""
+
     def describe(self, shape: Shape) -> FloatArray:
         """See :class:`benchmark.api.contracts.Descriptor`."""
         return np.asarray(self._on_shape("describe", shape)["descriptor"])
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """See :class:`benchmark.api.contracts.Descriptor`."""
-        arrays = folded([{"descriptor": each} for each in descriptors])
-        return np.asarray(self._worked("distances", {}, arrays)["distances"])
+        arrays = folded([{"descriptor": descriptor} for descriptor in descriptors])
+        return np.asarray(self._work("distances", {}, arrays)["distances"])
 
 
-class _RemoteScorer(Foreign):
+class RemoteScorer(Foreign):
+    """A scorer in the process of its plugin."""
+
     def signature(self, form: Mesh) -> SignatureArrays:
         """See :class:`benchmark.api.scoring.Scorer`."""
-        return self._worked("signature", {}, {"vertices": form.vertices, "faces": form.faces})
+        return self._work("signature", {}, {"vertices": form.vertices, "faces": form.faces})
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
         """See :class:`benchmark.api.scoring.Scorer`."""
-        return np.asarray(self._worked("compare", {"draw": draw}, folded(signatures))["distances"])
-
-
-@dataclass(frozen=True)
-class Inspected(Remote):
-    """The same in the process that talks to the user: a plugin that hangs or crashes costs it an error."""
-
-    def _ask(self) -> Facts:
-        return dict(self.look(tell))
-
-    def chosen(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the parameters that differ from their defaults, normalised."""
-        chosen = self.facts["chosen"]
-        return {name: tuple(value) if isinstance(value, list) else value for name, value in chosen.items()}
-
-    def create(self) -> Foreign:
-        """See :class:`Remote`; a learner knows its models."""
-        if "learner" in self.facts:
-            return _InspectedLearner(self, msgspec.convert(self.facts["info"], MethodInfo))
-        return super().create()
-
-    def look(self, function: Callable[..., Any], *arguments: str) -> Any:
-        """Call a function with what names the plugin, in a process that may import it."""
-        hint = "correct the plugin: importing it and making its methods must end at once"
-        guard = Guard(f"{self.kind} '{self.name}'", hint, LIMIT, quiet=True)
-        return look(function, self.kind, self.name, self.base_name, self.target, *arguments, guard=guard)
-
-
-@dataclass(frozen=True)
-class _InspectedLearner(RemoteMethod):
-    """A learner that was looked at; see :class:`benchmark.api.learning.Learner`."""
-
-    remote: Inspected
-
-    @property
-    def model_name(self) -> str:
-        return str(self.remote.facts["learner"]["model_name"])
-
-    @property
-    def split(self) -> str:
-        return str(self.remote.facts["learner"]["split"])
-
-    @property
-    def shipped_models(self) -> Path:
-        return Path(self.remote.facts["learner"]["shipped_models"])
-
-    @property
-    def model_folder(self) -> Path | None:
-        folder = self.remote.facts["learner"]["model_folder"]
-        return None if folder is None else Path(folder)
-
-    def train(self, *_: object) -> NoReturn:
-        raise AssertionError("a plugin is trained in a process of its own")
-
-    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
-        self.remote.look(_check_card, str(folder))
-
-
-def _check_card(kind: str, name: str, base_name: str, target: str, folder: str) -> None:
-    """Check the card of a model, in a process that may import the learner."""
-    check = getattr(spec_of(kind, name, base_name, target).create(), "check_card", None)
-    if check is not None:
-        check(read_card(Path(folder)), Path(folder))
+        return np.asarray(self._work("compare", {"draw": draw}, folded(signatures))["distances"])

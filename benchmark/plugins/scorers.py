@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
-from benchmark.plugins.inspection import KnownPlugins, installed
-from benchmark.plugins.registry import variant
-from benchmark.plugins.specs import ScorerSpec, plugins_of
+from benchmark.plugins.inspection import installed, plugins_of
+from benchmark.plugins.registry import KnownPlugins, variant
+from benchmark.plugins.specs import ScorerSpec
 
 __all__ = ["BUILT_IN", "DEFAULT", "ScorerSpec", "plugin_scorers", "scorer_of", "scorers", "unusable"]
 
@@ -34,7 +34,7 @@ def scorers(plugins: Iterable[Path] = ()) -> dict[str, ScorerSpec]:
     ConfigurationError
         If two scorers have one name, or a plugin file cannot be used.
     """
-    return KnownPlugins(ScorerSpec, BUILT_IN, (spec for path in plugins for spec in plugin_scorers(path)))
+    return KnownPlugins(ScorerSpec, BUILT_IN, plugins)
 
 
 def unusable() -> tuple[str, ...]:
@@ -56,5 +56,5 @@ def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:
 
 
 def plugin_scorers(path: Path) -> list[ScorerSpec]:
-    """Scorers defined in a plugin file; see :func:`benchmark.plugins.specs.plugins_of`."""
+    """Scorers defined in a plugin file; see :func:`benchmark.plugins.inspection.plugins_in`."""
     return plugins_of(ScorerSpec, path)

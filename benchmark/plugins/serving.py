@@ -1,101 +1,128 @@
-"""A method or scorer of a plugin at work in its process, which is told no name, no class and no order of a gallery."""
+"""The work of a plugin in its process, which is told no name, no class and no order of a gallery."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmark.api.contracts import Shape
+from benchmark.api.datasets import Entry, ListsShapes
+from benchmark.api.learning import read_card
 from benchmark.arrays import Arrays
-from benchmark.execution.processes.process import Requester
+from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, one_line
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.storage.costs import Cost, Meter
 from benchmark.plugins.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
-from benchmark.plugins.registry import variant
-from benchmark.plugins.specs import MethodSpec, PluginSpec, ScorerSpec
 
 Facts = Mapping[str, Any]
-Answer = tuple[Facts, Arrays]
+Answer = tuple[dict[str, Any], Arrays]
 
 _meter = Meter()
 
 
-def serve(facts: Facts, arrays: Arrays, requester: Requester) -> Answer:
-    """Do the work that a request names, with the method or scorer that it names."""
-    return _WORK[facts["work"]](facts, arrays)
+@dataclass(frozen=True)
+class OpenedDataset:
+    """A data set of a plugin file with the shapes that it lists."""
+
+    made: ListsShapes
+    entries: tuple[Entry, ...]
+
+    def ask(self, work: str, identifier: str, kind: type[Any] = object, hint: str = "") -> Any:
+        """Have a method of the data set called with a shape; whatever it raises costs that shape alone."""
+        who = f"data set '{self.made.info.name}', shape '{identifier}': '{work}'"
+        entry = next(entry for entry in self.entries if entry.identifier == identifier)
+        try:
+            answer = getattr(self.made, work)(entry)
+        except (BenchmarkError, MemoryError):
+            raise
+        except Exception as error:
+            raise UnreadableMesh(f"{who} raises {one_line(error)}", "correct the file") from error
+        if not isinstance(answer, kind):
+            error_type = UnreadableMesh if kind is Mesh else DatasetError
+            raise error_type(f"{who} returned {type(answer).__name__}", hint)
+        return answer
 
 
-def tell(kind: str, name: str, base_name: str, target: str) -> dict[str, Any]:
-    """Return what a plugin tells of itself."""
-    return spec_of(kind, name, base_name, target).facts
+def _load(dataset: OpenedDataset, facts: Facts, _: Arrays) -> Answer:
+    mesh: Mesh = dataset.ask("load", facts["identifier"], Mesh, "return Mesh(vertices, faces)")
+    return {}, {"vertices": mesh.vertices, "faces": mesh.faces}
 
 
-def _tell(facts: Facts, arrays: Arrays) -> Answer:
-    return tell(facts["kind"], facts["name"], facts["base_name"], facts["target"]), {}
+def _camera(dataset: OpenedDataset, facts: Facts, _: Arrays) -> Answer:
+    return asdict(dataset.ask("camera", facts["identifier"], Camera, "return a Camera")), {}
 
 
-def _canonicalise(facts: Facts, arrays: Arrays) -> Answer:
-    method, shape = _plugin(facts), _shape(facts, arrays)
+def _recipe(dataset: OpenedDataset, facts: Facts, _: Arrays) -> Answer:
+    return {"recipe": str(dataset.ask("recipe", facts["identifier"]))}, {}
 
+
+def _canonicalise(method: Any, facts: Facts, arrays: Arrays) -> Answer:
     def form() -> Arrays:
-        mesh, notes = form_of(method, shape)
-        return {
-            "vertices": mesh.vertices,
-            "faces": mesh.faces,
-            **{f"note:{name}": note for name, note in notes.items()},
-        }
+        mesh, notes = form_of(method, _shape(facts, arrays))
+        named = {f"note:{name}": note for name, note in notes.items()}
+        return {"vertices": mesh.vertices, "faces": mesh.faces, **named}
 
     return _measured(facts, form)
 
 
-def _describe(facts: Facts, arrays: Arrays) -> Answer:
-    method, shape = _plugin(facts), _shape(facts, arrays)
-    return _measured(facts, lambda: {"descriptor": descriptor_of(method, shape)})
+def _describe(method: Any, facts: Facts, arrays: Arrays) -> Answer:
+    return _measured(facts, lambda: {"descriptor": descriptor_of(method, _shape(facts, arrays))})
 
 
-def _distances(facts: Facts, arrays: Arrays) -> Answer:
-    return {}, {"distances": distances_of(_plugin(facts), [each["descriptor"] for each in unfolded(arrays)])}
+def _distances(method: Any, _: Facts, arrays: Arrays) -> Answer:
+    return {}, {"distances": distances_of(method, [item["descriptor"] for item in unfolded(arrays)])}
 
 
-def _signature(facts: Facts, arrays: Arrays) -> Answer:
-    return _measured(facts, lambda: signature_of(_plugin(facts), Mesh(arrays["vertices"], arrays["faces"])))
+def _check_card(method: Any, facts: Facts, _: Arrays) -> Answer:
+    if hasattr(method, "check_card"):
+        method.check_card(read_card(Path(facts["folder"])), Path(facts["folder"]))
+    return {}, {}
 
 
-def _compare(facts: Facts, arrays: Arrays) -> Answer:
-    return {}, {"distances": form_distances(_plugin(facts), list(unfolded(arrays)), facts["draw"])}
+def _signature(scorer: Any, facts: Facts, arrays: Arrays) -> Answer:
+    return _measured(facts, lambda: signature_of(scorer, Mesh(arrays["vertices"], arrays["faces"])))
 
 
-_WORK: Mapping[str, Callable[[Facts, Arrays], Answer]] = {
-    "tell": _tell,
+def _compare(scorer: Any, facts: Facts, arrays: Arrays) -> Answer:
+    return {}, {"distances": form_distances(scorer, list(unfolded(arrays)), facts["draw"])}
+
+
+#: What a method, a scorer or a data set is asked to do, by name.
+WORK: Mapping[str, Callable[[Any, Facts, Arrays], Answer]] = {
     "canonicalise": _canonicalise,
     "describe": _describe,
     "distances": _distances,
+    "check_card": _check_card,
     "signature": _signature,
     "compare": _compare,
+    "load": _load,
+    "camera": _camera,
+    "recipe": _recipe,
 }
 
 
 def folded(signatures: Sequence[Arrays]) -> dict[str, Any]:
     """Return the arrays of several signatures as those of one message."""
-    return {f"{k}:{name}": array for k, each in enumerate(signatures) for name, array in each.items()}
+    return {f"{k}:{name}": array for k, arrays in enumerate(signatures) for name, array in arrays.items()}
 
 
 def unfolded(arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Yield the signatures that :func:`folded` put together, in their order."""
-    found: dict[int, dict[str, Any]] = {}
+    signatures: dict[int, dict[str, Any]] = {}
     for name, array in arrays.items():
         number, _, rest = name.partition(":")
-        found.setdefault(int(number), {})[rest] = array
-    yield from (found[number] for number in sorted(found))
+        signatures.setdefault(int(number), {})[rest] = array
+    yield from (signatures[number] for number in sorted(signatures))
 
 
 def _measured(facts: Facts, work: Callable[[], Arrays]) -> Answer:
     """Return what some work brought, and what it cost."""
     with _meter.measured(f"{facts['work']} {facts['base_name']}") as cost:
-        found = work()
-    return {"cost": cost().to_json()}, found
+        arrays = work()
+    return {"cost": cost().to_json()}, arrays
 
 
 _latest: dict[tuple[Any, ...], Shape] = {}
@@ -114,35 +141,18 @@ def _shape(facts: Facts, arrays: Arrays) -> Shape:
     return _latest[key]
 
 
-def _plugin(facts: Facts) -> Any:
-    return _made(facts["kind"], facts["name"], facts["base_name"], facts["target"], facts.get("model", ""))
-
-
-@cache
-def _made(kind: str, name: str, base_name: str, target: str, model: str) -> Any:
-    made: Any = spec_of(kind, name, base_name, target).create()
-    return made.load(Path(model)) if model else made
-
-
-@cache
-def spec_of(kind: str, name: str, base_name: str, target: str) -> PluginSpec[Any, Any]:
-    """Return a method or a scorer by its name."""
-    spec = MethodSpec if kind == MethodSpec.kind else ScorerSpec
-    return variant(name, {base_name: spec(base_name, target)})
-
-
 class SharedStages:
     """Arrays that the methods of one shape share in memory; each is charged what it would have paid alone."""
 
     def __init__(self, meter: Meter) -> None:
         self._meter = meter
-        self._found: dict[str, tuple[Arrays, Cost]] = {}
+        self._results: dict[str, tuple[Arrays, Cost]] = {}
 
     def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
         """See :class:`benchmark.api.contracts.ArtefactCache`."""
         name = f"{stage} {sorted(parameters.items())}"
-        if name in self._found:
-            arrays, cost = self._found[name]
+        if name in self._results:
+            arrays, cost = self._results[name]
             self._meter.share(stage, cost)
             return arrays
         with self._meter.measured(name) as measured:
@@ -150,5 +160,5 @@ class SharedStages:
         cost = measured()
         self._meter.share(stage, cost)  # its memory is in the mark of the stage that called
         size = sum(array.nbytes for array in arrays.values()) / 2**20
-        self._found[name] = (arrays, Cost(cost.seconds, cost.peak_mib, cost.first_use, size))
+        self._results[name] = (arrays, Cost(cost.seconds, cost.peak_mib, cost.first_use, size))
         return arrays

@@ -1,4 +1,8 @@
-"""Plugins by name, as they travel between processes: where a method or a scorer is defined, and how it is made."""
+"""Plugins by name, as they travel between processes: where one is defined, how it is made, and what it says of itself.
+
+Parts of the suite, of installed packages and of plugin files are described alike. A closed process asks the process of
+a plugin for its facts, and lets it do the work.
+"""
 
 from __future__ import annotations
 
@@ -6,39 +10,61 @@ import dataclasses
 import importlib
 import importlib.util
 import inspect
+import json
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar, cast, get_args, get_type_hints
 
 import msgspec
 
-from benchmark.api.contracts import Descriptor, Input, Method, MethodInfo
+from benchmark.api.contracts import Descriptor, Method, MethodInfo
+from benchmark.api.datasets import DatasetInfo, Entry, ListsShapes
+from benchmark.api.learning import Split
 from benchmark.api.parameters import format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
-from benchmark.datasets.own import data_sets_of
-from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.execution.processes.process import adopt, one_of_us
+from benchmark.arrays import Arrays
+from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, one_line
+from benchmark.execution.processes.process import adopt, is_child, one_of_us
 from benchmark.pipeline.storage.keys import plain
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
-from benchmark.plugins.closing import facts_of_file, is_closed, reached, require_open_process
-from benchmark.plugins.modules import classes_of, import_plugin, sources_of
+from benchmark.plugins import is_closed, require_open_process
+from benchmark.plugins.modules import import_plugin, sources_of
+from benchmark.plugins.output_checks import problems_of_entries
 from benchmark.plugins.parameters import ParameterText, described, quoted
+from benchmark.plugins.remote import Facts, Foreign, Remote, RemoteDescriptor, RemoteLearner, RemoteMethod, RemoteScorer
+from benchmark.plugins.serving import WORK, Answer, OpenedDataset
 from benchmark.source_code import FIRST_PARTY
-from benchmark.text import LONGEST_NAME, RESERVED, is_name
 
-Info = TypeVar("Info", MethodInfo, ScorerInfo)
+Info = TypeVar("Info", MethodInfo, ScorerInfo, DatasetInfo)
 Made = TypeVar("Made")
+Value = TypeVar("Value")
+
+
+class Fact(Generic[Value]):
+    """A fact about a plugin: worked out once where the plugin may be imported, else told by its process."""
+
+    def __init__(self, work_out: Callable[[Any], Value]) -> None:
+        self._work_out, self._name, self.__doc__ = work_out, work_out.__name__, work_out.__doc__
+
+    def __get__(self, spec: PluginSpec[Any, Any] | None, owner: type[Any]) -> Value:
+        if spec is None:
+            return self  # type: ignore[return-value]
+        if spec.is_elsewhere:
+            kind = get_type_hints(self._work_out)["return"]
+            value = msgspec.convert(spec.remote.facts[self._name], kind, dec_hook=lambda path, text: path(text))
+        else:
+            value = self._work_out(spec)
+        vars(spec)[self._name] = value  # which is found before this descriptor from now on
+        return cast(Value, value)
 
 
 @dataclass(frozen=True)
 class PluginSpec(Generic[Info, Made]):
-    """A method or a scorer by name, with everything needed to make it again in another process.
-
-    A process that imports no plugins asks the process of the plugin for the facts, and lets it do the work.
+    """A method, a scorer or a data set by name, with everything needed to make it again in another process.
 
     Parameters
     ----------
@@ -73,12 +99,14 @@ class PluginSpec(Generic[Info, Made]):
     named: bool = False
 
     def __post_init__(self) -> None:
-        if self.parameters:
-            if remote := self._remote:
-                chosen = remote.chosen(self.parameters)
-            else:
-                chosen = non_default_values(self.load(), self.parameters, self.base_name)
-            object.__setattr__(self, "parameters", chosen)
+        if not self.parameters or (self.is_elsewhere and is_child()):  # whoever started this process looked at them
+            return
+        if self.is_elsewhere:
+            facts = self.remote.facts["chosen"]
+            chosen = {name: tuple(value) if isinstance(value, list) else value for name, value in facts.items()}
+        else:
+            chosen = non_default_values(self.load(), self.parameters, self.base_name)
+        object.__setattr__(self, "parameters", chosen)
 
     @property
     def name(self) -> str:
@@ -111,45 +139,68 @@ class PluginSpec(Generic[Info, Made]):
         return self.module.partition(".")[0] not in FIRST_PARTY
 
     @property
+    def is_elsewhere(self) -> bool:
+        """Return whether this process must not import it."""
+        return self.is_foreign and is_closed()
+
+    @property
+    def remote(self) -> Remote:
+        """The same in its own process."""
+        return Remote(serve, self.kind, self.base_name, self.target, self.parameters)
+
+    @property
     def info(self) -> Info:
         """Return what it says about itself."""
-        if self._remote:
-            return cast(Info, msgspec.convert(self._remote.facts["info"], self.info_type))
+        if self.is_elsewhere:
+            return cast(Info, msgspec.convert(self.remote.facts["info"], self.info_type))
         return cast(Info, self.load().info)
 
-    @property
-    def _remote(self) -> Any:
-        """What stands for it where this process must not import it; None where it may."""
-        return reached(self) if self.is_foreign else None
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """What another process is told of it, as JSON carries it."""
-        return {
-            "kind": self.kind,
-            "target": self.target,
-            "name": self.name,
-            "info": dataclasses.asdict(self.info),
-            "chosen": plain(self.parameters),
-            "parameters": {} if self.missing_packages() else plain(self.resolved_parameters()),
-            "sources": self.sources,
-            "summary": self.summary,
-            "texts": [dataclasses.asdict(text) for text in self.parameter_texts],
-        }
-
-    @property
+    @Fact
     def summary(self) -> str:
         """What it does, in one line."""
-        if self._remote:
-            return str(self._remote.facts["summary"])
         return self.info.summary or (inspect.getdoc(self.load()) or "").partition("\n")[0]
 
-    @property
+    @Fact
     def parameter_texts(self) -> list[ParameterText]:
         """Parameters in words."""
-        if self._remote:
-            return msgspec.convert(self._remote.facts["texts"], list[ParameterText])
         return described(self.load())
+
+    @Fact
+    def all_parameters(self) -> dict[str, Any]:
+        """All parameters, defaults included, normalised."""
+        return parameter_values(self.create())
+
+    @Fact
+    def sources(self) -> dict[str, str]:
+        """See :func:`benchmark.plugins.modules.sources_of`; empty for a part of the suite."""
+        self.load()
+        return sources_of(self.module, getattr(self.info, "files", ())) if self.is_foreign else {}
+
+    @property
+    def facts(self) -> Facts:
+        """What another process is told of it, as JSON carries it.
+
+        Raises
+        ------
+        ConfigurationError
+            If it cannot be made with its parameters, or described in plain values.
+        """
+        try:
+            return {
+                "kind": self.kind,
+                "target": self.target,
+                "info": dataclasses.asdict(self.info),
+                "chosen": plain(self.parameters),
+                "all_parameters": {} if self.missing_packages() else plain(self.all_parameters),
+                "sources": self.sources,
+                "summary": self.summary,
+                "parameter_texts": [dataclasses.asdict(text) for text in self.parameter_texts],
+            }
+        except (TypeError, ValueError) as error:
+            raise ConfigurationError(
+                f"parameters of {self.module}, {self.name} do not fit into JSON ({error})",
+                "use numbers, strings and tuples of them",
+            ) from error
 
     def load(self) -> type[Any]:
         """Import and return the class; what its module prints goes to stderr.
@@ -166,7 +217,7 @@ class PluginSpec(Generic[Info, Made]):
         try:
             with one_of_us(), redirect_stdout(sys.stderr):
                 module = import_plugin(place) if place.endswith(".py") else importlib.import_module(place)
-                found = getattr(module, attribute)
+                loaded = getattr(module, attribute)
         except ImportError as error:
             raise ConfigurationError(
                 f"{self.kind} '{self.base_name}' cannot be imported: {error}", f"install what {place} needs"
@@ -179,9 +230,9 @@ class PluginSpec(Generic[Info, Made]):
             raise ConfigurationError(
                 f"{self.kind} '{self.base_name}' cannot be imported: {one_line(error)}", f"repair {place}"
             ) from error
-        if not isinstance(getattr(found, "info", None), self.info_type):
+        if not isinstance(getattr(loaded, "info", None), self.info_type):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
-        return cast(type[Any], found)
+        return cast(type[Any], loaded)
 
     def create(self) -> Made:
         """Make it with its parameters.
@@ -191,12 +242,12 @@ class PluginSpec(Generic[Info, Made]):
         ConfigurationError
             If the class refuses them, or what it makes keeps no contract.
         """
-        if self._remote:
-            return cast(Made, self._remote.create())
-        found = self.load()
+        if self.is_elsewhere:
+            return cast(Made, self._stand_in()(self.remote, self.info))
+        loaded = self.load()
         try:
             with one_of_us():
-                created = found(**self.parameters)
+                created = loaded(**self.parameters)
         except BenchmarkError:
             raise
         except (Exception, SystemExit) as error:
@@ -208,33 +259,22 @@ class PluginSpec(Generic[Info, Made]):
             raise ConfigurationError(f"{self.target} {self.lacking}", self.hint)
         return cast(Made, created)
 
+    def _stand_in(self) -> type[Foreign]:
+        """What passes work on to its process."""
+        return RemoteScorer
+
     def resolved_parameters(self) -> dict[str, Any]:
         """All parameters, defaults included, normalised."""
-        return dict(self._resolved)
+        return dict(self.all_parameters)
 
     def key_parameters(self) -> dict[str, Any]:
         """Parameters as keys name them: of a part of the suite, whose defaults its golden results hold, the others."""
         return self.resolved_parameters() if self.is_foreign else dict(self.parameters)
 
-    @cached_property
-    def _resolved(self) -> Mapping[str, Any]:
-        if self._remote:
-            return dict(self._remote.facts["parameters"])
-        return parameter_values(self.create())
-
-    @cached_property
-    def sources(self) -> dict[str, str]:
-        """See :func:`benchmark.plugins.modules.sources_of`; empty for a part of the suite."""
-        if not self.is_foreign:
-            return {}
-        if self._remote:
-            return dict(self._remote.facts["sources"])
-        self.load()
-        return sources_of(self.module, self.info.files)
-
     def missing_packages(self) -> tuple[str, ...]:
         """Packages that it declares and that are not installed."""
-        return tuple(name for name in self.info.requires if importlib.util.find_spec(name) is None)
+        requires = getattr(self.info, "requires", ())
+        return tuple(name for name in requires if importlib.util.find_spec(name) is None)
 
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
         """Return the same with further parameters, as text or as they are."""
@@ -251,42 +291,42 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
     lacking = "has neither 'canonicalise' nor 'describe' and 'distances'"
     hint = "see 'Add a method' in the README"
 
-    @property
+    @Fact
     def learns(self) -> bool:
         """Return whether the method is a learner; see :class:`benchmark.api.learning.Learner`."""
-        if self._remote:
-            return bool(self._remote.facts["learns"])
-        found = self.load()
-        return all(hasattr(found, name) for name in ("train", "load", "model_name", "split"))
+        return all(hasattr(self.load(), name) for name in ("train", "load", "model_name", "split"))
 
-    @property
+    @Fact
     def describes(self) -> bool:
         """Return whether the method is a descriptor, which compares shapes without a form and so without a scorer."""
-        if self._remote:
-            return bool(self._remote.facts["describes"])
-        found = self.load()
-        return not hasattr(found, "canonicalise") and hasattr(found, "describe")
+        return not hasattr(self.load(), "canonicalise") and hasattr(self.load(), "describe")
 
-    @property
+    @Fact
     def split(self) -> str:
         """Data that trains a learner, see :class:`benchmark.api.learning.Learner`."""
-        return str(self._remote.facts["learner"]["split"] if self._remote else self.load().split)
+        return str(self.load().split)
+
+    def _stand_in(self) -> type[Foreign]:
+        return RemoteDescriptor if self.describes else RemoteLearner if self.learns else RemoteMethod
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """See :class:`PluginSpec`."""
         facts = super().facts | {"describes": self.describes, "learns": self.learns}
         if not self.learns or self.missing_packages():
             return facts
         learner: Any = self.create()
+        if not isinstance(learner.model_name, str) or learner.split not in get_args(Split):
+            raise ConfigurationError(
+                f"{self.module}, {self.name}: model_name is {learner.model_name!r}, split is {learner.split!r}",
+                f"let model_name be a text, and split one of {', '.join(get_args(Split))}",
+            )
         folder = getattr(learner, "model_folder", None)
         return facts | {
-            "learner": {
-                "model_name": learner.model_name,
-                "split": learner.split,
-                "shipped_models": str(learner.shipped_models),
-                "model_folder": str(folder) if isinstance(folder, Path) else None,
-            }
+            "split": learner.split,
+            "model_name": learner.model_name,
+            "shipped_models": str(learner.shipped_models),
+            "model_folder": str(folder) if isinstance(folder, Path) else None,
         }
 
 
@@ -312,96 +352,82 @@ class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
         return super().create()
 
 
-S = TypeVar("S", bound=PluginSpec[Any, Any])
+@dataclass(frozen=True)
+class DatasetSpec(PluginSpec[DatasetInfo, ListsShapes]):
+    """A data set of a plugin file by the file and its class."""
+
+    kind = "data set"
+    info_type = DatasetInfo
+    contracts = (ListsShapes,)
+    lacking = "has no 'entries'"
+    hint = "write a method that lists its shapes"
+
+    @cached_property
+    def opened(self) -> OpenedDataset:
+        """The data set with its shapes; raises ``DatasetError`` if it lists them not as it should."""
+        made = self.create()
+        try:
+            entries = tuple(made.entries())
+        except BenchmarkError:
+            raise
+        except (Exception, SystemExit) as error:
+            who = f"{self.module}, {self.target.rpartition(':')[2]}"
+            raise DatasetError(f"{who} cannot be opened: {one_line(error)}", "correct the file") from error
+        for problem, hint in problems_of_entries(entries):
+            raise DatasetError(f"data set '{made.info.name}' of {self.module}: {problem}", hint)
+        return OpenedDataset(made, entries)
+
+    @Fact
+    def entries(self) -> tuple[Entry, ...]:
+        """Its shapes."""
+        return self.opened.entries
+
+    @Fact
+    def parameters_text(self) -> str:
+        """Its parameters as Python writes them."""
+        return repr(parameter_values(self.opened.made))
+
+    @Fact
+    def offers(self) -> tuple[str, ...]:
+        """What its author wrote of what may be left out."""
+        return tuple(name for name in ("load", "camera", "recipe") if hasattr(self.opened.made, name))
+
+    @property
+    def facts(self) -> Facts:
+        """See :class:`PluginSpec`."""
+        entries = [{**dataclasses.asdict(entry), "path": entry.path and str(entry.path)} for entry in self.entries]
+        return super().facts | {
+            "entries": entries,
+            "parameters_text": self.parameters_text,
+            "offers": self.offers,
+        }
+
+    def ask(self, work: str, identifier: str) -> Answer:
+        """Have it make something of a shape."""
+        if self.is_elsewhere:
+            return self.remote.request(work, {"identifier": identifier})
+        return WORK[work](self.opened, {"identifier": identifier}, {})
 
 
-def plugins_of(kind: type[S], path: Path) -> list[S]:
-    """Plugins of a kind that a file defines, in the order of the file.
-
-    Raises
-    ------
-    ConfigurationError
-        If the file cannot be imported, or one says of itself what cannot be.
-    """
-    if is_closed():
-        return [kind(facts["name"], facts["target"]) for facts in facts_of_file(str(path.resolve()), kind.kind)]
-    found = []
-    for attribute, info in classes_of(path, kind.info_type):
-        for problem, hint in problems_of(info):
-            raise ConfigurationError(f"plugin {path}, {attribute}: {problem}", hint)
-        found.append(kind(info.name, f"{path.resolve()}:{attribute}"))
-    return found
+#: What plugin files may bring.
+KINDS: Mapping[str, type[PluginSpec[Any, Any]]] = {spec.kind: spec for spec in (MethodSpec, ScorerSpec, DatasetSpec)}
 
 
-def plugin_methods(path: Path) -> list[MethodSpec]:
-    """Methods defined in a plugin file; none where it brings something else.
-
-    Raises
-    ------
-    ConfigurationError
-        If the file cannot be imported, defines nothing, or a plugin says of itself what cannot be.
-    """
-    found = plugins_of(MethodSpec, path)
-    if not found and not plugins_of(ScorerSpec, path) and not data_sets_of([path]):
-        raise ConfigurationError(
-            f"plugin {path} defines no method, no scorer and no data set",
-            "give a class an 'info' that is a MethodInfo, a ScorerInfo or a DatasetInfo, or use @canonical_form",
-        )
-    return found
+def serve(facts: Mapping[str, Any], arrays: Arrays, _: object) -> Answer:
+    """Do the work that a request names, in the process of the plugin that it names."""
+    names = facts["kind"], facts["base_name"], facts["target"], json.dumps(facts["parameters"])
+    if facts["work"] == "facts":
+        return _spec(*names).facts, {}
+    return WORK[facts["work"]](_made(*names, facts.get("model", "")), facts, arrays)
 
 
-#: Random draws of a scorer, each of which ranks the whole gallery.
-_MOST_DRAWS = 100
+@cache
+def _spec(kind: str, base_name: str, target: str, parameters: str) -> PluginSpec[Any, Any]:
+    return KINDS[kind](base_name, target, json.loads(parameters))
 
 
-def problems_of(info: MethodInfo | ScorerInfo) -> Iterator[tuple[str, str]]:
-    """Return what is wrong with what a method, or a scorer, says about itself: each problem with its hint."""
-    yield from (_problems_of_method(info) if isinstance(info, MethodInfo) else _problems_of_scorer(info))
-
-
-def _problems_of_method(info: MethodInfo) -> Iterator[tuple[str, str]]:
-    if isinstance(info.name, str) and info.name in RESERVED:
-        yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
-    yield from _problems_of_texts(info, ("title", "summary", "departs", "cite"))
-    if not _are_words(info.inputs) or not info.inputs or not set(info.inputs) <= set(get_args(Input)):
-        yield f"inputs are {info.inputs!r}", "name 'mesh', 'view' or both in a tuple"
-    choices = get_type_hints(MethodInfo)
-    for field, proposal in (("scale", "'equivariant' or 'invariant'"), ("family", "'extended'")):
-        if getattr(info, field) not in get_args(choices[field]):
-            yield f"{field} is {getattr(info, field)!r}", f"write {proposal}"
-    deterministic: Any = info.deterministic
-    if not isinstance(deterministic, bool):
-        yield f"deterministic is {deterministic!r}", "write True or False"
-
-
-def _problems_of_scorer(info: ScorerInfo) -> Iterator[tuple[str, str]]:
-    yield from _problems_of_texts(info)
-    draws: Any = info.draws
-    if type(draws) is not int or not 1 <= draws <= _MOST_DRAWS:
-        yield f"draws is {draws!r:.80}", f"write a whole number from 1 to {_MOST_DRAWS}"
-    invariant: Any = info.invariant
-    if not isinstance(invariant, bool):
-        yield f"invariant is {invariant!r:.80}", "write True or False"
-
-
-def _problems_of_texts(
-    info: MethodInfo | ScorerInfo, fields: Iterable[str] = ("title", "summary", "cite")
-) -> Iterator[tuple[str, str]]:
-    """Return what is wrong with what both say."""
-    if not is_name(info.name):
-        said = f"name {info.name!r:.80} is not lower-case words joined by hyphens"
-        yield said, f"write it so, with {LONGEST_NAME} characters at most"
-    for field in fields:
-        value = getattr(info, field)
-        if not isinstance(value, str) or "\n" in value:
-            yield f"{field} {value!r:.80} is not a text of one line", "write a text"
-    if isinstance(info.title, str) and not info.title.strip():
-        yield "title is empty", "say what the tables shall print"
-    if not _are_words(info.requires):
-        yield f"requires is {info.requires!r}", "write a tuple of the import names of packages"
-    if not _are_words(info.files):
-        yield f"files is {info.files!r}", "write a tuple of paths"
-
-
-def _are_words(values: Any) -> bool:
-    return isinstance(values, tuple | list) and all(isinstance(value, str) for value in values)
+@cache
+def _made(kind: str, base_name: str, target: str, parameters: str, model: str) -> Any:
+    spec = _spec(kind, base_name, target, parameters)
+    made = spec.opened if isinstance(spec, DatasetSpec) else spec.create()
+    return made.load(Path(model)) if model else made

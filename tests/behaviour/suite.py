@@ -18,7 +18,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmark.plugins import closing
+from benchmark import plugins
 
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
@@ -62,7 +62,7 @@ def call(*words: object, more: Mapping[str, str] = MappingProxyType({}), is_show
         patch.dict(os.environ, environment(**more), clear=True),
         patch.object(sys, "argv", ["benchmark", *map(str, words)]),
         patch.object(os, "_exit", leave),
-        patch.object(closing, "_reach", ""),  # other tests may import plugins into this process
+        patch.object(plugins, "_is_closed", False),  # other tests may import plugins into this process
         redirect_stdout(out),
         nullcontext() if is_shown else redirect_stderr(err),
     ):

@@ -11,7 +11,7 @@ from benchmark.cli.main import cli, main
 from benchmark.cli.options import _inspected
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins import inspection
+from benchmark.plugins import remote
 from tests.execution.test_processes import is_alive, wait_until
 from tests.plugins.written import ACTS, write_plugin
 from tests.records import record
@@ -160,7 +160,7 @@ def test_every_verb_that_takes_a_plugin_looks_at_it_from_outside_first():
     ],
 )
 def test_a_plugin_that_cannot_be_imported_is_one_line(call, verb, fault, message, tmp_path, monkeypatch):
-    monkeypatch.setattr(inspection, "LIMIT", 1.0)
+    monkeypatch.setattr(remote, "LIMIT", 1.0)
     assert message in refused(call(*verb, "--plugin", write_plugin(tmp_path / "tried.py", on_import=fault)))
 
 
@@ -210,7 +210,7 @@ import os
 from pathlib import Path
 from benchmark.api.contracts import Shape
 from benchmark.plugins.output_checks import form_of
-from benchmark.plugins.specs import plugin_methods
+from benchmark.plugins.registry import plugin_methods
 from tests.toy import rod
 
 (spec,) = plugin_methods(Path("{plugin}"))

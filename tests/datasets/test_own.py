@@ -10,7 +10,7 @@ from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.own import data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.plugins import conformance, inspection
+from benchmark.plugins import conformance, remote
 from benchmark.plugins.inspection import inspect
 from tests.toy import write_rods
 
@@ -100,7 +100,7 @@ def test_meshes_of_files_need_no_load_and_are_known_by_their_content(plugin, tmp
         ({"entries": "return [Entry('a', 'b', 'c', '/x.off')]"}, "path of 'a' is str; pass a pathlib.Path"),
         ({"entries": "return 1 / 0"}, "Rods cannot be opened: ZeroDivisionError: .*correct the file"),
         ({"info": "name='My Rods', title='Rods'"}, "name 'My Rods' is not lower-case words"),
-        ({"info": "name='rods', title=''"}, "title '' is not a text"),
+        ({"info": "name='rods', title=''"}, "title is empty; say what the tables shall print"),
         ({"info": "name='rods', title='Rods', half_width=-1"}, "half_width is -1; write a positive number"),
         ({"info": "name='humans', title='Humans'"}, "there is a data set 'humans' already; rename"),
     ],
@@ -132,7 +132,7 @@ def test_an_unknown_name_is_answered_with_those_of_the_file(plugin):
 
 
 def test_a_file_that_hangs_while_it_lists_its_shapes_is_refused_from_outside(plugin, monkeypatch):
-    monkeypatch.setattr(inspection, "LIMIT", 1.0)
+    monkeypatch.setattr(remote, "LIMIT", 1.0)
     with pytest.raises(ConfigurationError, match="does not end: stopped after 1 s"):
         inspect([plugin(entries="time.sleep(3600)")])
 

@@ -26,7 +26,7 @@ from benchmark.execution.processes import process as processes
 from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.execution.processes.channel import Channel
 from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, end_like
-from benchmark.plugins.closing import close_process
+from benchmark.plugins import close_process
 from benchmark.plugins.modules import import_plugin
 from benchmark.text import DATA_VARIABLE
 
@@ -191,7 +191,7 @@ def test_a_program_that_ends_waits_for_no_process():
 
 
 def import_into_closed(path, facts, arrays, requester):
-    close_process("Remote")
+    close_process()
     try:
         import_plugin(path)
     except AssertionError:

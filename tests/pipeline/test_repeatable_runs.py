@@ -6,7 +6,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.method_run import RUNS_DIFFER, MethodRun
 from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.specs import plugin_methods
+from benchmark.plugins.registry import plugin_methods
 from tests.toy import write_rods
 
 PLUGIN = """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.plugins import inspection, modules
+from benchmark.plugins import modules, remote
 from benchmark.plugins.inspection import describe, inspect
 from tests.plugins.written import write_plugin
 
@@ -65,7 +65,7 @@ def test_what_a_method_cannot_be_is_named_with_its_hint(faults, message, tmp_pat
     ],
 )
 def test_a_plugin_that_would_end_or_hold_this_process_is_refused_from_outside(faults, said, tmp_path, monkeypatch):
-    monkeypatch.setattr(inspection, "LIMIT", 1.0)
+    monkeypatch.setattr(remote, "LIMIT", 1.0)
     path = write_plugin(tmp_path / "tried.py", **faults)
     with pytest.raises(ConfigurationError) as caught:
         inspect([path])

@@ -9,7 +9,7 @@ import pytest
 
 from benchmark.cli.main import main
 from benchmark.errors import ConfigurationError
-from benchmark.plugins import inspection, registry, scorers
+from benchmark.plugins import registry, remote, scorers
 from benchmark.plugins.inspection import entry_points_of, installed
 from tests.plugins.written import write_plugin
 from tests.toy import rod, write_off
@@ -41,7 +41,7 @@ def install(tmp_path, monkeypatch):
 @pytest.fixture
 def look_here(monkeypatch):
     """Look from this process: to start another takes half a second."""
-    monkeypatch.setattr(inspection, "call_apart", lambda function, *arguments, **_: function(*arguments))
+    monkeypatch.setattr(remote, "call_apart", lambda function, *arguments, **_: function(*arguments))
 
 
 SCORER = """
@@ -72,7 +72,7 @@ def usable():
 
 
 def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(install, monkeypatch):
-    monkeypatch.setattr(inspection, "LIMIT", 2.0)
+    monkeypatch.setattr(remote, "LIMIT", 2.0)
     install("ends-it", on_import="exits")
     install("holds-it", on_making="hangs")
     install("patches-it", on_import="import numpy; numpy.asarray = None")

@@ -71,8 +71,8 @@ def test_a_plugin_file_may_hold_a_scorer_alone(plugin):
     (spec,) = plugin_scorers(plugin)
     assert scorer_of("extent[power=2]", scorers([plugin])).create().power == 2
     (facts,) = describe(str(plugin))
-    assert (facts["kind"], facts["name"], facts["info"]["title"]) == ("scorer", "extent", "Extent")
-    assert facts["parameters"] == {"power": 1.0}
+    assert (facts["kind"], facts["info"]["name"], facts["info"]["title"]) == ("scorer", "extent", "Extent")
+    assert facts["all_parameters"] == {"power": 1.0}
     assert spec.name in CliRunner().invoke(cli, ["list", "scorers", "--plugin", str(plugin)]).output
 
 

@@ -36,7 +36,8 @@ from benchmark.plugins.conformance.cases import (
     same,
 )
 from benchmark.plugins.conformance.shapes import BENDS
-from benchmark.plugins.specs import PluginSpec, problems_of
+from benchmark.plugins.output_checks import problems_of
+from benchmark.plugins.specs import PluginSpec
 from benchmark.text import DATA_VARIABLE
 
 Check = Callable[[Any], str]
