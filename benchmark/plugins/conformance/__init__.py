@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -29,9 +29,10 @@ from benchmark.plugins.conformance.checks import (
 from benchmark.plugins.conformance.datasets import OF_DATA_SETS, DatasetCase
 from benchmark.plugins.conformance.learners import NAME, trained
 from benchmark.plugins.conformance.shapes import figure
-from benchmark.plugins.inspection import inspect
-from benchmark.plugins.registry import MethodSpec, methods, variants
-from benchmark.plugins.scorers import ScorerSpec, plugin_scorers, scorer_of, scorers
+from benchmark.plugins.inspection import inspect, plugins_in
+from benchmark.plugins.registry import methods, plugin_methods, variants
+from benchmark.plugins.scorers import scorer_of, scorers
+from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec, ScorerSpec
 
 __all__ = ["Finding", "Report", "Target", "check", "check_apart", "check_target", "figure"]
 
@@ -40,6 +41,7 @@ _GATES = {
     "requirements": "",
     "training": "there is no model",
     "answer": "there is no answer to compare",
+    "signature": "there is no answer to compare",
     "repeatable": "two runs differ, so nothing can be compared",
 }
 
@@ -72,56 +74,47 @@ class Target:
     @property
     def file(self) -> Path | None:
         """The plugin file, if it is one."""
-        found = re.fullmatch(r"(.*\.py)\s*(\[[^\[\]]*\])?", self.name.strip())
-        return Path(found[1]) if found else None
+        match = re.fullmatch(r"(.*\.py)\s*(\[[^\[\]]*\])?", self.name.strip())
+        return Path(match[1]) if match else None
 
-    def specs(self) -> list[MethodSpec]:
-        """The methods.
+    def specs(self) -> list[PluginSpec[Any, Any]]:
+        """The methods, scorers and data sets.
 
         Raises
         ------
         ConfigurationError
             If there is no such method, a parameter does not fit, or the file cannot be imported.
         """
-        path = self.file
-        if path is None:
-            known = methods(map(Path, self.plugins))
-            others = data_sets_of(map(Path, self.plugins)) | self.scorers_named()
-            named = [name for name in (self.name, *self.methods) if name not in others]
-            return [spec for name in named for spec in variants(name, known)]
-        known = methods({path, *map(Path, self.plugins)})
-        of_file = [spec.name for spec in known.values() if spec.module == str(path.resolve())]
-        brackets = self.name.strip()[len(str(path)) :].strip() if self.name.strip().endswith("]") else ""
+        plugins = list(map(Path, self.plugins))
+        return self._named(plugins) if self.file is None else self._of_file(self.file, plugins)
+
+    def _named(self, plugins: list[Path]) -> list[PluginSpec[Any, Any]]:
+        known, known_scorers, data_sets = methods(plugins), scorers(plugins), data_sets_of(plugins)
+        base = self.name.partition("[")[0].strip()
+        others: list[PluginSpec[Any, Any]] = []
+        if base in known_scorers and base not in known:
+            others.append(scorer_of(self.name, known_scorers))
+        if self.name in data_sets:
+            others.append(DatasetSpec(self.name, data_sets[self.name]))
+        names = self.methods if others else (self.name, *self.methods)
+        return [*(spec for name in names for spec in variants(name, known)), *others]
+
+    def _of_file(self, path: Path, plugins: list[Path]) -> list[PluginSpec[Any, Any]]:
+        known = methods({path, *plugins})
+        names = [spec.name for spec in plugin_methods(path)]
+        brackets = self.name.strip().removeprefix(str(path)).strip()
         if brackets and self.methods:
             raise ConfigurationError("parameters are given with the file and with -m", "give them with -m")
-        if brackets and not of_file:
+        if brackets and not names:
             raise ConfigurationError(f"plugin {path} has no method that takes parameters", "leave them out")
-        found = [spec for name in self.methods or of_file for spec in variants(name + brackets, known)]
-        for spec in found:
-            if spec.module != str(path.resolve()):
-                raise ConfigurationError(f"{path} has no method '{spec.name}'", f"choose from {', '.join(of_file)}")
-        return found
-
-    def scorers(self) -> list[ScorerSpec]:
-        """The scorers."""
-        if self.file is not None:
-            return [] if self.methods or self.name.strip().endswith("]") else plugin_scorers(self.file)
-        return list(self.scorers_named().values())
-
-    def scorers_named(self) -> dict[str, ScorerSpec]:
-        """The scorer of this name, with its parameters, where there is one and no method has it."""
-        known, base = scorers(map(Path, self.plugins)), self.name.partition("[")[0].strip()
-        is_scorer = base in known and base not in methods(map(Path, self.plugins))
-        return {self.name: scorer_of(self.name, known)} if is_scorer else {}
-
-    def data_sets(self) -> dict[str, str]:
-        """The data sets, each as :func:`benchmark.datasets.own.open_own` takes it, by name."""
-        if self.file is not None:
-            own = {} if self.methods or self.name.strip().endswith("]") else data_sets_of([self.file])
-            sources(own, [self.file])
-            return own
-        own = data_sets_of(map(Path, self.plugins))
-        return {self.name: own[self.name]} if self.name in own else {}
+        chosen = [spec for name in self.methods or names for spec in variants(name + brackets, known)]
+        for spec in chosen:
+            if spec.base_name not in names:
+                raise ConfigurationError(f"{path} has no method '{spec.name}'", f"choose from {', '.join(names)}")
+        if brackets or self.methods:
+            return list(chosen)
+        sources(data_sets_of([path]), [path])  # which refuses names that are taken
+        return [*chosen, *(spec for spec in plugins_in(path) if not isinstance(spec, MethodSpec))]
 
 
 @dataclass(frozen=True)
@@ -154,11 +147,13 @@ class Report:
     findings: Mapping[str, tuple[Finding, ...]]
 
     def __bool__(self) -> bool:
-        return all(finding.outcome != "failed" for found in self.findings.values() for finding in found)
+        return all(finding.outcome != "failed" for findings in self.findings.values() for finding in findings)
 
     def __str__(self) -> str:
         width = max(map(len, self.findings))
-        return "\n".join(f"{name:<{width}}  {finding}" for name, found in self.findings.items() for finding in found)
+        return "\n".join(
+            f"{name:<{width}}  {finding}" for name, findings in self.findings.items() for finding in findings
+        )
 
 
 def check_target(name: str) -> Report:
@@ -174,8 +169,7 @@ def check_target(name: str) -> Report:
     ConfigurationError
         If there is no such method, or the file cannot be imported or takes the name of another method.
     """
-    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        return Report({titled: _findings_in(events) for titled, events in _checked(Target(name), Path(folder))})
+    return Report({_title(spec): tuple(check(spec)) for spec in Target(name).specs()})
 
 
 def check_apart(target: Target, limit: float | None = None) -> Report:
@@ -221,73 +215,68 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
 
 def _check_apart(target: Target, without: Sequence[str], folder: str, say: Callable[[str], None]) -> None:
     """Check all of a target but some, saying before each check which one begins and after it what it found."""
-    for titled, events in _checked(target, Path(folder)):
-        for event in events if titled not in without else ():
-            say(json.dumps([titled, *([event] if isinstance(event, str) else astuple(event))]))
-
-
-def _checked(target: Target, folder: Path) -> Iterator[tuple[str, Iterator[str | Finding]]]:
-    """All of a target by title, each with its checks; a scorer or a data set says so, for names may be shared."""
     for spec in target.specs():
-        yield spec.name, _checks(spec, folder, dict(target.options))
-    for scorer in target.scorers():
-        yield f"{scorer.name} (scorer)", _checks(scorer, folder, {})
-    for name, source in target.data_sets().items():
-        yield f"{name} (data set)", _checks_of_data_set(DatasetCase(source))
+        title = _title(spec)
+        for event in _checks(spec, Path(folder), dict(target.options)) if title not in without else ():
+            say(json.dumps([title, *([event] if isinstance(event, str) else astuple(event))]))
 
 
-def _findings_in(events: Iterable[str | Finding]) -> tuple[Finding, ...]:
-    return tuple(event for event in events if isinstance(event, Finding))
+def _title(spec: PluginSpec[Any, Any]) -> str:
+    """Name of a plugin; a scorer or a data set says so, for names may be shared."""
+    return spec.name if isinstance(spec, MethodSpec) else f"{spec.name} ({spec.kind})"
 
 
-def check(spec: MethodSpec | ScorerSpec) -> list[Finding]:
-    """Check one method, descriptor or scorer with its parameters.
+def check(spec: PluginSpec[Any, Any]) -> list[Finding]:
+    """Check one method, descriptor, scorer or data set with its parameters.
 
     A check that raises is a failed finding. Without an answer on the reference figure, or with one that differs from
     run to run, there is nothing to compare, and the further checks are skipped; a method whose packages are not
     installed is not run at all. A learner without a model is trained on a few images of the figure.
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        return list(_findings_in(_checks(spec, Path(folder), {})))
+        return [event for event in _checks(spec, Path(folder), {}) if isinstance(event, Finding)]
 
 
-def _checks(spec: MethodSpec | ScorerSpec, folder: Path, options: Mapping[str, str]) -> Iterator[str | Finding]:
-    """Check a method or a scorer: the name of each check before it is made, then its result; models go to a folder."""
-    learns = isinstance(spec, MethodSpec) and not spec.missing_packages() and spec.learns
+def _checks(spec: PluginSpec[Any, Any], folder: Path, options: Mapping[str, str]) -> Iterator[str | Finding]:
+    """Check a plugin: the name of each check before it is made, then its result; models go to a folder."""
+    case, checks = _planned(spec, folder, options)
+    gates = {} if isinstance(spec, DatasetSpec) else _GATES
+    for number, (name, function) in enumerate(checks.items(), 1):
+        yield name
+        finding = _find(name, function, case)
+        yield finding
+        if finding.outcome != "ok" and name in gates:
+            skipped = list(checks)[number:] if gates[name] else ()
+            yield from (Finding(other, "skipped", gates[name]) for other in skipped)
+            return
+
+
+def _planned(spec: PluginSpec[Any, Any], folder: Path, options: Mapping[str, str]) -> tuple[Any, dict[str, Check]]:
+    """Return what is checked, and the checks by name in their order."""
+    if isinstance(spec, DatasetSpec):
+        return DatasetCase(spec.target), dict(OF_DATA_SETS)
+    basic = {"requirements": check_requirements, **OF_THE_CLASS}
+    answers = {"answer": check_answer, **OF_THE_ANSWER}
+    if isinstance(spec, ScorerSpec):
+        named = (basic | answers).items()
+        return case_of(spec), {OF_SCORERS.get(name, name): f for name, f in named if name not in OF_METHODS_ALONE}
+    if spec.missing_packages() or not spec.learns:
+        return case_of(spec), basic | answers
     models = Path(tempfile.mkdtemp(dir=folder))
-    case: Any = case_of(spec, models if options and learns else None)  # it is trained below, so none need be there yet
 
     def train(case: MethodCase) -> str:
         trained(case.spec, models, options)
         case.model = models / NAME / getattr(case.spec.create(), "model_name")  # noqa: B009
         return "makes a model of a few images, leaves a finished one alone, and loads it"
 
-    checks: dict[str, Check] = {"requirements": check_requirements, **OF_THE_CLASS}
-    if learns:
-        checks["learner"] = check_learner
-        if options or not hasattr(spec.load(), "model_folder"):
-            checks["training"] = train
-    checks |= {"answer": check_answer, **OF_THE_ANSWER}
-    names = {name: name for name in checks}
-    if isinstance(spec, ScorerSpec):
-        names = {name: OF_SCORERS.get(name, name) for name in checks if name not in OF_METHODS_ALONE}
-    for number, (name, title) in enumerate(names.items(), 1):
-        yield title
-        finding = _find(title, checks[name], case)
-        yield finding
-        if finding.outcome != "ok" and name in _GATES:
-            skipped = list(names.values())[number:] if _GATES[name] else ()
-            yield from (Finding(other, "skipped", _GATES[name]) for other in skipped)
-            return
+    of_learner: dict[str, Check] = {"learner": check_learner}
+    if options or not hasattr(spec.load(), "model_folder"):
+        of_learner["training"] = train
+    # A learner that is trained here need have no model yet.
+    return case_of(spec, models if options else None), basic | of_learner | answers
 
 
-def _checks_of_data_set(case: DatasetCase) -> Iterator[str | Finding]:
-    for name, function in OF_DATA_SETS.items():
-        yield name
-        yield _find(name, function, case)
-
-
-def _find(name: str, function: Callable[[Any], str], case: Any) -> Finding:
+def _find(name: str, function: Check, case: Any) -> Finding:
     outcome: Outcome
     try:
         outcome, explanation = "ok", function(case)
@@ -295,10 +284,8 @@ def _find(name: str, function: Callable[[Any], str], case: Any) -> Finding:
         outcome, explanation = "skipped", str(reason)
     except Warned as warning:
         outcome, explanation = "warning", str(warning)
-    except KeyboardInterrupt as error:
-        if not is_child():
+    except (Exception, SystemExit, GeneratorExit, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt) and not is_child():
             raise  # somebody interrupts the checks
-        outcome, explanation = "failed", explain(error)
-    except (Exception, SystemExit, GeneratorExit) as error:
         outcome, explanation = "failed", explain(error)
     return Finding(name, outcome, " ".join(explanation.split()))
