@@ -254,18 +254,15 @@ def _check_helpers(path: Path) -> None:
     for name, file in helpers_of(path).items():
         spec = importlib.util.find_spec(name)
         other = "Python itself" if spec is None or not spec.origin else spec.origin
-        if other.endswith(".py") and (Path(other).resolve() == file.resolve() or _is_copy(Path(other), file)):
-            continue
+        is_copy = "__init__.py" not in (Path(other).name, file.name) and _content(other) == file.read_bytes()
+        if other.endswith(".py") and (Path(other).resolve() == file.resolve() or is_copy):
+            continue  # of two files with one content, it does not matter which one is imported
         raise ConfigurationError(
             f"plugin {path} brings a module '{name}' ({file}), but that name is taken by {other}", "rename one of them"
         )
 
 
-def _is_copy(first: Path, second: Path) -> bool:
-    """Return whether two modules of one file each are the same, so that it does not matter which one is imported."""
-    if "__init__.py" in (first.name, second.name):
-        return False
-    try:
-        return first.read_bytes() == second.read_bytes()
-    except OSError:
-        return False
+def _content(path: str) -> bytes | None:
+    with suppress(OSError):
+        return Path(path).read_bytes()
+    return None

@@ -208,29 +208,14 @@ class RemoteMethod(Foreign):
         return CanonicalForm(form["vertices"], form["faces"], notes)
 
 
+@dataclass(frozen=True)
 class RemoteLearner(RemoteMethod):
     """A learner in the process of its plugin; see :class:`benchmark.api.learning.Learner`."""
 
-    @property
-    def model_name(self) -> str:
-        """Name of its models."""
-        return str(self.remote.facts["model_name"])
-
-    @property
-    def split(self) -> str:
-        """Data that trains it."""
-        return str(self.remote.facts["split"])
-
-    @property
-    def shipped_models(self) -> Path:
-        """Folder of the models that come with it."""
-        return Path(self.remote.facts["shipped_models"])
-
-    @property
-    def model_folder(self) -> Path | None:
-        """Folder of its model, where it says so."""
-        folder = self.remote.facts["model_folder"]
-        return None if folder is None else Path(folder)
+    model_name: str = ""
+    split: str = ""
+    shipped_models: Path = Path()
+    model_folder: Path | None = None
 
     def train(self, *_: object) -> NoReturn:
         """Raise ``AssertionError``: it is trained where it is imported."""

@@ -10,7 +10,6 @@ from collections.abc import Container
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
-from typing import NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError
@@ -61,12 +60,12 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
         If the name cannot be used, a file is there already, or the folder cannot be written to.
     """
     _check_name(kind, name)
-    spellings = _spellings(name)
+    _, module, class_name, _ = _spellings(name)
     texts = {
         folder / _renamed(path.name, _EXAMPLES[kind], name): _renamed(path.read_text("utf-8"), _EXAMPLES[kind], name)
         for path in _sources(_EXAMPLES[kind])
     }
-    _check_python(name, spellings.module, spellings.class_name, next(iter(texts.values())))
+    _check_python(name, module, class_name, next(iter(texts.values())))
     for path in texts:
         if path.exists():
             raise ConfigurationError(f"{path} exists already", "choose another name or folder")
@@ -78,25 +77,17 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
     return list(texts)
 
 
-class _Spellings(NamedTuple):
+def _spellings(name: str) -> tuple[str, str, str, str]:
     """One name as it is written on the command line, of a module, of a class, and in tables."""
-
-    name: str
-    module: str
-    class_name: str
-    title: str
-
-
-def _spellings(name: str) -> _Spellings:
     words = [word.capitalize() for word in name.split("-")]
-    return _Spellings(name, name.replace("-", "_"), "".join(words), " ".join(words))
+    return name, name.replace("-", "_"), "".join(words), " ".join(words)
 
 
 def _sources(example: str) -> list[Path]:
     """Return the plugin file of an example, its test, and the program that it calls."""
     package = Path(__file__).parents[1] / "examples"  # of an installed suite; in a checkout they lie beside it
     folder = package if package.is_dir() else Path(__file__).parents[2] / "examples"
-    module = _spellings(example).module
+    module = example.replace("-", "_")
     return [folder / f"{module}.py", folder / f"test_{module}.py", *folder.glob(f"{module}.cpp")]
 
 

@@ -243,7 +243,7 @@ class PluginSpec(Generic[Info, Made]):
             If the class refuses them, or what it makes keeps no contract.
         """
         if self.is_elsewhere:
-            return cast(Made, self._stand_in()(self.remote, self.info))
+            return cast(Made, self._stand_in())
         loaded = self.load()
         try:
             with one_of_us():
@@ -259,9 +259,9 @@ class PluginSpec(Generic[Info, Made]):
             raise ConfigurationError(f"{self.target} {self.lacking}", self.hint)
         return cast(Made, created)
 
-    def _stand_in(self) -> type[Foreign]:
+    def _stand_in(self) -> Foreign:
         """What passes work on to its process."""
-        return RemoteScorer
+        return RemoteScorer(self.remote, self.info)
 
     def resolved_parameters(self) -> dict[str, Any]:
         """All parameters, defaults included, normalised."""
@@ -279,6 +279,16 @@ class PluginSpec(Generic[Info, Made]):
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
         """Return the same with further parameters, as text or as they are."""
         return dataclasses.replace(self, parameters={**self.parameters, **parameters})
+
+
+@dataclass(frozen=True)
+class LearnerFacts:
+    """Models of a learner; see :class:`benchmark.api.learning.Learner`."""
+
+    model_name: str
+    split: str
+    shipped_models: Path
+    model_folder: Path | None
 
 
 @dataclass(frozen=True)
@@ -306,15 +316,9 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
         """Data that trains a learner, see :class:`benchmark.api.learning.Learner`."""
         return str(self.load().split)
 
-    def _stand_in(self) -> type[Foreign]:
-        return RemoteDescriptor if self.describes else RemoteLearner if self.learns else RemoteMethod
-
-    @property
-    def facts(self) -> Facts:
-        """See :class:`PluginSpec`."""
-        facts = super().facts | {"describes": self.describes, "learns": self.learns}
-        if not self.learns or self.missing_packages():
-            return facts
+    @Fact
+    def learner(self) -> LearnerFacts:
+        """What a learner says besides."""
         learner: Any = self.create()
         if not isinstance(learner.model_name, str) or learner.split not in get_args(Split):
             raise ConfigurationError(
@@ -322,12 +326,23 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
                 f"let model_name be a text, and split one of {', '.join(get_args(Split))}",
             )
         folder = getattr(learner, "model_folder", None)
-        return facts | {
-            "split": learner.split,
-            "model_name": learner.model_name,
-            "shipped_models": str(learner.shipped_models),
-            "model_folder": str(folder) if isinstance(folder, Path) else None,
-        }
+        folder = folder if isinstance(folder, Path) else None
+        return LearnerFacts(learner.model_name, learner.split, learner.shipped_models, folder)
+
+    def _stand_in(self) -> Foreign:
+        if self.describes:
+            return RemoteDescriptor(self.remote, self.info)
+        if not self.learns or self.missing_packages():
+            return RemoteMethod(self.remote, self.info)
+        return RemoteLearner(self.remote, self.info, **vars(self.learner))
+
+    @property
+    def facts(self) -> Facts:
+        """See :class:`PluginSpec`."""
+        facts = super().facts | {"describes": self.describes, "learns": self.learns}
+        if not self.learns or self.missing_packages():
+            return facts
+        return facts | {"split": self.split, "learner": msgspec.to_builtins(self.learner, enc_hook=str)}
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,21 +49,17 @@ class Skipped(Exception):
     """The check does not apply; the message says why."""
 
 
-Subject = TypeVar("Subject", Shape, Mesh)
-
-
 @dataclass
-class Case(ABC, Generic[Subject]):
-    """A method or a scorer and what it is tried on; of a learner that was trained for it, the folder of the model."""
+class _Case:
+    """A plugin and what it is tried on; of a learner that was trained for it, the folder of the model."""
 
     spec: PluginSpec[Any, Any]
     model: Path | None = None
 
-    #: What ``distances`` or ``compare`` gets several of.
-    compared = "descriptors"
-
-    #: What awkward surfaces may be refused with.
-    refusal: ClassVar[type[ShapeError]] = UnsupportedShape
+    #: Work out the answer of an object for a subject.
+    answer_by: ClassVar[Callable[..., FloatArray]]
+    #: The figure as it is given.
+    subject: ClassVar[Callable[..., Any]]
 
     @property
     def info(self) -> Any:
@@ -76,32 +71,7 @@ class Case(ABC, Generic[Subject]):
         made = self.spec.create()
         return made.load(self.model) if self.model is not None and isinstance(made, Learner) else made
 
-    @abstractmethod
-    def subject(self, bend: float = BENDS[0]) -> Subject:
-        """The figure as it is given."""
-
-    @abstractmethod
-    def answer_by(self, made: Any, subject: Subject) -> FloatArray:
-        """What an object answers, looked at as a run does: vertices of a form, shape (n, 3), or any vector."""
-
-    @abstractmethod
-    def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Compare what is answered before and after a change; ``order`` says where the change has put vertices."""
-
-    @abstractmethod
-    def dissimilarities(self, subjects: Sequence[Subject], draw: int = 0) -> FloatArray:
-        """Dissimilarities of all pairs; raises :class:`Skipped` where nothing is compared."""
-
-    @property
-    @abstractmethod
-    def pairs(self) -> list[Subject]:
-        """Subjects of which all pairs are compared."""
-
-    @abstractmethod
-    def awkward(self) -> Mapping[str, Subject]:
-        """What may be refused, but not stumbled over, by name."""
-
-    def answer(self, subject: Subject) -> FloatArray:
+    def answer(self, subject: Shape | Mesh) -> FloatArray:
         """Return what a new object answers."""
         return self.answer_by(self.create(), subject)
 
@@ -112,10 +82,15 @@ class Case(ABC, Generic[Subject]):
 
 
 @dataclass
-class MethodCase(Case[Shape]):
+class MethodCase(_Case):
     """A method or a descriptor, and the shapes that it is tried on."""
 
     spec: MethodSpec
+
+    #: What ``distances`` or ``compare`` gets several of.
+    compared = "descriptors"
+    #: What awkward surfaces may be refused with.
+    refusal: ClassVar[type[ShapeError]] = UnsupportedShape
 
     @property
     def learns(self) -> bool:
@@ -148,11 +123,11 @@ class MethodCase(Case[Shape]):
         )
 
     def answer_by(self, made: Method | Descriptor, subject: Shape) -> FloatArray:
-        """See :class:`Case`."""
+        """What an object answers, looked at as a run does: vertices of a form, shape (n, 3), or any vector."""
         return form_of(made, subject)[0].vertices if isinstance(made, Method) else descriptor_of(made, subject)
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Compare two answers up to rigid motions and mirrorings."""
+        """Compare two answers up to rigid motions and mirrorings; ``order`` says where the change has put vertices."""
         mesh = self.subject().mesh
         found = self.answer(self.subject(mesh=change(mesh)))
         if order is not None and found.ndim == 2:
@@ -167,26 +142,26 @@ class MethodCase(Case[Shape]):
         return [self.subject(bend) for bend in BENDS]
 
     def dissimilarities(self, subjects: Sequence[Shape], draw: int = 0) -> FloatArray:
-        """See :class:`Case`."""
+        """Dissimilarities of all pairs; raises :class:`Skipped` where nothing is compared."""
         method = self.create()
         if not isinstance(method, Descriptor):
             raise Skipped("forms are compared by the scorer")
         return distances_of(method, [self.answer_by(method, subject) for subject in subjects])
 
     def awkward(self) -> Mapping[str, Shape]:
-        """See :class:`Case`."""
+        """What may be refused, but not stumbled over, by name."""
         return {name: Shape(identifier=name, mesh=mesh, source_area=mesh.area) for name, mesh in awkward().items()}
 
 
 @dataclass
-class ScorerCase(Case[Mesh]):
+class ScorerCase(_Case):
     """A scorer, and the forms that it is tried on."""
 
     compared = "signatures"
-    refusal = ShapeError
+    refusal: ClassVar[type[ShapeError]] = ShapeError
 
     def subject(self, bend: float = BENDS[0]) -> Mesh:
-        """See :class:`Case`."""
+        """See :class:`MethodCase`."""
         return figure(bend)
 
     def answer_by(self, made: Scorer, subject: Mesh) -> FloatArray:
@@ -211,16 +186,19 @@ class ScorerCase(Case[Mesh]):
         return [*map(figure, BENDS), *(view(bend).mesh for bend in BENDS)]
 
     def dissimilarities(self, subjects: Sequence[Mesh], draw: int = 0) -> FloatArray:
-        """See :class:`Case`."""
+        """See :class:`MethodCase`."""
         scorer = self.create()
         return form_distances(scorer, [signature_of(scorer, form) for form in subjects], draw)
 
     def awkward(self) -> Mapping[str, Mesh]:
-        """See :class:`Case`."""
+        """See :class:`MethodCase`."""
         return {**awkward(), "a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))}
 
 
-def case_of(spec: PluginSpec[Any, Any], model: Path | None = None) -> Case[Any]:
+Case = MethodCase | ScorerCase
+
+
+def case_of(spec: PluginSpec[Any, Any], model: Path | None = None) -> Case:
     """Return a method or a scorer as it is tried."""
     return MethodCase(spec, model) if isinstance(spec, MethodSpec) else ScorerCase(spec)
 

@@ -18,11 +18,11 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import FloatArray, Mesh, MethodInfo, Shape
 from benchmark.api.learning import CARD, Split
+from benchmark.api.parameters import declared_parameters
 from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.pipeline.storage import keys
 from benchmark.plugins.conformance.cases import (
     REPEAT_TOLERANCE,
-    Case,
     Failed,
     MethodCase,
     ScorerCase,
@@ -61,7 +61,7 @@ def _listed(problems: list[str], praise: str) -> str:
 # The class ---------------------------------------------------------------------------------------------------------
 
 
-def check_requirements(case: Case[Any]) -> str:
+def check_requirements(case: Any) -> str:
     """Return whether further packages are installed, and the model of a learner that says where it lies is there.
 
     A learner that does not say so is trained to be checked.
@@ -80,7 +80,7 @@ def check_requirements(case: Case[Any]) -> str:
     return f"{', '.join(case.info.requires)} installed" if case.info.requires else "nothing beyond the core"
 
 
-def _check_info(case: Case[Any]) -> str:
+def _check_info(case: Any) -> str:
     info = case.info
     problems = [f"{problem}; {hint}" for problem, hint in problems_of(info)]
     if info.name != case.spec.base_name:
@@ -92,27 +92,22 @@ def _check_info(case: Case[Any]) -> str:
     return _listed(problems, f"'{info.title}', {praise}")
 
 
-def _check_class(case: Case[Any]) -> str:
+def _check_class(case: Any) -> str:
     made: Any = case.spec.load()
     if not dataclasses.is_dataclass(made):
         raise Failed(f"{made.__name__} is no dataclass; decorate it with @dataclass(frozen=True, kw_only=True)")
-    fields = [field for field in dataclasses.fields(made) if field.init]
     problems = []
     if not getattr(made, "__dataclass_params__").frozen:  # noqa: B009
         problems.append("parameters can be changed after creation; write @dataclass(frozen=True, kw_only=True)")
-    if not all(field.kw_only for field in fields):
+    if not all(field.kw_only for field in dataclasses.fields(made) if field.init):
         problems.append("parameters can be passed by position; write @dataclass(frozen=True, kw_only=True)")
-    bare = [
-        field.name
-        for field in fields
-        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-    ]
+    bare = [name for name, (_, default) in declared_parameters(made).items() if default is dataclasses.MISSING]
     if bare:
         problems.append(f"{', '.join(bare)} without default; give every parameter one")
     return _listed(problems, "frozen, keyword-only, every parameter has a default")
 
 
-def _check_parameters(case: Case[Any]) -> str:
+def _check_parameters(case: Any) -> str:
     parameters = case.spec.resolved_parameters()
     try:
         keys.plain(parameters)
@@ -139,7 +134,7 @@ def check_learner(case: MethodCase) -> str:
 # One answer, and the same again ------------------------------------------------------------------------------------
 
 
-def check_answer(case: Case[Any]) -> str:
+def check_answer(case: Any) -> str:
     """Return what is answered on the reference figure."""
     found = case.reference
     if found.ndim == 1:
@@ -149,7 +144,7 @@ def check_answer(case: Case[Any]) -> str:
     return f"{len(found)} vertices, all finite"
 
 
-def check_repeatable(case: Case[Any]) -> str:
+def check_repeatable(case: Any) -> str:
     """Return whether the same is answered again, at once and after another shape."""
     _require_same_again(case.reference, case.answer(case.subject()))
     used = case.create()
@@ -214,7 +209,7 @@ def _check_seed(case: MethodCase) -> str:
 # Other processes ---------------------------------------------------------------------------------------------------
 
 
-def _check_fresh_process(case: Case[Any]) -> str:
+def _check_fresh_process(case: Any) -> str:
     found = _elsewhere(case)
     same(case.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
     if found.tobytes() == case.reference.tobytes():
@@ -229,7 +224,7 @@ def _check_fresh_process(case: Case[Any]) -> str:
     )
 
 
-def _check_other_processor(case: Case[Any]) -> str:
+def _check_other_processor(case: Any) -> str:
     if platform.machine().lower() not in ("x86_64", "amd64"):
         raise Skipped("the kernel of another processor can be chosen on x86-64 only")
     kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL
@@ -248,7 +243,7 @@ def _check_other_processor(case: Case[Any]) -> str:
     )
 
 
-def _elsewhere(case: Case[Any], kernel: str | None = None) -> FloatArray:
+def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
     """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
     try:
         with _environment(kernel):
@@ -291,22 +286,23 @@ def hide_data() -> None:
 def _environment(kernel: str | None) -> Iterator[None]:
     """Name a BLAS kernel to the processes that are started inside; libraries that are loaded here do not notice."""
     before = os.environ.get(KERNEL)
-    if kernel is not None:
-        os.environ.pop(KERNEL, None)
-        if kernel:
-            os.environ[KERNEL] = kernel
+    _name_kernel(before if kernel is None else kernel)
     try:
         yield
     finally:
-        os.environ.pop(KERNEL, None)
-        if before is not None:
-            os.environ[KERNEL] = before
+        _name_kernel(before)
+
+
+def _name_kernel(kernel: str | None) -> None:
+    os.environ.pop(KERNEL, None)
+    if kernel:
+        os.environ[KERNEL] = kernel
 
 
 # Two answers that must be the same ---------------------------------------------------------------------------------
 
 
-def _check_relabelling(case: Case[Any]) -> str:
+def _check_relabelling(case: Any) -> str:
     _require_deterministic(case)
     subject = case.subject()
     _, order = _relabelled(subject.mesh if isinstance(subject, Shape) else subject)
@@ -322,7 +318,7 @@ def _relabelled(mesh: Mesh) -> tuple[Mesh, NDArray[np.int64]]:
     return Mesh(mesh.vertices[order], faces[generator.permutation(mesh.n_faces)]), order
 
 
-def _check_motion(case: Case[Any]) -> str:
+def _check_motion(case: Any) -> str:
     _require_deterministic(case)
     _require_mesh(case)
     factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that turns with it"
@@ -378,7 +374,7 @@ def _check_scale(case: MethodCase) -> str:
     return close(before.ravel() / before.max(), after.ravel() / after.max(), 1.0, hint)
 
 
-def _check_dissimilarities(case: Case[Any]) -> str:
+def _check_dissimilarities(case: Any) -> str:
     pairs, draws = case.pairs, getattr(case.info, "draws", 1)
     for draw in range(draws):
         found = case.dissimilarities(pairs, draw)
@@ -397,7 +393,7 @@ def _check_dissimilarities(case: Case[Any]) -> str:
     return f"symmetric, zero diagonal, largest {found.max():.3g}"
 
 
-def _check_awkward(case: Case[Any]) -> str:
+def _check_awkward(case: Any) -> str:
     refused, problems = [], []
     for name, subject in case.awkward().items():
         try:
@@ -411,12 +407,12 @@ def _check_awkward(case: Case[Any]) -> str:
     return _listed(problems, f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated")
 
 
-def _require_deterministic(case: Case[Any]) -> None:
+def _require_deterministic(case: Any) -> None:
     if not getattr(case.info, "deterministic", True):
         raise Skipped("the answer is drawn at random")
 
 
-def _require_mesh(case: Case[Any]) -> None:
+def _require_mesh(case: Any) -> None:
     if isinstance(case, MethodCase) and case.reads_images:
         raise Skipped("the depth image has one camera")
 

@@ -19,8 +19,8 @@ from benchmark.plugins.conformance.cases import Failed, Warned
 
 __all__ = ["OF_DATA_SETS", "DatasetCase", "DatasetCheck"]
 
-#: Anomalies that are told in one line.
-_MOST_TOLD = 3
+#: Anomalies on one line.
+_MOST_ANOMALIES = 3
 
 
 @dataclass
@@ -54,13 +54,13 @@ def _check_entries(case: DatasetCase) -> str:
 
 def _check_meshes(case: DatasetCase) -> str:
     report = checking.check(case.dataset)
-    told = [str(anomaly) for anomaly in report.anomalies]
-    further = f" and {len(told) - _MOST_TOLD} more" if len(told) > _MOST_TOLD else ""
-    said = " | ".join(told[:_MOST_TOLD]) + further
+    anomalies = [str(anomaly) for anomaly in report.anomalies]
+    further = f" and {len(anomalies) - _MOST_ANOMALIES} more" if len(anomalies) > _MOST_ANOMALIES else ""
+    problem = " | ".join(anomalies[:_MOST_ANOMALIES]) + further
     if not report.usable:
-        raise Failed(said)
-    if told:
-        raise Warned(said)
+        raise Failed(problem)
+    if anomalies:
+        raise Warned(problem)
     return "every mesh can be made and is sound"
 
 
@@ -75,10 +75,10 @@ def _check_repeatable(case: DatasetCase) -> str:
 
 def _check_fresh_process(case: DatasetCase) -> str:
     try:
-        found = call_apart(_described, case.source, guard=Guard("the data set", "find the crash"))
+        description = call_apart(_described, case.source, guard=Guard("the data set", "find the crash"))
     except BrokenCall as error:
         raise Failed(str(error)) from error
-    if found != _described(case.source):
+    if description != _described(case.source):
         raise Failed("another process finds other shapes; do not depend on hashes, globals, the clock or the folder")
     return "another process finds the same shapes, recipes, cameras and meshes"
 
