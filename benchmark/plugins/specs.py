@@ -444,5 +444,5 @@ def _spec(kind: str, base_name: str, target: str, parameters: str) -> PluginSpec
 @cache
 def _made(kind: str, base_name: str, target: str, parameters: str, model: str) -> Any:
     spec = _spec(kind, base_name, target, parameters)
-    made = spec.opened if isinstance(spec, DatasetSpec) else spec.create()
+    made: Any = spec.opened if isinstance(spec, DatasetSpec) else spec.create()
     return made.load(Path(model)) if model else made

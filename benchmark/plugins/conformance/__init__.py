@@ -260,7 +260,7 @@ def _planned(spec: PluginSpec[Any, Any], folder: Path, options: Mapping[str, str
     if isinstance(spec, ScorerSpec):
         named = (basic | answers).items()
         return case_of(spec), {OF_SCORERS.get(name, name): f for name, f in named if name not in OF_METHODS_ALONE}
-    if spec.missing_packages() or not spec.learns:
+    if not isinstance(spec, MethodSpec) or spec.missing_packages() or not spec.learns:
         return case_of(spec), basic | answers
     models = Path(tempfile.mkdtemp(dir=folder))
 

@@ -101,7 +101,9 @@ def _check_class(case: Any) -> str:
         problems.append("parameters can be changed after creation; write @dataclass(frozen=True, kw_only=True)")
     if not all(field.kw_only for field in dataclasses.fields(made) if field.init):
         problems.append("parameters can be passed by position; write @dataclass(frozen=True, kw_only=True)")
-    bare = [name for name, (_, default) in declared_parameters(made).items() if default is dataclasses.MISSING]
+    bare = [
+        name for name, (_, default) in declared_parameters(case.spec.load()).items() if default is dataclasses.MISSING
+    ]
     if bare:
         problems.append(f"{', '.join(bare)} without default; give every parameter one")
     return _listed(problems, "frozen, keyword-only, every parameter has a default")
@@ -307,7 +309,7 @@ def _check_relabelling(case: Any) -> str:
     subject = case.subject()
     _, order = _relabelled(subject.mesh if isinstance(subject, Shape) else subject)
     hint = "depends on the numbering of vertices or faces; break ties by geometry"
-    return case.unchanged_by(lambda mesh: _relabelled(mesh)[0], hint, order)
+    return str(case.unchanged_by(lambda mesh: _relabelled(mesh)[0], hint, order))
 
 
 def _relabelled(mesh: Mesh) -> tuple[Mesh, NDArray[np.int64]]:
@@ -327,9 +329,8 @@ def _check_motion(case: Any) -> str:
         hint = "depends on position or size of the form; measure in a frame of its own, or declare invariant=False"
         if not case.info.invariant:
             raise Skipped("declares that it undoes motions only where a pose is well defined")
-    return case.unchanged_by(
-        lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4]), hint
-    )
+    moved = lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])  # noqa: E731
+    return str(case.unchanged_by(moved, hint))
 
 
 def _check_mirror(case: MethodCase) -> str:
