@@ -136,7 +136,7 @@ def _datasets(plugins: Iterable[Path], data_root: Path | None) -> Rows:
     for own in map(open_own, data_sets_of(plugins).values()):
         classes = {entry.subject for entry in own.entries}
         facts = {"name": own.name, "kind": "plugin", "state": "present", "shapes": str(len(own.entries))}
-        facts |= {"classes": str(len(classes)), "source": own.code, "summary": own.made.info.summary}
+        facts |= {"classes": str(len(classes)), "source": own.code, "summary": own.spec.info.summary}
         rows.append({**facts, "url": "", "terms": "", "use": "retrieval"})
     return rows
 
