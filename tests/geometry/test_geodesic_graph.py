@@ -15,8 +15,6 @@ from tests.geometry.surfaces import capped_cylinder, relabelled
 
 pytestmark = pytest.mark.kernels
 
-AROUND_THE_BUDGET = [WINDOWS // 4, WINDOWS // 3, WINDOWS // 2, 500, 700, WINDOWS - 1, WINDOWS, WINDOWS + 1]
-
 
 @pytest.fixture
 def interpreted(monkeypatch):
