@@ -5,11 +5,15 @@ from __future__ import annotations
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from benchmark.pipeline.storage.records import chance_of, coverage_of
 from benchmark.report.results import Result
-from benchmark.report.significance import UNIT
+from benchmark.report.significance import UNIT, queries_of
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Figures = Mapping[str, float]
 
@@ -75,6 +79,11 @@ class Cell:
         if not self.repeats:
             return None
         return {name: statistics.stdev(scores[name] for scores in self.repeats) for name in self.repeats[0]}
+
+    @cached_property
+    def queries(self) -> DataFrame:
+        """Measures of each query, see :func:`benchmark.report.significance.queries_of`."""
+        return queries_of(self.records)
 
     @property
     def n_queries(self) -> int:

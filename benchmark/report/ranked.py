@@ -26,7 +26,7 @@ from benchmark.report.rankings import (
     ranking,
 )
 from benchmark.report.rounding import millionths
-from benchmark.report.significance import UNIT, queries_of
+from benchmark.report.significance import UNIT
 from retrieval.measures import PRINTED
 
 #: Kinds of confusions.
@@ -98,7 +98,7 @@ class RankedCell:
 
     def by_class(self, classes: Sequence[str]) -> dict[str, list[float | None]]:
         """Mean of each measure over the queries of each class."""
-        queries = queries_of(self.cell.records)
+        queries = self.cell.queries
         place = {name: number for number, name in enumerate(classes)}
         numbers = np.array([place[label] for label in queries["label"]], dtype=np.intp)
         counts = np.bincount(numbers, minlength=len(classes))

@@ -19,7 +19,7 @@ from benchmark.report.cell import Cell
 from benchmark.report.content import Row, TableContent
 from benchmark.report.escaping import markdown_line, markdown_table, markdown_text
 from benchmark.report.rounding import BLANK, millionths, number
-from benchmark.report.significance import ALPHA, class_permutation_test, holm, paired_gains, queries_of
+from benchmark.report.significance import ALPHA, class_permutation_test, holm, paired_gains
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -207,12 +207,13 @@ def assess_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] 
 
 
 def _assess(claim: Claim, rows: Iterable[Row]) -> AssessedClaim:
-    records = {row.method: row.cells[claim.input].records for row in rows if claim.input in row.cells}
-    missing = tuple(name for name in (claim.better, *claim.others) if not records.get(name))
+    cells = {row.method: row.cells[claim.input] for row in rows if claim.input in row.cells}
+    missing = tuple(name for name in (claim.better, *claim.others) if name not in cells or not cells[name].records)
     if missing:
         return AssessedClaim(claim, "not comparable", missing=missing)
-    better = queries_of(records[claim.better], claim.measures)
-    parts = [paired_gains(better, queries_of(records[name], claim.measures)) for name in claim.others]
+    columns = ["label", *claim.measures]
+    better = cells[claim.better].queries[columns]
+    parts = [paired_gains(better, cells[name].queries[columns]) for name in claim.others]
     totals = -np.concatenate([gains.sum(axis=0) for gains, _ in parts])
     certain = np.array(holm(np.concatenate([class_permutation_test(*part) for part in parts]))) < ALPHA
     decision: Decision = "undecided"

@@ -52,7 +52,7 @@ CONTROL = "control"
 _AT_A_TIME = 4_000_000
 
 
-def queries_of(records: Sequence[Mapping[str, Any]], measures: Sequence[str] = PRINTED) -> DataFrame:
+def queries_of(records: Sequence[Mapping[str, Any]]) -> DataFrame:
     """Collect the queries of some records: those of several galleries, the mean over several trainings on one.
 
     A query without a relevant shape counts in no mean and is left out.
@@ -61,30 +61,26 @@ def queries_of(records: Sequence[Mapping[str, Any]], measures: Sequence[str] = P
     ----------
     records
         Records with scores, of one method under one input.
-    measures
-        Names of measures.
 
     Returns
     -------
     pandas.DataFrame
-        By gallery and shape: ``label``, and the measures in units of 1e-6, whole numbers in double precision.
+        By gallery and shape: ``label``, and the printed measures in units of 1e-6, whole numbers in double precision.
     """
     from pandas import DataFrame
 
-    names = [*measures]
-    columns: dict[str, Any] = {
-        "gallery": [record["gallery"] for record in records for _ in record["shapes"]],
-        "shape": [shape for record in records for shape in record["shapes"]],
-        "label": [label for record in records for label in record["labels"]],
-    }
-    for name in names:
-        columns[name] = np.array([value for record in records for value in record["per_query"][name]], dtype=np.float64)
-    queries = DataFrame(columns)[np.isfinite([columns[name] for name in names]).all(axis=0)]
-    queries = queries.set_index(["gallery", "shape"])
+    names = [*PRINTED]
+    columns = [[value for record in records for value in record["per_query"][name]] for name in names]
+    queries = DataFrame(np.array(columns, dtype=np.float64).T, columns=names)
+    queries["gallery"] = [record["gallery"] for record in records for _ in record["shapes"]]
+    queries["shape"] = [shape for record in records for shape in record["shapes"]]
+    queries["label"] = [label for record in records for label in record["labels"]]
+    queries = queries.dropna(subset=names).set_index(["gallery", "shape"])
     if not queries.index.is_unique:
         grouped = queries.groupby(level=[0, 1], sort=False)
-        queries = grouped[["label"]].last().join(grouped[names].mean())
-    return queries.assign(**{name: np.rint(queries[name] / UNIT) for name in names})
+        queries = grouped[names].mean().join(grouped[["label"]].last())
+    queries[names] = np.rint(queries[names] / UNIT)
+    return queries
 
 
 def paired_gains(first: DataFrame, second: DataFrame) -> tuple[NDArray[np.float64], list[str]]:
@@ -262,7 +258,7 @@ def _of_input(rows: Sequence[Row], input_: Input) -> TableSignificance:
     from pandas import MultiIndex
 
     cells = [row.cells[input_] for row in rows]
-    of_rows = [queries_of(cell.records) for cell in cells]
+    of_rows = [cell.queries for cell in cells]
     labels = {name: label for queries in of_rows for name, label in queries["label"].items()}
     index = MultiIndex.from_tuples(labels) if labels else of_rows[0].index
     # Queries, measures, rows; a query without a result finds nothing.
