@@ -66,7 +66,9 @@ class PathType(click.ParamType[Any]):
             pass
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
-            raise ConfigurationError(f"{option} '{text[:40]}...' cannot be a path: {reason}", "correct it") from error
+            raise ConfigurationError(
+                f"{option} '{text[:40]}...' cannot be a path: {reason}", "shorten or correct it"
+            ) from error
         return self.result(text)
 
 
@@ -86,7 +88,7 @@ def vertex_count(text: str) -> int | str:
     if text == "all":
         return text
     if not text.isdecimal() or int(text) < FEWEST_VERTICES:
-        raise ValueError(f"'{text}' is no number of vertices; write {FEWEST_VERTICES} or more, or all")
+        raise ValueError(f"'{text}' is not a number of vertices; write {FEWEST_VERTICES} or more, or all")
     return int(text)
 
 

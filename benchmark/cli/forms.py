@@ -127,7 +127,7 @@ def canonicalise(
     A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
     """
     if nameless := [path for path in paths if not path.name]:
-        raise ConfigurationError(f"{nameless[0]} is no file", "name a mesh or a depth image")
+        raise ConfigurationError(f"{nameless[0]} is not a file", "name a mesh or a depth image")
     if warning := trained_on_people(variant(method, methods(plugins))):
         say(f"{method}: {warning}", err=True)
     request = FormRequest(method, plugins, seed, timeout)
@@ -138,7 +138,7 @@ def canonicalise(
         return _canonicalise_frames(_frame_jobs(paths, files, output, picture, method), request)
     if intrinsics or mask or depth_scale or picture:
         raise ConfigurationError(
-            f"{paths[0]} is no depth image", "omit --intrinsics, --mask, --depth-scale and --picture"
+            f"{paths[0]} is not a depth image", "omit --intrinsics, --mask, --depth-scale and --picture"
         )
     target = _mesh_target(output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):

@@ -94,7 +94,7 @@ def _of_paper(jobs: list[Job]) -> list[Job]:
     ]
     if not printed:
         raise ConfigurationError(
-            "no row of the paper is selected", "drop --paper, or select of Tables I to IV and their methods"
+            "no row of the paper is selected", "drop --paper, or choose from Tables I to IV and their methods"
         )
     return printed
 
@@ -173,7 +173,9 @@ def _record_of_key(start: str, store: Store) -> Record | None:
     name_skipped(store)
     if len(keys) > 1:
         listed = ", ".join(bare_key(key)[: len(start) + _FURTHER] for key in keys)
-        raise ConfigurationError(f"{len(keys)} jobs have keys that begin with {start}: {listed}", "write more of it")
+        raise ConfigurationError(
+            f"{len(keys)} jobs have keys that begin with {start}: {listed}", "write more characters of the key"
+        )
     return records[keys[0]] if keys else None
 
 

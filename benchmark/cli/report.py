@@ -74,7 +74,7 @@ def report(
     else:
         (table, *others), artefacts = _tables(options)
         if others:
-            say(f"draws only table {table.identifier} of {len(others) + 1}; choose with -t and -d", err=True)
+            say(f"drew only table {table.identifier}, the first of {len(others) + 1}; choose with -t and -d", err=True)
         save(_CHARTS[what](table, artefacts), figure)
     say(f"wrote {figure}")
 

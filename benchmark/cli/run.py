@@ -187,7 +187,7 @@ def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
         return PoolHere()
     pool = LocalPool(wanted := options.workers or available_cores())
     if pool.size < wanted:
-        _say(f"only {pool.size} of {wanted} processes at a time: memory is too small for more")
+        _say(f"only {pool.size} of {wanted} processes run at a time: there is no memory for more")
     return pool
 
 

@@ -44,7 +44,7 @@ def score(
     DISTANCES is an N x N or queries x gallery matrix: text, CSV, .npy, .npz, .mat, or PSB's .matrix.
     """
     if dataset and results is None:
-        raise ConfigurationError("--dataset names the data set of a row that is kept", "pass --results DIR, too")
+        raise ConfigurationError("--dataset has no effect without --results", "pass --results DIR, too")
     gallery = read_labels(labels)
     matrix = read_ranked(distances, gallery) if ranked else read_distances(distances)
     task = Task.of(matrix, gallery, read_labels(query_labels) if query_labels else None)

@@ -69,7 +69,7 @@ def prune(
     store = Store.open(results)
     with Claims.of(store) as claims:
         if not (dry_run or claims.is_last()):
-            raise ConfigurationError(f"a run in {results} is using these files", "wait until it has ended")
+            raise ConfigurationError(f"a run in {results} is using these files", "wait for it to end")
         paths = list(unneeded(store))
         size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
     name_skipped(store)

@@ -83,7 +83,7 @@ def as_labels(labels: object) -> Labels:
     Raises
     ------
     ConfigurationError
-        If there is no label, or a name stands twice.
+        If there is no label, or a name appears twice.
     DatasetError
         If the file or the folder cannot be read.
     """
@@ -121,10 +121,10 @@ def read_labels(path: Path) -> Labels:
 
 def _checked(labels: Labels, what: str) -> Labels:
     if not labels.classes or not all(labels.classes):
-        raise ConfigurationError(f"{what}: a shape has no label", "give each shape one label or more")
+        raise ConfigurationError(f"{what}: a shape has no label", "give each shape at least one label")
     if len(set(labels.names)) != len(labels.names):
         twice = next(name for name in labels.names if labels.names.count(name) > 1)
-        raise ConfigurationError(f"{what}: '{twice}' stands twice", "name each shape once")
+        raise ConfigurationError(f"{what}: '{twice}' appears twice", "name each shape once")
     return labels
 
 
@@ -176,7 +176,7 @@ def read_ranked(path: Path, labels: Labels) -> DistanceMatrix:
     Raises
     ------
     ConfigurationError
-        If a name has no label, or stands twice in a list.
+        If a name has no label, or appears twice in a list.
     """
     _require_size(path)
     if not labels.names:
@@ -203,7 +203,7 @@ def _require_size(path: Path) -> None:
 
 def _matrix(array: NDArray[Any], what: str) -> NDArray[Any]:
     if array.ndim != 2 or not array.size or array.dtype.kind not in "iufb":
-        raise ConfigurationError(f"{what}: an array of shape {array.shape}, {array.dtype}, is no matrix", _HINT)
+        raise ConfigurationError(f"{what}: an array of shape {array.shape}, {array.dtype}, is not a matrix", _HINT)
     return array
 
 

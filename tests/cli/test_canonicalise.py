@@ -45,7 +45,7 @@ def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path
         assert "is not the name of a mesh file; use .off" in told
     refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
     assert isinstance(refused.exception, ConfigurationError)
-    assert "is no file" in str(refused.exception)
+    assert "is not a file" in str(refused.exception)
 
 
 def canonicalise(*arguments):
@@ -142,4 +142,4 @@ def test_a_form_with_vertices_of_its_own_cannot_be_carried_over(sheared, tmp_pat
 def test_what_is_no_number_of_vertices_is_refused(count):
     done = CliRunner().invoke(cli, ["canonicalise", "-m", "identity", "in.off", "--vertices", count])
     assert done.exit_code == 2
-    assert "is no number of vertices; write 4 or more, or all" in done.output
+    assert "is not a number of vertices; write 4 or more, or all" in done.output

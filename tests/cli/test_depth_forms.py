@@ -62,7 +62,7 @@ def test_what_does_not_fit_is_refused(frames, tmp_path):
     for arguments, said in (
         ([image, "--vertices", "all"], "a depth image has no vertices"),
         ([image, "-o", tmp_path / "form.xyz"], "is not the name of a mesh file"),
-        ([tmp_path / "absent.off", "--mask", image], "is no depth image; omit --intrinsics, --mask"),
+        ([tmp_path / "absent.off", "--mask", image], "is not a depth image; omit --intrinsics, --mask"),
         ([tmp_path / "*.png"], "no depth image matches"),
         ([tmp_path], "no meshes in"),
     ):

@@ -152,8 +152,8 @@ def test_formats_of_print(files):
         (1 / (1 + D), LABELS, "farthest from itself"),
         (D[:, :11], LABELS, r"shape \(12, 11\)"),
         (D, LABELS[:11], r"shape \(12, 12\), and the labels are of 11"),
-        (D[0], LABELS, "no matrix"),
-        (D.astype(complex), LABELS, "no matrix"),
+        (D[0], LABELS, "not a matrix"),
+        (D.astype(complex), LABELS, "not a matrix"),
         (pd.DataFrame(D, NAMES, NAMES), dict.fromkeys(NAMES[1:], "a"), "the first is 'a0'"),
         (D, [str(k) for k in range(12)], "no class has two members"),
     ],
@@ -218,7 +218,7 @@ def test_labels_of_a_folder_are_those_of_its_data_set(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "problem"),
-    [("a\nb c\n", "lines of 1 and 2 words"), ("", "empty"), ("x a\nx b\n", "'x' stands twice"), ("x ;\n", "no label")],
+    [("a\nb c\n", "lines of 1 and 2 words"), ("", "empty"), ("x a\nx b\n", "'x' appears twice"), ("x ;\n", "no label")],
 )
 def test_wrong_labels_are_named(text, problem, tmp_path):
     (tmp_path / "labels.txt").write_text(text)
