@@ -17,7 +17,7 @@ from retrieval.measures import PRINTED
 _WORTH_TELLING = 0.01
 
 _MARKS = (
-    "Bold: best of the column, controls aside; italic: not to be told from the best row of the column "
+    "Bold: best of the column, excluding controls; italic: not significantly different from the best row "
     "for other poses of these subjects (paired permutation test over queries, Holm's correction, 5 %)."
 )
 
@@ -75,7 +75,7 @@ def _tied(table: TableContent) -> Iterator[str]:
         if cell.n_tied
     ]
     if tied:
-        yield f"{TIED} Results tie at the first rank; means over their orders, never italic: {'; '.join(tied)}."
+        yield f"{TIED} Ties at the first rank: scores are means over their orders, and never italic: {'; '.join(tied)}."
 
 
 def _preparations(table: TableContent) -> Iterator[str]:
@@ -121,7 +121,7 @@ def _area(table: TableContent) -> Iterator[str]:
         if row.method == "surface-area" and cell.scores
     ]
     if figures:
-        yield f"The area alone, which rows that see metric size can read, scores {', '.join(figures)}."
+        yield f"The surface area alone, which methods that see metric size can use, scores {', '.join(figures)}."
 
 
 def _of_jobs(where: str, cell: Cell) -> Iterator[str]:
@@ -143,7 +143,7 @@ def _not_here(table: TableContent) -> Iterator[str]:
     blank = [row for row in table.rows if not any(map(row.is_run, row.cells))]
     for input_ in INPUTS:
         if titles := [row.title for row in blank if input_ in row.elsewhere]:
-            yield f"Run on the {input_} input alone: {', '.join(titles)}."
+            yield f"Run only on the {input_} input: {', '.join(titles)}."
     if titles := [row.title for row in blank if not row.elsewhere]:
         yield f"Not run: {', '.join(titles)}."
 

@@ -102,7 +102,7 @@ def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
     assert "| M1 ‡ " in files["table-rods.md"]
     assert "| M0  " in files["table-rods.md"]
     assert r"M1 \ddag{}" in files["table-rods.tex"]
-    note = "‡ Results tie at the first rank; means over their orders, never italic: M1, mesh (1 of 4 queries)."
+    note = "‡ Ties at the first rank: scores are means over their orders, and never italic: M1, mesh (1 of 4 queries)."
     assert note in notes(having)
     assert not any("‡" in line for line in notes(without))
     assert "| M1 ‡ | mesh |" in files["intervals-table-rods.md"]

@@ -167,7 +167,7 @@ def test_the_best_form_is_bold_what_cannot_be_told_from_it_italic_and_controls_n
     assert {name: shown[name] for name in ("Best", "Near", "Far", "Oracle")} == {
         "Best": "**0.83**", "Near": "*0.75*", "Far": "0.25", "Oracle": "1.00",
     }  # fmt: skip
-    assert "- Bold: best of the column, controls aside; italic:" in "\n".join(lines)
+    assert "- Bold: best of the column, excluding controls; italic:" in "\n".join(lines)
     latex = render([table], ["latex"])["table-rods.tex"]
     assert r"Best & \textbf{0.83}" in latex
     assert r"Near & \textit{0.75}" in latex

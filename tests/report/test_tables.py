@@ -89,7 +89,7 @@ def test_a_table_of_one_input_says_what_was_run_on_the_other_alone():
         replace(blank, cells=dict.fromkeys(blank.cells, Cell())),
     )
     complete = replace(content, rows=(*rows, *others)).of("mesh")
-    assert "Run on the view input alone: Classic MDS." in notes(complete)
+    assert "Run only on the view input: Classic MDS." in notes(complete)
     assert [line for line in notes(complete) if line.startswith("Not run")] == ["Not run: Fast MDS."]
 
 
