@@ -142,7 +142,7 @@ class SizeFree(Learned):
         title="Our, size unknown",
         family="extended",
         summary="the paper's network without the size of the body",
-        departs="Images are cropped to the body, whose size is therefore unknown. In all else it departs as 'Our' does.",
+        departs="Images are cropped to the body, whose size is therefore unknown. Otherwise it departs as 'Our' does.",
     )
     configuration: ConfigurationName = "size_free"
 
