@@ -12,6 +12,8 @@ from benchmark.api.contracts import FloatArray
 MEMORY = 6
 #: A pair of steps shows a curvature only if that is larger than this share of the largest possible.
 FLAT = 1e-10
+#: Below this a stress is made of rounding errors alone: the start meets the distances to single precision.
+ROUNDING = 1e-14
 
 
 def minimise(
@@ -38,7 +40,8 @@ def minimise(
     max_iterations
         Largest number of evaluations after the first.
     rtol
-        Stop when a step lowers the stress by less than this fraction.
+        Stop when a step lowers the stress by less than this fraction, or after the first step where the stress of the
+        start is below :data:`ROUNDING`.
     grain
         Round positions to multiples of this after each step. Dozens of steps can make of a rounding error one that is
         a billion times larger; a grain far above it, and far below what matters, ends it where it arises.
@@ -70,7 +73,7 @@ def minimise(
             points, residual = candidate, candidate - transformed
             if np.vdot(*change) > FLAT * np.linalg.norm(change[0]) * np.linalg.norm(change[1]):
                 moves = [*moves[1 - MEMORY :], change]
-        if course[-2] - course[-1] <= rtol * course[-2]:
+        if course[-2] - course[-1] <= rtol * course[-2] or course[0] < ROUNDING:
             break
     return points, course
 

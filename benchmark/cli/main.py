@@ -71,7 +71,7 @@ _MODULES = {place.partition(".")[2]: place.partition(".")[0] for verbs in VERBS.
 
 #: What an interruption leaves of the work, by verb.
 _REMAINS = {
-    "run": "; finished jobs and shapes are kept: run again to continue",
+    "run": "; finished jobs are kept, finished shapes too: run again to continue",
     "train": "; checkpoints are kept: train again to continue",
     "merge": "; added records are kept: merge again to finish",
 }

@@ -135,7 +135,7 @@ def test_an_interrupted_run_says_what_is_kept_and_keeps_it(rods, tmp_path):
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert said.splitlines()[-1] == ("interrupted; finished jobs and shapes are kept: run again to continue")
+    assert said.splitlines()[-1] == ("interrupted; finished jobs are kept, finished shapes too: run again to continue")
     assert not list((runs / "records").glob("*.json"))
     kept = {path: path.stat().st_mtime_ns for path in runs.glob("artefacts/*/*.npz")}
     assert len(kept) >= 4

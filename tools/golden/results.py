@@ -25,6 +25,10 @@ MOST_ROWS, MOST_INTEGERS = 800, 3000
 #: Shapes have unit area: what is smaller than this has no size of its own, such as the stress of a perfect form.
 SMALLEST = 1e-3
 
+#: Number of iterations among the notes of a form, and the stress below which it hangs on rounding errors.
+ITERATIONS = "note:iterations"
+PERFECT = 1e-12
+
 #: Raised by hand where something changes that no small input shows.
 REVISION = "revision"
 
@@ -102,6 +106,8 @@ def compare(name: str, arrays: Mapping[str, NDArray[Any]]) -> list[Difference]:
     golden, tolerance = read_golden(name), components()[name].tolerance
     moved = []
     for key in sorted((golden.keys() | arrays.keys()) - {REVISION}):
+        if key.endswith(ITERATIONS) and golden.get(f"{key.removesuffix(ITERATIONS)}note:stress", 1) < PERFECT:
+            continue  # a fit that meets all distances ends where rounding errors do, which depends on the processor
         allowed = tolerance if key in arrays and arrays[key].dtype.kind == "f" else 0.0
         if (found := _difference(golden.get(key), arrays.get(key))) > allowed:
             moved.append(Difference(key, found, allowed))
