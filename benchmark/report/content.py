@@ -15,7 +15,7 @@ from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
-from benchmark.protocols.tables import INPUTS, ONLY_ABLATED, TABLES, Table
+from benchmark.protocols.tables import ABLATION, INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.cell import Cell, Figures, cell_of
 from benchmark.report.results import Result, tables_of
@@ -302,7 +302,7 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
     """
     base = result.record["method"].partition("[")[0]
     if table.ablation:
-        return base in {row.method for row in paper.ABLATION}
+        return base in ABLATION
     return everything or (_TRAINING_SEED not in result.record["parameters"] and base not in ONLY_ABLATED)
 
 

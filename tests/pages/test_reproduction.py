@@ -56,7 +56,7 @@ def ablation() -> pd.DataFrame:
     chosen = records.query(
         "dataset == 'humans' and scorer == 'cm-bof' and status == 'ok' and gallery.str.contains('fold')"
     )
-    names = chosen["method"].str.extract(r"^(learned(?:-without-[sl]rf)?)(?:\[training_seed=(\d)\])?$")
+    names = chosen["method"].str.extract(r"^(learned(?:-without-(?:[sl]rf|weighting))?)(?:\[training_seed=(\d)\])?$")
     named = chosen.assign(network=names[0], training=names[1].fillna("0")).dropna(subset="network")
     assert set(named.groupby(["network", "training"]).size()) == {3}
     return named.groupby(["network", "training"])[list(PRINTED)].mean()
@@ -66,6 +66,7 @@ WORDS = {
     "learned": "whole",
     "learned-without-srf": "without short-range features",
     "learned-without-lrf": "without long-range features",
+    "learned-without-weighting": "without progressive weighting",
 }
 
 
