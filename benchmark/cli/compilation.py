@@ -30,9 +30,9 @@ from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.conformance.shapes import BENDS, figure
 from benchmark.plugins.output_checks import form_distances, signature_of
-from benchmark.plugins.registry import methods
+from benchmark.plugins.registry import VARIANTS, methods
 from benchmark.plugins.scorers import ScorerSpec
-from benchmark.protocols.tables import INPUTS, VARIANTS
+from benchmark.protocols.tables import INPUTS
 from benchmark.source_code import ROOT
 from benchmark.text import say
 

@@ -88,8 +88,6 @@ def _state(spec: PluginSpec[Any, Any]) -> str:
 
 def _methods(plugins: Iterable[Path]) -> Rows:
     """Each method, and each variant that has rows of its own; one that cannot be imported says why."""
-    from benchmark.protocols.tables import VARIANTS
-
     rows: Rows = []
     for name, spec in registry.methods(plugins).items():
         try:
@@ -98,7 +96,7 @@ def _methods(plugins: Iterable[Path]) -> Rows:
             rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
             continue
         rows.append({"name": name, "title": info.title, "family": info.family, "state": state, "summary": info.summary})
-        for other in map(spec.with_parameters, VARIANTS.get(name, ())):
+        for other in map(spec.with_parameters, registry.VARIANTS.get(name, ())):
             chosen = ", ".join(f"{key}={value}" for key, value in other.parameters.items())
             changed = {"name": other.name, "title": other.title, "family": "extended", "summary": f"with {chosen}"}
             rows.append({**rows[-1], **changed})

@@ -58,6 +58,15 @@ BUILT_IN: dict[str, str] = {
     "wks-mean": "baselines.wks_mean:MeanWKS",
 }
 
+_FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
+
+#: Variants that have rows beside their method where it was not asked for by name.
+VARIANTS: Mapping[str, tuple[Mapping[str, str], ...]] = {
+    "classic-mds": _FURTHER_METRICS,
+    "least-squares-mds": _FURTHER_METRICS,
+    "euclidean-distance": ({"points": "local"},),
+}
+
 
 class KnownPlugins(dict[str, S]):
     """Plugins of one kind by name, in the order of the tables; to look up another name raises what is wrong with it.

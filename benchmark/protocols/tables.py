@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from benchmark.api.contracts import Input
 from benchmark.api.learning import Learner
 from benchmark.datasets.catalogue import is_present
 from benchmark.datasets.official.sets import EXTENDED
 from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.plugins.registry import VARIANTS, MethodSpec
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TRAININGS, Training, only_training, trainings_on
 from benchmark.reference import paper
-
-if TYPE_CHECKING:
-    from benchmark.plugins.registry import MethodSpec
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
@@ -37,15 +35,6 @@ ONLY_ABLATED = ABLATION - {row.method for row in paper.ROWS}
 
 #: Witnesses of our own: rows where they are asked for by name.
 ONLY_NAMED = frozenset({"scikit-learn-classical-mds", "scikit-learn-smacof", "scikit-learn-isomap"})
-
-_FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
-
-#: Variants that have rows beside their method where it was not asked for by name.
-VARIANTS: Mapping[str, tuple[Mapping[str, str], ...]] = {
-    "classic-mds": _FURTHER_METRICS,
-    "least-squares-mds": _FURTHER_METRICS,
-    "euclidean-distance": ({"points": "local"},),
-}
 
 _PAPER = frozenset({"paper"})
 _ALL = frozenset({"paper", "control", "extended"})

@@ -1,5 +1,5 @@
-from benchmark.plugins.registry import BUILT_IN, methods, variant
-from benchmark.protocols.tables import ONLY_NAMED, VARIANTS
+from benchmark.plugins.registry import BUILT_IN, VARIANTS, methods, variant
+from benchmark.protocols.tables import ONLY_NAMED
 from tools.families import FAMILIES
 
 
