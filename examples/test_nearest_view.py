@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.plugins.conformance import check_target
-from benchmark.plugins.conformance.learners import trained
+from benchmark.plugins.conformance.checks import trained
 from benchmark.plugins.conformance.shapes import BENDS, view
 from benchmark.plugins.registry import plugin_methods
 

@@ -1,4 +1,4 @@
-"""Does a plugin keep its contract? Checks for authors of methods, learners and data sets, one line per finding."""
+"""Does a plugin keep its contract? Checks for authors of methods, scorers and data sets, one line per finding."""
 
 from __future__ import annotations
 
@@ -15,35 +15,15 @@ from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.execution.processes.process import is_child
-from benchmark.plugins.conformance.cases import MethodCase, Skipped, Warned, case_of, explain
-from benchmark.plugins.conformance.checks import (
-    OF_METHODS_ALONE,
-    OF_SCORERS,
-    OF_THE_ANSWER,
-    OF_THE_CLASS,
-    Check,
-    check_answer,
-    check_learner,
-    check_requirements,
-)
-from benchmark.plugins.conformance.datasets import OF_DATA_SETS, DatasetCase
-from benchmark.plugins.conformance.learners import NAME, trained
+from benchmark.plugins.conformance import checks
+from benchmark.plugins.conformance.cases import DatasetCase, Skipped, Warned, explain
 from benchmark.plugins.conformance.shapes import figure
 from benchmark.plugins.inspection import inspect, plugins_in
 from benchmark.plugins.registry import methods, plugin_methods, variants
 from benchmark.plugins.scorers import scorer_of, scorers
-from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec, ScorerSpec
+from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec
 
 __all__ = ["Finding", "Report", "Target", "check", "check_apart", "check_target", "figure"]
-
-#: Checks without which there are no further ones, and why these are skipped; "" where they are not even named.
-_GATES = {
-    "requirements": "",
-    "training": "there is no model",
-    "answer": "there is no answer to compare",
-    "signature": "there is no answer to compare",
-    "repeatable": "two runs differ, so nothing can be compared",
-}
 
 Outcome = Literal["ok", "warning", "failed", "skipped"]
 
@@ -144,7 +124,7 @@ class Finding:
 class Report:
     """Findings by method; true if none failed, and as text one line per finding."""
 
-    findings: Mapping[str, tuple[Finding, ...]]
+    findings: Mapping[str, Sequence[Finding]]
 
     def __bool__(self) -> bool:
         return all(finding.outcome != "failed" for findings in self.findings.values() for finding in findings)
@@ -157,19 +137,14 @@ class Report:
 
 
 def check_target(name: str) -> Report:
-    """Check a method by name, or all that a plugin file brings.
-
-    Parameters
-    ----------
-    name
-        See :class:`Target`.
+    """Check a method by name, or all that a plugin file brings; see :class:`Target`.
 
     Raises
     ------
     ConfigurationError
         If there is no such method, or the file cannot be imported or takes the name of another method.
     """
-    return Report({_title(spec): tuple(check(spec)) for spec in Target(name).specs()})
+    return Report({_title(spec): check(spec) for spec in Target(name).specs()})
 
 
 def check_apart(target: Target, limit: float | None = None) -> Report:
@@ -193,10 +168,10 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
     at: list[str] = []
 
     def hear(line: str) -> None:
-        name, check_name, *found = json.loads(line)
-        at[:] = () if found else (name, check_name)
-        if found:
-            findings.setdefault(name, []).append(Finding(check_name, *found))
+        name, check_name, *result = json.loads(line)
+        at[:] = () if result else (name, check_name)
+        if result:
+            findings.setdefault(name, []).append(Finding(check_name, *result))
 
     inspect([path for path in (target.file,) if path], made=False)
     guard = Guard(f"checking {target.name}", "correct the file: what it cannot treat, it refuses", limit)
@@ -210,14 +185,14 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
                 findings.setdefault(at[0], []).append(Finding(at[1], "failed", str(error)))
                 at.clear()
             else:
-                return Report({name: tuple(found) for name, found in findings.items()})
+                return Report(findings)
 
 
 def _check_apart(target: Target, without: Sequence[str], folder: str, say: Callable[[str], None]) -> None:
     """Check all of a target but some, saying before each check which one begins and after it what it found."""
     for spec in target.specs():
         title = _title(spec)
-        for event in _checks(spec, Path(folder), dict(target.options)) if title not in without else ():
+        for event in _checks(spec, Path(folder), target.options) if title not in without else ():
             say(json.dumps([title, *([event] if isinstance(event, str) else astuple(event))]))
 
 
@@ -234,52 +209,30 @@ def check(spec: PluginSpec[Any, Any]) -> list[Finding]:
     installed is not run at all. A learner without a model is trained on a few images of the figure.
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        return [event for event in _checks(spec, Path(folder), {}) if isinstance(event, Finding)]
+        return [event for event in _checks(spec, Path(folder)) if isinstance(event, Finding)]
 
 
-def _checks(spec: PluginSpec[Any, Any], folder: Path, options: Mapping[str, str]) -> Iterator[str | Finding]:
+def _checks(spec: PluginSpec[Any, Any], folder: Path, options: Any = ()) -> Iterator[str | Finding]:
     """Check a plugin: the name of each check before it is made, then its result; models go to a folder."""
-    case, checks = _planned(spec, folder, options)
-    gates = {} if isinstance(spec, DatasetSpec) else _GATES
-    for number, (name, function) in enumerate(checks.items(), 1):
-        yield name
-        finding = _find(name, function, case)
+    case, gate = checks.case_of(spec, models=folder, options=options), None
+    table = checks.OF_DATA_SETS if isinstance(case, DatasetCase) else checks.OF_METHODS_AND_SCORERS
+    for name, tried in table.items():
+        if gate == "" or not tried.applies(case):
+            continue
+        if gate is None:
+            yield name
+        finding = _find(name, tried, case) if gate is None else Finding(name, "skipped", gate)
         yield finding
-        if finding.outcome != "ok" and name in gates:
-            skipped = list(checks)[number:] if gates[name] else ()
-            yield from (Finding(other, "skipped", gates[name]) for other in skipped)
-            return
+        if gate is None and finding.outcome != "ok":
+            gate = tried.gate
 
 
-def _planned(spec: PluginSpec[Any, Any], folder: Path, options: Mapping[str, str]) -> tuple[Any, dict[str, Check]]:
-    """Return what is checked, and the checks by name in their order."""
-    if isinstance(spec, DatasetSpec):
-        return DatasetCase(spec.target), dict(OF_DATA_SETS)
-    basic = {"requirements": check_requirements, **OF_THE_CLASS}
-    answers = {"answer": check_answer, **OF_THE_ANSWER}
-    if isinstance(spec, ScorerSpec):
-        named = (basic | answers).items()
-        return case_of(spec), {OF_SCORERS.get(name, name): f for name, f in named if name not in OF_METHODS_ALONE}
-    if not isinstance(spec, MethodSpec) or spec.missing_packages() or not spec.learns:
-        return case_of(spec), basic | answers
-    models = Path(tempfile.mkdtemp(dir=folder))
-
-    def train(case: MethodCase) -> str:
-        trained(case.spec, models, options)
-        case.model = models / NAME / getattr(case.spec.create(), "model_name")  # noqa: B009
-        return "makes a model of a few images, leaves a finished one alone, and loads it"
-
-    of_learner: dict[str, Check] = {"learner": check_learner}
-    if options or not hasattr(spec.load(), "model_folder"):
-        of_learner["training"] = train
-    # A learner that is trained here need have no model yet.
-    return case_of(spec, models if options else None), basic | of_learner | answers
-
-
-def _find(name: str, function: Check, case: Any) -> Finding:
+def _find(name: str, tried: checks.Check, case: Any) -> Finding:
     outcome: Outcome
     try:
-        outcome, explanation = "ok", function(case)
+        for reason in filter(None, (rule(case) for rule in tried.unless)):
+            raise Skipped(reason)
+        outcome, explanation = "ok", tried.run(case)
     except Skipped as reason:
         outcome, explanation = "skipped", str(reason)
     except Warned as warning:

@@ -1,12 +1,13 @@
-"""A method or a scorer under test: what it is tried on, what it answers, and when two answers are the same."""
+"""Plugins under test: what each is tried on, what it answers, and when two answers are the same."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,12 @@ from scipy.spatial.distance import pdist
 from benchmark.api.contracts import Descriptor, FloatArray, Mesh, Method, Shape
 from benchmark.api.learning import Learner
 from benchmark.api.scoring import Scorer
+from benchmark.datasets.base import Entry
+from benchmark.datasets.own import OwnDataset, open_own
 from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, message, one_line
 from benchmark.plugins.conformance.shapes import BENDS, awkward, figure, view
 from benchmark.plugins.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
-from benchmark.plugins.specs import MethodSpec, PluginSpec
+from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec
 
 #: Largest difference of two runs on one shape, relative to the largest coordinate: rounding may depend on where an
 #: array lies in memory.
@@ -51,15 +54,12 @@ class Skipped(Exception):
 
 @dataclass
 class _Case:
-    """A plugin and what it is tried on; of a learner that was trained for it, the folder of the model."""
+    """A method or a scorer; of a learner, the folder of its model, or the folder and options to train one."""
 
     spec: PluginSpec[Any, Any]
     model: Path | None = None
-
-    #: Work out the answer of an object for a subject.
-    answer_by: ClassVar[Callable[..., FloatArray]]
-    #: The figure as it is given.
-    subject: ClassVar[Callable[..., Any]]
+    models: Path = Path()
+    options: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def info(self) -> Any:
@@ -68,34 +68,34 @@ class _Case:
 
     def create(self) -> Any:
         """A new object, with the model that it was trained to."""
-        made = self.spec.create()
-        return made.load(self.model) if self.model is not None and isinstance(made, Learner) else made
+        created = self.spec.create()
+        return created.load(self.model) if self.model is not None and isinstance(created, Learner) else created
 
-    def answer(self, subject: Shape | Mesh) -> FloatArray:
-        """Return what a new object answers."""
-        return self.answer_by(self.create(), subject)
+    def subject(self) -> Any:
+        """The figure as it is given."""
+        raise NotImplementedError
+
+    def answer(self, subject: Any = None, by: Any = None) -> FloatArray:
+        """Return what an object, by default a new one, answers for a subject, by default the figure."""
+        return self._answer(self.create() if by is None else by, self.subject() if subject is None else subject)
+
+    def _answer(self, created: Any, subject: Any) -> FloatArray:
+        raise NotImplementedError
 
     @cached_property
     def reference(self) -> FloatArray:
         """The answer for the figure."""
-        return self.answer(self.subject())
+        return self.answer()
 
 
-@dataclass
 class MethodCase(_Case):
     """A method or a descriptor, and the shapes that it is tried on."""
 
     spec: MethodSpec
-
     #: What ``distances`` or ``compare`` gets several of.
     compared = "descriptors"
     #: What awkward surfaces may be refused with.
-    refusal: ClassVar[type[ShapeError]] = UnsupportedShape
-
-    @property
-    def learns(self) -> bool:
-        """Return whether it is a learner."""
-        return self.spec.learns
+    refusal: type[ShapeError] = UnsupportedShape
 
     @property
     def reads_images(self) -> bool:
@@ -122,19 +122,19 @@ class MethodCase(_Case):
             seed=seed,
         )
 
-    def answer_by(self, made: Method | Descriptor, subject: Shape) -> FloatArray:
-        """What an object answers, looked at as a run does: vertices of a form, shape (n, 3), or any vector."""
-        return form_of(made, subject)[0].vertices if isinstance(made, Method) else descriptor_of(made, subject)
+    def _answer(self, created: Method | Descriptor, subject: Shape) -> FloatArray:
+        """Vertices of a form, shape (n, 3), or any vector, looked at as a run does."""
+        return form_of(created, subject)[0].vertices if isinstance(created, Method) else descriptor_of(created, subject)
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
         """Compare two answers up to rigid motions and mirrorings; ``order`` says where the change has put vertices."""
         mesh = self.subject().mesh
-        found = self.answer(self.subject(mesh=change(mesh)))
-        if order is not None and found.ndim == 2:
+        answer = self.answer(self.subject(mesh=change(mesh)))
+        if order is not None and answer.ndim == 2:
             if len(self.reference) != mesh.n_vertices:
                 raise Skipped("the form has vertices of its own")
-            found = found[np.argsort(order)]
-        return close(self.reference, found, 1.0, hint)
+            answer = answer[np.argsort(order)]
+        return same(self.reference, answer, hint, factor=1.0)
 
     @property
     def pairs(self) -> list[Shape]:
@@ -146,36 +146,34 @@ class MethodCase(_Case):
         method = self.create()
         if not isinstance(method, Descriptor):
             raise Skipped("forms are compared by the scorer")
-        return distances_of(method, [self.answer_by(method, subject) for subject in subjects])
+        return distances_of(method, [descriptor_of(method, subject) for subject in subjects])
 
     def awkward(self) -> Mapping[str, Shape]:
         """What may be refused, but not stumbled over, by name."""
         return {name: Shape(identifier=name, mesh=mesh, source_area=mesh.area) for name, mesh in awkward().items()}
 
 
-@dataclass
 class ScorerCase(_Case):
-    """A scorer, and the forms that it is tried on."""
+    """A scorer, and the forms that it is tried on; see :class:`MethodCase`."""
 
     compared = "signatures"
-    refusal: ClassVar[type[ShapeError]] = ShapeError
+    refusal = ShapeError
 
     def subject(self, bend: float = BENDS[0]) -> Mesh:
-        """See :class:`MethodCase`."""
+        """The figure."""
         return figure(bend)
 
-    def answer_by(self, made: Scorer, subject: Mesh) -> FloatArray:
-        """All numbers of a signature."""
-        signature = signature_of(made, subject)
+    def _answer(self, created: Scorer, subject: Mesh) -> FloatArray:
+        signature = signature_of(created, subject)
         return np.concatenate([np.asarray(signature[name], dtype=np.float64).ravel() for name in sorted(signature)])
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
         """Return whether a form is much more like itself after a change than like any other one."""
-        forms = [self.subject(bend) for bend in BENDS]
-        found = self.dissimilarities([*forms, *map(change, forms)])
+        forms = [figure(bend) for bend in BENDS]
+        distances = self.dissimilarities([*forms, *map(change, forms)])
         count = len(forms)
-        between = found[:count, :count][~np.eye(count, dtype=bool)].min()
-        itself = np.diag(found[:count, count:]).max()
+        between = distances[:count, :count][~np.eye(count, dtype=bool)].min()
+        itself = np.diag(distances[:count, count:]).max()
         if not itself <= _SHARE * between:
             raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
         return f"{itself / between if between else 0.0:.1e} of the least difference of two forms"
@@ -186,21 +184,46 @@ class ScorerCase(_Case):
         return [*map(figure, BENDS), *(view(bend).mesh for bend in BENDS)]
 
     def dissimilarities(self, subjects: Sequence[Mesh], draw: int = 0) -> FloatArray:
-        """See :class:`MethodCase`."""
+        """Dissimilarities of all pairs."""
         scorer = self.create()
         return form_distances(scorer, [signature_of(scorer, form) for form in subjects], draw)
 
     def awkward(self) -> Mapping[str, Mesh]:
-        """See :class:`MethodCase`."""
+        """What may be refused, but not stumbled over, by name."""
         return {**awkward(), "a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))}
 
 
-Case = MethodCase | ScorerCase
+@dataclass
+class DatasetCase:
+    """A data set of a plugin file."""
+
+    spec: DatasetSpec
+
+    @cached_property
+    def dataset(self) -> OwnDataset:
+        """The data set."""
+        return open_own(self.spec.target)
+
+    @property
+    def first_of_each(self) -> list[Entry]:
+        """The first shape of each class."""
+        return list({entry.subject: entry for entry in reversed(self.dataset.entries)}.values())[::-1]
+
+    def digests(self, *, backwards: bool = False) -> dict[str, str]:
+        """Digest of the mesh of the first shape of each class, by identifier."""
+        meshes = {e.identifier: self.dataset.load(e) for e in self.first_of_each[:: -1 if backwards else 1]}
+        contents = {name: mesh.vertices.tobytes() + mesh.faces.tobytes() for name, mesh in meshes.items()}
+        return {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
+
+    def description(self) -> list[list[str]]:
+        """Return what determines the set, in plain values."""
+        dataset = self.dataset
+        return [
+            [e.identifier, e.subject, e.pose, dataset.recipe(e), repr(dataset.camera(e))] for e in dataset.entries
+        ] + [[*self.digests().values()]]
 
 
-def case_of(spec: PluginSpec[Any, Any], model: Path | None = None) -> Case:
-    """Return a method or a scorer as it is tried."""
-    return MethodCase(spec, model) if isinstance(spec, MethodSpec) else ScorerCase(spec)
+Case = MethodCase | ScorerCase | DatasetCase
 
 
 def explain(error: BaseException) -> str:
@@ -216,39 +239,37 @@ def explain(error: BaseException) -> str:
     return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or correct the method"
 
 
-def same(expected: FloatArray, found: FloatArray, hint: str) -> None:
-    """Compare two answers for one shape; ``hint`` says what a difference means."""
-    if expected.shape != found.shape:
-        raise Failed(f"{found.shape} instead of {expected.shape}: {hint}")
-    difference = relative_difference(expected, found)
-    if not difference <= REPEAT_TOLERANCE:
-        raise Failed(f"relative difference {difference:.1e}: {hint}")
+def difference(expected: FloatArray, answer: FloatArray) -> float:
+    """Largest difference of two answers over the largest number of the first; infinite if their shapes differ."""
+    if expected.shape != answer.shape:
+        return np.inf
+    return float(np.abs(answer - expected).max() / (np.abs(expected).max() or 1.0))
 
 
-def relative_difference(expected: FloatArray, found: FloatArray) -> float:
-    """Largest difference of two answers of one shape, over the largest number of the first."""
-    return float(np.abs(found - expected).max() / (np.abs(expected).max() or 1.0))
+def same(expected: FloatArray, answer: FloatArray, hint: str, factor: float | None = None) -> str:
+    """Compare two answers; ``hint`` says what a difference means.
+
+    With a factor, they are compared up to rigid motions and mirrorings, the second one that many times as large.
+    """
+    if expected.shape != answer.shape:
+        raise Failed(f"{answer.shape} instead of {expected.shape}: {hint}")
+    tolerance = REPEAT_TOLERANCE
+    if factor is not None:
+        expected, answer, tolerance = factor * _invariants(expected), _invariants(answer), SYMMETRY_TOLERANCE
+    found = f"relative difference {difference(expected, answer):.1e}"
+    if not difference(expected, answer) <= tolerance:
+        raise Failed(f"{found}: {hint}")
+    return found
 
 
-def close(expected: FloatArray, found: FloatArray, factor: float, hint: str) -> str:
-    """Compare two answers up to rigid motions and mirrorings, the second one ``factor`` times as large."""
-    if expected.shape != found.shape:
-        raise Failed(f"{found.shape} instead of {expected.shape}: {hint}")
-    wanted, seen = factor * _invariants(expected), _invariants(found)
-    difference = float(np.abs(seen - wanted).max() / (np.abs(wanted).max() or 1.0))
-    if not difference <= SYMMETRY_TOLERANCE:
-        raise Failed(f"relative difference {difference:.1e}: {hint}")
-    return f"relative difference {difference:.1e}"
-
-
-def is_mirrored(expected: FloatArray, found: FloatArray) -> bool:
+def is_mirrored(expected: FloatArray, answer: FloatArray) -> bool:
     """Return whether one of two congruent forms has to be mirrored to become the other."""
-    here, there = (form - form.mean(axis=0) for form in (expected, found))
+    here, there = (form - form.mean(axis=0) for form in (expected, answer))
     return bool(np.linalg.det(here.T @ there) < 0)
 
 
-def _invariants(found: FloatArray) -> FloatArray:
+def _invariants(answer: FloatArray) -> FloatArray:
     """Return what no rigid motion changes: distances between vertices of a form; a descriptor itself."""
-    if found.ndim == 1:
-        return found
-    return np.asarray(pdist(found[:: max(1, len(found) // _COMPARED_VERTICES)]))
+    if answer.ndim == 1:
+        return answer
+    return np.asarray(pdist(answer[:: max(1, len(answer) // _COMPARED_VERTICES)]))

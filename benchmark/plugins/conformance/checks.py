@@ -1,4 +1,4 @@
-"""The checks of methods and scorers, each a function that returns praise, or raises what is wrong."""
+"""The checks of plugins: a table of functions, each of which returns praise, or raises what is wrong."""
 
 from __future__ import annotations
 
@@ -7,40 +7,45 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmark.api.contracts import FloatArray, Mesh, MethodInfo, Shape
-from benchmark.api.learning import CARD, Split
+from benchmark.api.contracts import FloatArray, Mesh, Method, MethodInfo, Shape
+from benchmark.api.learning import CARD, Learner, Split, checked_weights, read_card
 from benchmark.api.parameters import declared_parameters
+from benchmark.datasets import checking
+from benchmark.datasets.base import check_retrievable
+from benchmark.errors import BenchmarkError
 from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
+from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.storage import keys
 from benchmark.plugins.conformance.cases import (
     REPEAT_TOLERANCE,
+    Case,
+    DatasetCase,
     Failed,
     MethodCase,
     ScorerCase,
     Skipped,
     Warned,
-    case_of,
-    close,
+    difference,
     explain,
     is_mirrored,
-    relative_difference,
     same,
 )
-from benchmark.plugins.conformance.shapes import BENDS
+from benchmark.plugins.conformance.shapes import BENDS, TRAINING, training_data
 from benchmark.plugins.output_checks import problems_of
-from benchmark.plugins.specs import PluginSpec
+from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec
 from benchmark.text import DATA_VARIABLE
-
-Check = Callable[[Any], str]
 
 KERNEL = "OPENBLAS_CORETYPE"
 
@@ -48,68 +53,61 @@ KERNEL = "OPENBLAS_CORETYPE"
 OLD_KERNEL = "Nehalem"
 
 _SCALE = 2.5
-
 _ROTATION = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
+_MOST_ANOMALIES = 3
 
 
-def _listed(problems: list[str], praise: str) -> str:
+def _listed(problems: list[str], praise: str, separator: str = "; ") -> str:
     if problems:
-        raise Failed("; ".join(problems))
+        raise Failed(separator.join(problems))
     return praise
 
 
-# The class ---------------------------------------------------------------------------------------------------------
+# The class -----------------------------------------------------------------------------------------------------------
 
 
-def check_requirements(case: Any) -> str:
-    """Return whether further packages are installed, and the model of a learner that says where it lies is there.
-
-    A learner that does not say so is trained to be checked.
-    """
+def _requirements(case: Any) -> str:
+    """Whether packages are installed, and the model of a learner is there; one without its folder is trained here."""
     missing = case.spec.missing_packages()
     if missing:
         raise Skipped(f"unavailable: install {', '.join(missing)}, then check again")
-    if isinstance(case, MethodCase) and case.learns and case.model is None:
+    if _learns(case) and case.model is None and not case.options:
         folder = getattr(case.spec.create(), "model_folder", None)
         if isinstance(folder, Path) and not (folder / CARD).is_file():
-            hint = (
-                f"train one (python -m benchmark train {case.spec.base_name}), put it there, then check again; or "
-                "have one trained for the check alone: -o epochs=1"
+            raise Skipped(
+                f"unavailable: there is no model in {folder.parent.name}/{folder.name}; train one (python -m benchmark "
+                f"train {case.spec.base_name}), put it there, then check again; or have one trained for the check "
+                "alone: -o epochs=1"
             )
-            raise Skipped(f"unavailable: there is no model in {folder.parent.name}/{folder.name}; {hint}")
     return f"{', '.join(case.info.requires)} installed" if case.info.requires else "nothing beyond the core"
 
 
-def _check_info(case: Any) -> str:
-    info = case.info
+def _info(case: Any) -> str:
+    info, name = case.info, case.spec.base_name
     problems = [f"{problem}; {hint}" for problem, hint in problems_of(info)]
-    if info.name != case.spec.base_name:
-        problems.append(
-            f"info.name is '{info.name}' but the entry point is '{case.spec.base_name}'; give both one name"
-        )
+    if info.name != name:
+        problems.append(f"info.name is '{info.name}' but the entry point is '{name}'; give both one name")
     is_method = isinstance(info, MethodInfo)
     praise = f"{' and '.join(info.inputs)}, scale {info.scale}" if is_method else f"draws: {info.draws}"
     return _listed(problems, f"'{info.title}', {praise}")
 
 
-def _check_class(case: Any) -> str:
-    made: Any = case.spec.load()
-    if not dataclasses.is_dataclass(made):
-        raise Failed(f"{made.__name__} is no dataclass; decorate it with @dataclass(frozen=True, kw_only=True)")
+def _class(case: Any) -> str:
+    cls: type[Any] = case.spec.load()
+    if not dataclasses.is_dataclass(cls):
+        raise Failed(f"{cls.__name__} is no dataclass; decorate it with @dataclass(frozen=True, kw_only=True)")
     problems = []
-    if not getattr(made, "__dataclass_params__").frozen:  # noqa: B009
+    if not getattr(cls, "__dataclass_params__").frozen:  # noqa: B009
         problems.append("parameters can be changed after creation; write @dataclass(frozen=True, kw_only=True)")
-    if not all(field.kw_only for field in dataclasses.fields(made) if field.init):
+    if not all(field.kw_only for field in dataclasses.fields(cls) if field.init):
         problems.append("parameters can be passed by position; write @dataclass(frozen=True, kw_only=True)")
-    bare = [
-        name for name, (_, default) in declared_parameters(case.spec.load()).items() if default is dataclasses.MISSING
-    ]
+    bare = [name for name, (_, default) in declared_parameters(cls).items() if default is dataclasses.MISSING]
     if bare:
         problems.append(f"{', '.join(bare)} without default; give every parameter one")
     return _listed(problems, "frozen, keyword-only, every parameter has a default")
 
 
-def _check_parameters(case: Any) -> str:
+def _parameters(case: Any) -> str:
     parameters = case.spec.resolved_parameters()
     try:
         keys.plain(parameters)
@@ -120,8 +118,7 @@ def _check_parameters(case: Any) -> str:
     return ", ".join(f"{name}={value!r}" for name, value in parameters.items()) or "none"
 
 
-def check_learner(case: MethodCase) -> str:
-    """Return what a learner says of its models."""
+def _learner(case: MethodCase) -> str:
     learner: Any = case.spec.create()
     problems = []
     if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
@@ -133,48 +130,88 @@ def check_learner(case: MethodCase) -> str:
     return _listed(problems, f"model {learner.model_name}, split {learner.split}")
 
 
-# One answer, and the same again ------------------------------------------------------------------------------------
+def _training(case: MethodCase) -> str:
+    models = Path(tempfile.mkdtemp(dir=case.models))
+    trained(case.spec, models, case.options)
+    case.model = models / TRAINING / getattr(case.spec.create(), "model_name")  # noqa: B009
+    return "makes a model of a few images, leaves a finished one alone, and loads it"
 
 
-def check_answer(case: Any) -> str:
-    """Return what is answered on the reference figure."""
-    found = case.reference
-    if found.ndim == 1:
-        return f"{len(found)} numbers, all finite"
-    if not np.ptp(found, axis=0).max() > 0:
+def trained(spec: MethodSpec, folder: Path, options: Any = ()) -> Method:
+    """Train a learner on :func:`~benchmark.plugins.conformance.shapes.training_data` and load the model.
+
+    Parameters
+    ----------
+    spec
+        The learner.
+    folder
+        Where its models go.
+    options
+        Deviations from its own schedule.
+
+    Raises
+    ------
+    Failed
+        If no model comes of it that the harness could use, or it is trained anew though it is finished.
+    """
+    learner = spec.create()
+    if not isinstance(learner, Learner):
+        raise Failed("has 'train' but is no learner; see 'A learner' in docs/reference/plugins.md")
+    place, data, cards = folder / TRAINING / learner.model_name, training_data(), []
+    for _ in range(2):
+        learner.train(data, place, dict(options), lambda _: None)
+        if not (place / CARD).is_file():
+            raise Failed(f"'train' ends without {CARD}; write it last, for it means that the model is finished")
+        cards.append(read_card(place))
+    card = cards[0]
+    if cards[1] != card:
+        raise Failed("trains a finished model again; leave one alone whose card is there")
+    checked_weights(place)
+    if card["data"] != data.name or set(card["identifiers"]) != set(data.identifiers):
+        raise Failed("the card does not name the training data and all its identifiers; copy them from what is passed")
+    if hasattr(learner, "check_card"):
+        learner.check_card(card, place)
+    loaded: Method = learner.load(place)
+    if type(loaded) is not type(learner):
+        raise Failed(f"'load' returns {type(loaded).__name__}; return the method with its model")
+    return loaded
+
+
+# One answer, and the same again --------------------------------------------------------------------------------------
+
+
+def _answer(case: Any) -> str:
+    answer = case.reference
+    if answer.ndim == 1:
+        return f"{len(answer)} numbers, all finite"
+    if not np.ptp(answer, axis=0).max() > 0:
         raise Failed("all vertices of the form lie in one point; return positions that differ")
-    return f"{len(found)} vertices, all finite"
+    return f"{len(answer)} vertices, all finite"
 
 
-def check_repeatable(case: Any) -> str:
-    """Return whether the same is answered again, at once and after another shape."""
-    _require_same_again(case.reference, case.answer(case.subject()))
-    used = case.create()
-    other = case.answer_by(used, case.subject(BENDS[1]))
-    again = case.answer_by(used, case.subject())
-    same(case.reference, again, "after another shape the answer is a different one; keep nothing between shapes")
-    found = case.answer(case.subject(BENDS[1]))
-    same(other, found, "a second object answers differently; keep nothing in the class")
+def _repeatable(case: Any) -> str:
+    """Whether the same is answered again, at once and after another shape."""
+    again = case.answer()
+    if not (size := difference(case.reference, again)) <= REPEAT_TOLERANCE:
+        if difference(np.abs(case.reference), np.abs(again)) <= REPEAT_TOLERANCE:
+            raise Failed(
+                "two runs on one shape differ by signs; make the largest entry of each eigenvector positive, and give "
+                "eigsh a fixed start (v0=...)"
+            )
+        raise Failed(
+            f"two runs on one shape differ by {size:.1e} of the largest number; draw from shape.random(), give "
+            "iterative solvers such as eigsh a fixed start (v0=...), fix the signs of eigenvectors, keep nothing "
+            "between shapes"
+        )
+    used, other = case.create(), case.subject(BENDS[1])
+    before = case.answer(other, used)
+    hint = "after another shape the answer is a different one; keep nothing between shapes"
+    same(case.reference, case.answer(by=used), hint)
+    same(before, case.answer(other), "a second object answers differently; keep nothing in the class")
     return "the same whatever was treated before"
 
 
-def _require_same_again(first: FloatArray, again: FloatArray) -> None:
-    """Raise :class:`Failed` with the cure if two runs on one shape differ."""
-    if first.shape == again.shape and relative_difference(first, again) <= REPEAT_TOLERANCE:
-        return
-    if first.shape == again.shape and relative_difference(np.abs(first), np.abs(again)) <= REPEAT_TOLERANCE:
-        raise Failed(
-            "two runs on one shape differ by signs; make the largest entry of each eigenvector positive, and give "
-            "eigsh a fixed start (v0=...)"
-        )
-    size = f"{relative_difference(first, again):.1e} of the largest number" if first.shape == again.shape else "length"
-    raise Failed(
-        f"two runs on one shape differ by {size}; draw from shape.random(), give iterative solvers such as eigsh a "
-        "fixed start (v0=...), fix the signs of eigenvectors, keep nothing between shapes"
-    )
-
-
-def _check_input_untouched(case: MethodCase) -> str:
+def _input_untouched(case: MethodCase) -> str:
     shape = case.subject()
     laplacian = shape.laplacian()
     arrays = {
@@ -186,86 +223,89 @@ def _check_input_untouched(case: MethodCase) -> str:
         "vertex areas": laplacian.mass,
     }
     before = {name: array.copy() for name, array in arrays.items()}
-    attributes = (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed)
+
+    def attributes() -> tuple[object, ...]:
+        return shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed
+
+    attributes_before = attributes()
     case.answer(shape)
     changed = [name for name, array in arrays.items() if not np.array_equal(array, before[name])]
-    if attributes != (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed):
-        changed.append("attributes")
+    changed += ["attributes"] if attributes() != attributes_before else []
     if changed:
         raise Failed(f"changes the {', '.join(changed)} of the shape; work on a copy")
     return "mesh, geodesics and Laplacian are as before"
 
 
-def _check_seed(case: MethodCase) -> str:
+def _seed(case: MethodCase) -> str:
     if case.info.deterministic:
-        found = case.answer(case.subject(name="another name", seed=1))
+        answer = case.answer(case.subject(name="another name", seed=1))
         hint = "the answer depends on the name or the seed of the shape; use neither, or declare deterministic=False"
-        same(case.reference, found, hint)
+        same(case.reference, answer, hint)
         return "neither the seed nor the name of a shape matters"
-    found = case.answer(case.subject(seed=1))
-    if found.shape == case.reference.shape and np.array_equal(found, case.reference):
+    if np.array_equal(case.answer(case.subject(seed=1)), case.reference):
         raise Failed("declares deterministic=False but ignores the seed; draw from shape.random(), or drop the flag")
     return "the same under one seed, different under another"
 
 
-# Other processes ---------------------------------------------------------------------------------------------------
+# Other processes -----------------------------------------------------------------------------------------------------
 
 
-def _check_fresh_process(case: Any) -> str:
-    found = _elsewhere(case)
-    same(case.reference, found, "another process answers differently; do not depend on hashes, globals or the clock")
-    if found.tobytes() == case.reference.tobytes():
+def _fresh_process(case: Any) -> str:
+    answer = _elsewhere(case)
+    same(case.reference, answer, "another process answers differently; do not depend on hashes, globals or the clock")
+    if answer.tobytes() == case.reference.tobytes():
         return "made again elsewhere, it answers the same to the last bit"
     # This process has done other work before, so only two fresh ones can be expected to agree in every bit.
     again = _elsewhere(case)
-    if found.tobytes() == again.tobytes():
+    if answer.tobytes() == again.tobytes():
         return "every fresh process answers the same to the last bit"
     raise Warned(
-        f"two processes differ by {relative_difference(found, again):.1e} of the largest number; choices that follow "
-        "may go another way each time: give iterative solvers a fixed start (v0=...), draw from shape.random()"
+        f"two processes differ by {difference(answer, again):.1e} of the largest number; choices that follow may go "
+        "another way each time: give iterative solvers a fixed start (v0=...), draw from shape.random()"
     )
 
 
-def _check_other_processor(case: Any) -> str:
+def _other_processor(case: Any) -> str:
     if platform.machine().lower() not in ("x86_64", "amd64"):
         raise Skipped("the kernel of another processor can be chosen on x86-64 only")
     kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL
-    found = _elsewhere(case, kernel=kernel)
+    answer = _elsewhere(case, kernel=kernel)
     called = f"the BLAS kernel {kernel}" if kernel else "the processor's own BLAS kernel"
-    if found.shape != case.reference.shape:
-        raise Warned(f"{called} makes {found.shape} of {case.reference.shape}; a choice hangs on the last bits")
-    if found.tobytes() == case.reference.tobytes():
+    if answer.tobytes() == case.reference.tobytes():
         return f"{called} changes no bit"
-    difference = relative_difference(case.reference, found)
-    if difference <= REPEAT_TOLERANCE:
-        return f"{called} changes {difference:.1e} of the largest number, too little to be seen by the scorer"
+    size = f"{called} changes {difference(case.reference, answer):.1e} of the largest number"
+    if difference(case.reference, answer) <= REPEAT_TOLERANCE:
+        return f"{size}, too little to be seen by the scorer"
     raise Warned(
-        f"{called} changes {difference:.1e} of the largest number, so scores will differ between machines; where a "
-        "choice hangs on the last bits, break ties by geometry and leave thresholds a margin"
+        f"{size}, so scores will differ between machines; where a choice hangs on the last bits, break ties by "
+        "geometry and leave thresholds a margin"
     )
 
 
 def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
     """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
-    try:
-        with _environment(kernel):
-            found = call_apart(_answer, case.spec, case.model, guard=Guard("the method", "find the crash"))
-    except BrokenCall as error:
-        raise Failed(
-            "the process ended before it answered; find the crash, or guard your script by if __name__ == '__main__'"
-        ) from error
-    if "fault" in found:
-        raise Failed(found["fault"])
-    return np.array(found["numbers"], dtype=np.float64)
+    with patch.dict(os.environ):  # libraries that are loaded here do not notice
+        if kernel is not None:
+            os.environ.pop(KERNEL, None)
+            os.environ |= {KERNEL: kernel} if kernel else {}
+        try:
+            numbers = call_apart(_answer_here, case.spec, case.model, guard=Guard("the method", "find the crash"))
+        except BrokenCall as error:
+            raise Failed(
+                "the process ended before it answered; find the crash, or guard your script by if __name__ == "
+                "'__main__'"
+            ) from error
+    return np.array(numbers, dtype=np.float64)
 
 
-def _answer(spec: PluginSpec[Any, Any], model: Path | None) -> dict[str, Any]:
-    """The answer as JSON can carry it, which keeps every bit of a number, or what is wrong with it."""
+def _answer_here(spec: PluginSpec[Any, Any], model: Path | None) -> list[Any]:
+    """The answer as JSON can carry it, which keeps every bit of a number; raises ``BenchmarkError`` with the fault."""
     hide_data()
     try:
-        return {"numbers": case_of(spec, model).reference.tolist()}
+        case: Any = case_of(spec, model)
+        return list(case.reference.tolist())
     except BaseException as error:  # also what ends a program
-        return {"fault": explain(error)}
+        raise BenchmarkError(explain(error)) from error
 
 
 def hide_data() -> None:
@@ -284,28 +324,10 @@ def hide_data() -> None:
     sys.addaudithook(refuse)
 
 
-@contextmanager
-def _environment(kernel: str | None) -> Iterator[None]:
-    """Name a BLAS kernel to the processes that are started inside; libraries that are loaded here do not notice."""
-    before = os.environ.get(KERNEL)
-    _name_kernel(before if kernel is None else kernel)
-    try:
-        yield
-    finally:
-        _name_kernel(before)
+# Two answers that must be the same -----------------------------------------------------------------------------------
 
 
-def _name_kernel(kernel: str | None) -> None:
-    os.environ.pop(KERNEL, None)
-    if kernel:
-        os.environ[KERNEL] = kernel
-
-
-# Two answers that must be the same ---------------------------------------------------------------------------------
-
-
-def _check_relabelling(case: Any) -> str:
-    _require_deterministic(case)
+def _relabelling(case: Any) -> str:
     subject = case.subject()
     _, order = _relabelled(subject.mesh if isinstance(subject, Shape) else subject)
     hint = "depends on the numbering of vertices or faces; break ties by geometry"
@@ -320,9 +342,7 @@ def _relabelled(mesh: Mesh) -> tuple[Mesh, NDArray[np.int64]]:
     return Mesh(mesh.vertices[order], faces[generator.permutation(mesh.n_faces)]), order
 
 
-def _check_motion(case: Any) -> str:
-    _require_deterministic(case)
-    _require_mesh(case)
+def _motion(case: Any) -> str:
     factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that turns with it"
     if isinstance(case, ScorerCase):
         factor = _SCALE
@@ -333,110 +353,210 @@ def _check_motion(case: Any) -> str:
     return str(case.unchanged_by(moved, hint))
 
 
-def _check_mirror(case: MethodCase) -> str:
-    _require_deterministic(case)
-    _require_mesh(case)
+def _mirror(case: MethodCase) -> str:
     if case.reference.ndim == 1:
         return "a descriptor may tell a shape from its mirror image, or not"
-    if case.learns:
+    if case.spec.learns:
         raise Skipped("a learned form may lean to one side")
     mirrored = []
     for bend in BENDS:
         mesh = case.subject(bend).mesh
         image = Mesh(mesh.vertices * [-1.0, 1.0, 1.0], mesh.faces[:, ::-1])
         before, after = case.answer(case.subject(bend)), case.answer(case.subject(bend, mesh=image))
-        told = close(
-            before, after, 1.0, "makes another form of a mirrored shape than of the shape; break ties by geometry"
-        )
+        hint = "makes another form of a mirrored shape than of the shape; break ties by geometry"
+        found = same(before, after, hint, factor=1.0)
         mirrored.append(is_mirrored(before, after))
     if len(set(mirrored)) > 1:
         raise Failed(
             "keeps the mirror image of some shapes and not of others; let the form decide which of the two it is "
             "(baselines._kernels.handedness), or keep the handedness of the shape"
         )
-    return f"{'the mirrored form' if mirrored[0] else 'the same form'}, {told}"
+    return f"{'the mirrored form' if mirrored[0] else 'the same form'}, {found}"
 
 
-def _check_scale(case: MethodCase) -> str:
-    _require_deterministic(case)
-    _require_mesh(case)
+def _scale(case: MethodCase) -> str:
     equivariant = case.info.scale == "equivariant"
     other = "invariant" if equivariant else "equivariant"
     hint = f"does not keep info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
+    meshes = [case.subject(bend).mesh for bend in BENDS]
     scaled = [
         case.subject(bend, mesh=mesh.with_vertices(_SCALE * mesh.vertices), scale=_SCALE)
-        for bend, mesh in ((bend, case.subject(bend).mesh) for bend in BENDS)
+        for bend, mesh in zip(BENDS, meshes, strict=True)
     ]
     if case.reference.ndim == 2 or not equivariant:
-        return close(case.reference, case.answer(scaled[0]), _SCALE if equivariant else 1.0, hint)
+        return same(case.reference, case.answer(scaled[0]), hint, factor=_SCALE if equivariant else 1.0)
     before, after = case.dissimilarities(case.pairs), case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):
         raise Failed("tells no two poses of the figure apart, so scale cannot be checked; declare scale='invariant'")
-    return close(before.ravel() / before.max(), after.ravel() / after.max(), 1.0, hint)
+    return same(before.ravel() / before.max(), after.ravel() / after.max(), hint, factor=1.0)
 
 
-def _check_dissimilarities(case: Any) -> str:
+def _dissimilarities(case: Any) -> str:
     pairs, draws = case.pairs, getattr(case.info, "draws", 1)
     for draw in range(draws):
-        found = case.dissimilarities(pairs, draw)
-        if found.min() < 0:
+        distances = case.dissimilarities(pairs, draw)
+        largest = distances.max()
+        if distances.min() < 0:
             raise Failed(f"dissimilarities of {len(pairs)} {case.compared} are negative; return numbers >= 0")
-        if not found.max() > 0:
+        if not largest > 0:
             raise Failed(f"tells no two of {len(pairs)} {case.compared} apart; compare what differs")
-        if np.abs(found - found.T).max() > 1e-9 * found.max() or np.abs(np.diag(found)).max() > 1e-6 * found.max():
+        if np.abs(distances - distances.T).max() > 1e-9 * largest or np.abs(np.diag(distances)).max() > 1e-6 * largest:
             raise Failed("dissimilarities are not symmetric with a zero diagonal; make them so")
-    again = case.dissimilarities(pairs, draws - 1)
-    same(found, again, "dissimilarities differ when they are asked for again; draw from a generator seeded by 'draw'")
+    hint = "dissimilarities differ when they are asked for again; draw from a generator seeded by 'draw'"
+    same(distances, case.dissimilarities(pairs, draws - 1), hint)
     if draws == 1:
         # Turned round by one, for distances of the places in the order, |i - j|, are the same backwards.
         turned = np.roll(case.dissimilarities([*pairs[1:], pairs[0]]), 1, axis=(0, 1))
-        same(found, turned, f"depends on the order of the {case.compared}; treat all pairs alike")
-    return f"symmetric, zero diagonal, largest {found.max():.3g}"
+        same(distances, turned, f"depends on the order of the {case.compared}; treat all pairs alike")
+    return f"symmetric, zero diagonal, largest {largest:.3g}"
 
 
-def _check_awkward(case: Any) -> str:
+def _awkward(case: Any) -> str:
     refused, problems = [], []
     for name, subject in case.awkward().items():
         try:
             case.answer(subject)
         except case.refusal as reason:
             refused.append(name)
-            if not str(reason):
-                problems.append(f"{name} is refused without a reason; say why")
+            problems += [] if str(reason) else [f"{name} is refused without a reason; say why"]
         except Exception as error:
             problems.append(f"{name}: {explain(error)}")
     return _listed(problems, f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated")
 
 
-def _require_deterministic(case: Any) -> None:
-    if not getattr(case.info, "deterministic", True):
-        raise Skipped("the answer is drawn at random")
+# Data sets -----------------------------------------------------------------------------------------------------------
 
 
-def _require_mesh(case: Any) -> None:
-    if isinstance(case, MethodCase) and case.reads_images:
-        raise Skipped("the depth image has one camera")
+def _entries(case: DatasetCase) -> str:
+    entries = case.dataset.entries
+    check_retrievable(case.dataset)
+    if DatasetCase(case.spec).dataset.entries != entries:
+        raise Failed("'entries' lists other shapes when it is asked again; always list the same ones in one order")
+    return f"{len(entries)} shapes, {len({entry.subject for entry in entries})} classes, always the same"
 
 
-OF_THE_CLASS: dict[str, Check] = {"info": _check_info, "class": _check_class, "parameters": _check_parameters}
+def _meshes(case: DatasetCase) -> str:
+    report = checking.check(case.dataset)
+    anomalies = [str(anomaly) for anomaly in report.anomalies]
+    further = f" and {len(anomalies) - _MOST_ANOMALIES} more" if len(anomalies) > _MOST_ANOMALIES else ""
+    if anomalies:
+        raise (Warned if report.usable else Failed)(" | ".join(anomalies[:_MOST_ANOMALIES]) + further)
+    return "every mesh can be made and is sound"
 
-#: Checks of what is answered, each of which compares two answers: there is nothing to compare where runs differ.
-OF_THE_ANSWER: dict[str, Check] = {
-    "repeatable": check_repeatable,
-    "input untouched": _check_input_untouched,
-    "seed": _check_seed,
-    "fresh process": _check_fresh_process,
-    "other processor": _check_other_processor,
-    "relabelling": _check_relabelling,
-    "rigid motion": _check_motion,
-    "mirror": _check_mirror,
-    "scale": _check_scale,
-    "dissimilarities": _check_dissimilarities,
-    "awkward shapes": _check_awkward,
+
+def _same_meshes(case: DatasetCase) -> str:
+    again = DatasetCase(case.spec).digests(backwards=True)
+    for name, digest in case.digests().items():
+        if again[name] != digest:
+            raise Failed(f"the mesh of '{name}' changes from time to time; keep nothing between shapes")
+    return "the same whatever was loaded before"
+
+
+def _same_elsewhere(case: DatasetCase) -> str:
+    try:
+        elsewhere = call_apart(_description, case.spec.target, guard=Guard("the data set", "find the crash"))
+    except BrokenCall as error:
+        raise Failed(str(error)) from error
+    if elsewhere != _description(case.spec.target):
+        raise Failed("another process finds other shapes; do not depend on hashes, globals, the clock or the folder")
+    return "another process finds the same shapes, recipes, cameras and meshes"
+
+
+def _description(target: str) -> list[list[str]]:
+    return DatasetCase(DatasetSpec(target.rpartition(":")[2], target)).description()
+
+
+def _inputs(case: DatasetCase) -> str:
+    dataset, problems = case.dataset, []
+    loaded = [(entry, dataset.load(entry)) for entry in case.first_of_each]
+    widths = [fit_half_width([mesh], dataset.camera(entry)) for entry, mesh in loaded]
+    half_width = dataset.half_width or common_half_width(widths)
+    for entry, mesh in loaded:
+        try:
+            prepare(mesh)
+            depth_surface(mesh, dataset.camera(entry), half_width)
+        except BenchmarkError as error:
+            problems.append(f"{entry.identifier}: {error}")
+    return _listed(problems, "a shape of each class can be prepared, and is seen by its camera")
+
+
+# The table -----------------------------------------------------------------------------------------------------------
+
+
+def _is_method(case: Case) -> bool:
+    return isinstance(case, MethodCase)
+
+
+def _learns(case: Case) -> bool:
+    return isinstance(case, MethodCase) and case.spec.learns
+
+
+def _is_trained_here(case: Any) -> bool:
+    return _learns(case) and bool(case.options or not hasattr(case.spec.load(), "model_folder"))
+
+
+def _drawn(case: Any) -> str:
+    return "" if getattr(case.info, "deterministic", True) else "the answer is drawn at random"
+
+
+def _seen(case: Any) -> str:
+    return "the depth image has one camera" if isinstance(case, MethodCase) and case.reads_images else ""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check.
+
+    Parameters
+    ----------
+    run
+        Returns what is right, or raises what is wrong.
+    applies
+        To which plugins it applies; it is not even named for others.
+    unless
+        Why it is skipped, "" where it is not.
+    gate
+        Why further checks are skipped where this one is not passed, "" where they are not named; None for no reason.
+    """
+
+    run: Callable[[Any], str]
+    applies: Callable[[Any], bool] = lambda case: True
+    unless: tuple[Callable[[Any], str], ...] = ()
+    gate: str | None = None
+
+
+OF_METHODS_AND_SCORERS = {
+    "requirements": Check(_requirements, gate=""),
+    "info": Check(_info),
+    "class": Check(_class),
+    "parameters": Check(_parameters),
+    "learner": Check(_learner, _learns),
+    "training": Check(_training, _is_trained_here, gate="there is no model"),
+    "answer": Check(_answer, gate="there is no answer to compare"),
+    "repeatable": Check(_repeatable, gate="two runs differ, so nothing can be compared"),
+    "input untouched": Check(_input_untouched, _is_method),
+    "seed": Check(_seed, _is_method),
+    "fresh process": Check(_fresh_process),
+    "other processor": Check(_other_processor),
+    "relabelling": Check(_relabelling, unless=(_drawn,)),
+    "rigid motion": Check(_motion, unless=(_drawn, _seen)),
+    "mirror": Check(_mirror, _is_method, unless=(_drawn, _seen)),
+    "scale": Check(_scale, _is_method, unless=(_drawn, _seen)),
+    "dissimilarities": Check(_dissimilarities),
+    "awkward shapes": Check(_awkward),
 }
 
-#: Checks that are none of a scorer, which gets no shape but a form.
-OF_METHODS_ALONE = frozenset({"input untouched", "seed", "mirror", "scale"})
+OF_DATA_SETS = {
+    "entries": Check(_entries),
+    "meshes": Check(_meshes),
+    "repeatable": Check(_same_meshes),
+    "fresh process": Check(_same_elsewhere),
+    "inputs": Check(_inputs),
+}
 
-#: Names of checks where they are of a scorer.
-OF_SCORERS = {"answer": "signature", "rigid motion": "motion", "awkward shapes": "awkward forms"}
+
+def case_of(spec: PluginSpec[Any, Any], model: Path | None = None, models: Path = Path(), options: Any = ()) -> Case:
+    """Return a plugin as it is tried, with the model of a learner, or the folder and options to train one."""
+    if isinstance(spec, DatasetSpec):
+        return DatasetCase(spec)
+    return (MethodCase if isinstance(spec, MethodSpec) else ScorerCase)(spec, model, models, dict(options))

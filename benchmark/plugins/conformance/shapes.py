@@ -1,7 +1,9 @@
-"""Small shapes to try methods on: a figure with limbs in a few poses, and surfaces that are hard to treat."""
+"""What plugins are tried on: a figure with limbs in a few poses, surfaces that are hard to treat, training data."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -9,11 +11,15 @@ import igl
 import numpy as np
 
 from benchmark.api.contracts import Mesh, Shape
+from benchmark.api.learning import TrainingData, TrainingPair
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import back_project, fit_half_width, render_depth
 
 #: Angles in radians by which the limbs of the figure bend in its poses.
 BENDS = (0.7, 0.2, 1.1)
+
+#: Name of the training on images of the figure, and so of the folder that holds its models.
+TRAINING = "case"
 
 _PIXEL_STRIDE = 9
 _CAMERA = Camera((0.35, 1.0, -0.2))
@@ -70,3 +76,26 @@ def awkward() -> dict[str, Mesh]:
         "two pieces": pair,
         "an open surface": view().mesh,
     }
+
+
+def training_data() -> TrainingData:
+    """Depth images of the figure in its poses, the first of which is the canonical one; all that training may see."""
+    names = tuple(f"figure {bend}" for bend in BENDS)
+
+    def pairs(start: int = 0) -> Iterator[TrainingPair]:
+        images = [image for bend in BENDS if (image := view(bend).depth) is not None]
+        for name, image in list(zip(names, images, strict=True))[start:]:
+            yield TrainingPair(
+                identifier=name, subject="figure", target_identifier=names[0], image=image, target=images[0]
+            )
+
+    return TrainingData(
+        name=TRAINING,
+        title="the reference figure",
+        digest=hashlib.sha256(" ".join(names).encode()).hexdigest(),
+        subjects=("figure",),
+        identifiers=names,
+        n_pairs=len(BENDS),
+        pairs=pairs,
+        unseen=pairs,
+    )

@@ -16,7 +16,7 @@ from benchmark.api.learning import CARD, WEIGHTS, Learner, read_card
 from benchmark.errors import ConfigurationError, InvalidMesh, TrainingError
 from benchmark.plugins import registry
 from benchmark.plugins.conformance.cases import MethodCase
-from benchmark.plugins.conformance.checks import OF_THE_ANSWER
+from benchmark.plugins.conformance.checks import OF_METHODS_AND_SCORERS
 from learned.field import configuration, fitting, training
 from learned.field.fitting import fit
 from learned.field.methods import DeformationField
@@ -166,7 +166,7 @@ def test_the_method_answers_alike_wherever_a_shape_is(finished: Path) -> None:
 @pytest.mark.parametrize("check", ["repeatable", "seed", "relabelling", "rigid motion", "scale", "awkward shapes"])
 def test_a_method_with_a_model_keeps_the_contract(check: str, finished: Path) -> None:
     spec = registry.variant("deformation-field[configuration=toy]", registry.methods())
-    assert OF_THE_ANSWER[check](MethodCase(spec, finished))
+    assert OF_METHODS_AND_SCORERS[check].run(MethodCase(spec, finished))
 
 
 AWKWARD = {
