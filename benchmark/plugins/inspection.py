@@ -6,7 +6,7 @@ import builtins
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, distributions
@@ -62,8 +62,7 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
         plugins = look(describe, file, made, what=f"plugin {path}", hint=hint)
         if made:
             _files[file] = plugins
-            for facts in plugins:
-                remember(facts)
+            remember(*plugins)
 
 
 def is_passed(path: str) -> bool:
@@ -134,14 +133,11 @@ def _unchanged(whose: str) -> Iterator[None]:
 
 def _streams() -> list[object]:
     """Return what the standard streams lead to; None for one that is closed."""
-    places: list[object] = [stream is None for stream in (sys.stdout, sys.stderr)]
+    places: list[object] = [sys.stdout is None, sys.stderr is None, None, None, None]
     for number in range(3):
-        try:
+        with suppress(OSError):
             status = os.fstat(number)
-        except OSError:
-            places.append(None)
-        else:
-            places.append((status.st_dev, status.st_ino))
+            places[2 + number] = (status.st_dev, status.st_ino)
     return places
 
 
@@ -159,6 +155,9 @@ def _relied_on() -> dict[tuple[str, str], Any]:
 # Installed packages --------------------------------------------------------------------------------------------------
 
 _HINT = "correct the package, or uninstall it"
+
+#: Problem and hint of each plugin of a package that cannot be used, by its name; "" stands for all of them.
+Faults = dict[str, tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -199,83 +198,70 @@ def installed(kind: type[S], taken: frozenset[str]) -> Installed[S]:
         Names that no package can have.
     """
     usable: dict[str, str] = {}
-    faults: dict[str, ConfigurationError] = {}
+    errors: dict[str, ConfigurationError] = {}
     news = []
     for package, distribution in _packages(entry_points_of(kind)):
-        points: list[EntryPoint] = []
-        targets: dict[str, str] = {}
-        refused: dict[str, BenchmarkError] = {}
-        try:
-            points = list(distribution.entry_points.select(group=entry_points_of(kind)))
-            for point in points:
-                _sort(point, kind.kind, taken | usable.keys(), targets, refused)
-            if targets and not is_child():  # others were started to be apart
-                refused |= _inspect_package(package, kind, targets)
-        except BenchmarkError as error:
-            refused = {point.name: error for point in points}
-        except Exception as error:  # what is written about the package is damaged
-            refused = {"": ConfigurationError(f"its entry points cannot be read: {one_line(error)}", _HINT)}
-        if refused:
-            news.append(str(_fault(package, kind.kind, refused)))
-        faults |= {name: _fault(package, kind.kind, {name: error}) for name, error in refused.items()}
-        usable |= {name: target for name, target in targets.items() if not {name, ""} & refused.keys()}
-    faults = {name: fault for name, fault in faults.items() if name not in usable}
-    return Installed(tuple(kind(*pair) for pair in usable.items()), faults, tuple(news))
+        targets, faults = _look_at(package, distribution, kind, taken | usable.keys())
+        if faults:
+            news.append(str(_error(package, kind, faults)))
+        errors |= {name: _error(package, kind, {name: fault}) for name, fault in faults.items()}
+        usable |= {name: target for name, target in targets.items() if name not in faults}
+    errors = {name: error for name, error in errors.items() if name not in usable}
+    return Installed(tuple(kind(*pair) for pair in usable.items()), errors, tuple(news))
 
 
-def _fault(package: str, kind: str, refused: Mapping[str, BenchmarkError]) -> ConfigurationError:
+def _error(package: str, kind: type[S], faults: Faults) -> ConfigurationError:
     """Return what of a package cannot be used, with the reason of the first."""
-    first = next(iter(refused.values()))
-    return ConfigurationError(
-        f"installed package {package}, {', '.join(refused) or f'all {kind}s'}: {first.problem}", first.hint or _HINT
-    )
+    problem, hint = next(iter(faults.values()))
+    names = ", ".join(filter(None, faults)) or f"all {kind.kind}s"
+    return ConfigurationError(f"installed package {package}, {names}: {problem}", hint or _HINT)
 
 
 def _packages(group: str) -> Iterator[tuple[str, Distribution]]:
     """Packages with entry points of a group, by name; of several of one name, the first on the path counts."""
     named: dict[str, Distribution] = {}
     for distribution in distributions():
-        try:
+        with suppress(OSError, ValueError):  # no text at all, so no plugin is named there
             if group in (distribution.read_text("entry_points.txt") or ""):
                 named.setdefault(str(distribution.metadata["Name"]), distribution)
-        except (OSError, ValueError):  # no text at all, so no plugin is named there
-            continue
     yield from sorted(named.items(), key=lambda pair: pair[0])
 
 
-def _sort(
-    point: EntryPoint, kind: str, taken: Iterable[str], targets: dict[str, str], refused: dict[str, BenchmarkError]
-) -> None:
-    """Note where the plugin of an entry point is defined, or what is wrong with it."""
-    match = point.pattern.match(point.value)
-    if not match or not match["attr"]:
-        refused[point.name] = ConfigurationError(f"{point.value!r:.80} is not 'module:class'", _HINT)
-    elif not is_name(point.name):
-        refused[point.name] = ConfigurationError("that is not lower-case words joined by hyphens", _HINT)
-    elif point.name in taken:
-        refused[point.name] = ConfigurationError(f"another {kind} has this name", _HINT)
-    else:
-        targets[point.name] = f"{match['module']}:{match['attr']}"
+def _look_at(
+    package: str, distribution: Distribution, kind: type[S], taken: frozenset[str]
+) -> tuple[dict[str, str], Faults]:
+    """Return where the plugins of a package are defined, and what is wrong with those that cannot be used."""
+    targets: dict[str, str] = {}
+    faults: Faults = {}
+    try:
+        for point in distribution.entry_points.select(group=entry_points_of(kind)):
+            if problem := _problem_of(point, kind, taken | targets.keys()):
+                faults[point.name] = (problem, _HINT)
+            else:
+                targets[point.name] = f"{point.module}:{point.attr}"
+    except Exception as error:  # what is written about the package is damaged
+        return {}, {"": (f"its entry points cannot be read: {one_line(error)}", _HINT)}
+    if targets and not is_child():  # others were started to be apart
+        hint = f"{_HINT}: importing it and making its {kind.kind}s must end at once"
+        try:
+            found, plugins = look(describe_package, package, kind.kind, targets, what=f"package {package}", hint=hint)
+        except ConfigurationError as error:
+            return {}, faults | dict.fromkeys(targets, (error.problem, error.hint))
+        faults |= found
+        remember(*plugins)
+    return targets, faults
 
 
-def _inspect_package(package: str, kind: type[S], targets: Mapping[str, str]) -> dict[str, BenchmarkError]:
-    """Return what is wrong with each plugin of an installed package that cannot be imported, made or described.
-
-    Raises
-    ------
-    ConfigurationError
-        If the package crashes, exits or hangs on the way, or changes what is not its own.
-    """
-    hint = f"{_HINT}: importing it and making its {kind.kind}s must end at once"
-    faults, plugins = look(describe_package, package, kind.kind, dict(targets), what=f"package {package}", hint=hint)
-    for facts in plugins:
-        remember(facts)
-    return {name: ConfigurationError(problem, hint) for name, (problem, hint) in faults.items()}
+def _problem_of(point: EntryPoint, kind: type[S], taken: Iterable[str]) -> str:
+    """Return what is wrong with an entry point."""
+    if not point.pattern.match(point.value) or not point.attr:
+        return f"{point.value!r:.80} is not 'module:class'"
+    if not is_name(point.name):
+        return "that is not lower-case words joined by hyphens"
+    return f"another {kind.kind} has this name" if point.name in taken else ""
 
 
-def describe_package(
-    package: str, kind: str, targets: Mapping[str, str]
-) -> tuple[dict[str, tuple[str, str]], list[Facts]]:
+def describe_package(package: str, kind: str, targets: Mapping[str, str]) -> tuple[Faults, list[Facts]]:
     """Problem and hint of each plugin of an installed package that cannot be used, and what the others tell.
 
     Raises
@@ -283,7 +269,7 @@ def describe_package(
     ConfigurationError
         If the package, which is imported here, changes a module that the suite relies on.
     """
-    faults: dict[str, tuple[str, str]] = {}
+    faults: Faults = {}
     plugins = []
     with _unchanged(f"package {package}"):
         for name, target in targets.items():

@@ -12,7 +12,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import redirect_stdout, suppress
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
@@ -21,12 +21,9 @@ from benchmark.errors import ConfigurationError, did_you_mean, one_line
 from benchmark.execution.processes.opened_files import NOT_OF_PLUGINS, digest_of_file, leave_out
 from benchmark.execution.processes.process import adopt, one_of_us
 from benchmark.plugins import require_open_process
-from benchmark.source_code import digest_of_source
+from benchmark.source_code import FIRST_PARTY, digest_of_source
 
 Info = TypeVar("Info")
-
-#: Packages of the project, which no module of a plugin stands in for.
-_PROJECT = frozenset({"benchmark", "baselines", "learned", "retrieval"})
 
 
 class _PluginFolders:
@@ -51,41 +48,52 @@ class _PluginFolders:
         importlib.invalidate_caches()  # files may be newer than what Python remembers of a folder
 
 
-def import_plugin(path: str) -> ModuleType:
-    """Import a Python file under a name derived from its path; modules beside it can be imported from then on.
+def import_module(place: str, what: str = "") -> ModuleType:
+    """Import a module, or a plugin file under a name derived from its path; what it prints goes to stderr.
+
+    Modules beside a plugin file can be imported from then on.
 
     Parameters
     ----------
-    path
-        The file, as an absolute path.
+    place
+        Name of the module, or absolute path of the file.
+    what
+        What the module brings, for messages.
 
     Raises
     ------
     ConfigurationError
         If there is no such file, it cannot be imported, or a module beside it has the name of another one.
     """
-    name = _module_name(path)
+    name, is_file = _module_name(place), Path(place).is_absolute()
     if name in sys.modules:
         return sys.modules[name]
-    require_open_process(path)
-    require_file(path)
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ConfigurationError(f"plugin {path} is not a Python file", "pass the path of a .py file")
-    adopt()
-    _PluginFolders.add(Path(path).parent)
-    _check_helpers(Path(path))
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
+    if place.partition(".")[0] not in FIRST_PARTY:
+        require_open_process(place)
+        adopt()
+    if is_file:
+        require_file(place)
+        _PluginFolders.add(Path(place).parent)
+        _check_helpers(Path(place))
     try:
         with one_of_us(), redirect_stdout(sys.stderr):
-            spec.loader.exec_module(module)
+            return _execute(name, place) if is_file else importlib.import_module(place)
     except (Exception, SystemExit) as error:
-        del sys.modules[name]
-        hint = "correct the file"
+        sys.modules.pop(name, None)
+        hint = "correct the file" if is_file else f"repair {place}"
         if isinstance(error, ModuleNotFoundError) and error.name:
-            hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
-        raise ConfigurationError(f"plugin {path} cannot be imported: {one_line(error)}", hint) from error
+            beside = f", or put {error.name.partition('.')[0]}.py beside the file" if is_file else ""
+            hint = f"install '{error.name}'{beside}"
+        what = f"plugin {place}" if is_file else what
+        raise ConfigurationError(f"{what} cannot be imported: {one_line(error)}", hint) from error
+
+
+def _execute(name: str, path: str) -> ModuleType:
+    loader = SourceFileLoader(name, path)
+    module = importlib.util.module_from_spec(ModuleSpec(name, loader, origin=path))
+    module.__file__ = path
+    sys.modules[name] = module
+    loader.exec_module(module)
     return module
 
 
@@ -97,7 +105,7 @@ def classes_of(path: Path, info_type: type[Info]) -> Iterator[tuple[str, Info]]:
     ConfigurationError
         If the file cannot be imported.
     """
-    module = import_plugin(str(path.resolve()))
+    module = import_module(str(path.resolve()))
     for attribute, value in vars(module).items():
         info = getattr(value, "info", None)
         if isinstance(value, type) and value.__module__ == module.__name__ and isinstance(info, info_type):
@@ -131,7 +139,9 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
     defines = re.compile(rf"""\bname\b[^=\n]*=\s*['"]{re.escape(name)}['"]""")
     for path in (*sorted(Path().glob("*.py")), *sorted(Path().glob("*/*.py"))):
         with suppress(OSError, ValueError):
-            if path.parts[0] not in _PROJECT | {"tests", "tools"} and defines.search(path.read_text(encoding="utf-8")):
+            if path.parts[0] not in (*FIRST_PARTY, "tests", "tools") and defines.search(
+                path.read_text(encoding="utf-8")
+            ):
                 return ConfigurationError(error.problem, f"pass --plugin {path}, which defines it")
     return error
 
@@ -141,8 +151,9 @@ def is_imported(path: str) -> bool:
     return _module_name(path) in sys.modules
 
 
-def _module_name(path: str) -> str:
-    return f"plugin_{Path(path).stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
+def _module_name(place: str) -> str:
+    path = Path(place)
+    return f"plugin_{path.stem}_{hashlib.sha256(place.encode()).hexdigest()[:8]}" if path.is_absolute() else place
 
 
 def helpers_of(path: Path) -> dict[str, Path]:
@@ -162,7 +173,7 @@ def helpers_of(path: Path) -> dict[str, Path]:
     pending = [path]
     while pending:
         for name in dict.fromkeys(_imports_of(pending.pop())):
-            if not name or "." in name or name in found or name in _PROJECT:
+            if not name or "." in name or name in found or name in FIRST_PARTY:
                 continue
             spec = PathFinder.find_spec(name, [str(path.parent)])
             if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
@@ -189,7 +200,7 @@ def sources_of(module: str, files: Iterable[str] = ()) -> dict[str, str]:
         the folder of the plugin or else by its name; version of each distribution, by its name; digest of each of the
         other files, "" for one that is not there.
     """
-    first = sys.modules[_module_name(module) if module.endswith(".py") else module]
+    first = sys.modules[_module_name(module)]
     folder = Path(first.__file__ or "").resolve().parent
     sources: dict[str, str] = {}
     pending, seen = [first], {first.__name__}
@@ -203,7 +214,7 @@ def sources_of(module: str, files: Iterable[str] = ()) -> dict[str, str]:
             names = dict.fromkeys(_imports_of(path, importer.__package__ or ""))
             pending += [sys.modules[name] for name in names if name in sys.modules and name not in seen]
             seen.update(names)
-        elif (top := importer.__name__.partition(".")[0]) not in sys.stdlib_module_names | _PROJECT:
+        elif (top := importer.__name__.partition(".")[0]) not in sys.stdlib_module_names | set(FIRST_PARTY):
             sources |= _versions(top)
     return dict(sorted(sources.items())) | {name: digest_of_file(str(folder / name)) for name in files}
 
@@ -229,13 +240,8 @@ def _imports_of(path: Path, package: str = "") -> Iterator[str]:
 
 def _is_local(module: ModuleType) -> bool:
     """Return whether a module is Python code outside of Python, of installed distributions and of the suite."""
-    path = getattr(module, "__file__", None)
-    if (
-        not path
-        or not path.endswith(".py")
-        or module.__name__.partition(".")[0] in _PROJECT
-        or not Path(path).is_file()
-    ):
+    path, top = str(getattr(module, "__file__", None)), module.__name__.partition(".")[0]
+    if not path.endswith(".py") or top in FIRST_PARTY or not Path(path).is_file():
         return False
     return not str(Path(path).resolve()).startswith(NOT_OF_PLUGINS)
 
@@ -253,16 +259,14 @@ def _check_helpers(path: Path) -> None:
     """Raise ``ConfigurationError`` if an import would bring another module than the one beside the plugin."""
     for name, file in helpers_of(path).items():
         spec = importlib.util.find_spec(name)
-        other = "Python itself" if spec is None or not spec.origin else spec.origin
-        is_copy = "__init__.py" not in (Path(other).name, file.name) and _content(other) == file.read_bytes()
-        if other.endswith(".py") and (Path(other).resolve() == file.resolve() or is_copy):
-            continue  # of two files with one content, it does not matter which one is imported
+        other = Path(spec.origin if spec is not None and spec.origin else "Python itself")
+        if other.suffix == ".py" and (other.resolve() == file.resolve() or _are_copies(other, file)):
+            continue
         raise ConfigurationError(
             f"plugin {path} brings a module '{name}' ({file}), but that name is taken by {other}", "rename one of them"
         )
 
 
-def _content(path: str) -> bytes | None:
-    with suppress(OSError):
-        return Path(path).read_bytes()
-    return None
+def _are_copies(one: Path, other: Path) -> bool:
+    """Return whether it does not matter which of two modules is imported; of packages, other files may differ."""
+    return "__init__.py" not in (one.name, other.name) and one.is_file() and one.read_bytes() == other.read_bytes()

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
 from benchmark.api.datasets import DatasetInfo, Entry
+from benchmark.api.learning import Split
 from benchmark.api.scoring import Scorer, ScorerInfo, SignatureArrays
 from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_line
 from benchmark.execution.processes.process import one_of_us
@@ -19,6 +21,9 @@ from benchmark.text import LONGEST_NAME, RESERVED, clean, is_name
 
 Note = NDArray[Any]
 Info = MethodInfo | ScorerInfo | DatasetInfo
+
+#: Problems with their hints.
+Problems = Iterator[tuple[str, str]]
 
 #: Random draws of a scorer, each of which ranks the whole gallery.
 _MOST_DRAWS = 100
@@ -29,7 +34,8 @@ _LONGEST = 200
 #: Array that stands where there is no result: the problem, its hint, and the kind of error.
 REFUSED = "refused"
 
-_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+_FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+_MATRIX_HINT = "return the distances of all pairs as a symmetric matrix of finite numbers"
 
 
 def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
@@ -42,25 +48,23 @@ def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
     InvalidForm
         If it returns what is no form of it.
     """
+    who = f"method '{method.info.name}'"
     try:
         with one_of_us():
             form = method.canonicalise(shape)
         if not isinstance(form, CanonicalForm):
-            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _HINT)
+            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _FORM_HINT)
         mesh = form.mesh
     except InvalidMesh as error:  # the shape is in order, so what is not was made of it
-        raise InvalidForm(f"method '{method.info.name}' returned no canonical form: {error.problem}", _HINT) from error
-    return mesh, {name: _note(method, name, value) for name, value in form.notes.items()}
-
-
-def _note(method: Method, name: str, value: Any) -> Note:
-    note = np.asarray(value) if np.isscalar(value) else None  # a ragged list could not even be an array
-    if note is None or note.dtype.kind not in "biufU":
-        raise InvalidForm(
-            f"method '{method.info.name}' returned {type(value).__name__} as note '{name}'",
-            "note numbers and strings only",
-        )
-    return note
+        raise InvalidForm(f"{who} returned no canonical form: {error.problem}", _FORM_HINT) from error
+    notes = {}
+    for name, value in form.notes.items():
+        note = np.asarray(value) if np.isscalar(value) else None  # a ragged list could not even be an array
+        if note is None or note.dtype.kind not in "biufU":
+            what = f"{type(value).__name__} as note '{name}'"
+            raise InvalidForm(f"{who} returned {what}", "note numbers and strings only")
+        notes[name] = note
+    return mesh, notes
 
 
 def descriptor_of(method: Descriptor, shape: Shape) -> FloatArray:
@@ -74,8 +78,8 @@ def descriptor_of(method: Descriptor, shape: Shape) -> FloatArray:
         If it returns anything but a vector of finite numbers.
     """
     with one_of_us():
-        found = method.describe(shape)
-    return real_numbers(f"method '{method.info.name}'", found, (None,), "return a vector of finite numbers")
+        answer = method.describe(shape)
+    return _real_numbers(f"method '{method.info.name}'", answer, (None,), "return a vector of finite numbers")
 
 
 def distances_of(method: Descriptor, descriptors: Sequence[FloatArray]) -> FloatArray:
@@ -86,11 +90,9 @@ def distances_of(method: Descriptor, descriptors: Sequence[FloatArray]) -> Float
     InvalidForm
         If it returns anything but a square matrix of finite real numbers.
     """
-    count = len(descriptors)
-    hint = "return the distances of all pairs as a symmetric matrix of finite numbers"
     with one_of_us():
-        found = method.distances(descriptors)
-    return real_numbers(f"method '{method.info.name}'", found, (count, count), hint)
+        answer = method.distances(descriptors)
+    return _real_numbers(f"method '{method.info.name}'", answer, (len(descriptors),) * 2, _MATRIX_HINT)
 
 
 def signature_of(scorer: Scorer, form: Mesh) -> SignatureArrays:
@@ -104,18 +106,16 @@ def signature_of(scorer: Scorer, form: Mesh) -> SignatureArrays:
         If it returns anything but named arrays of finite numbers.
     """
     answer: object = scorer.signature(form)
-    who, hint = f"scorer '{scorer.info.name}'", "return a mapping from names to arrays of finite numbers"
+    who, hint = f"scorer '{scorer.info.name}' returned", "return a mapping from names to arrays of finite numbers"
     if not isinstance(answer, Mapping) or not answer:
-        raise InvalidSignature(f"{who} returned {type(answer).__name__}, not named arrays", hint)
-    arrays: dict[str, NDArray[Any]] = {}
+        raise InvalidSignature(f"{who} {type(answer).__name__}, not named arrays", hint)
     for name, value in answer.items():
         if not (isinstance(name, str) and name.isidentifier()) or name == REFUSED:
             hint = f"name it like a variable, and not '{REFUSED}'"
-            raise InvalidSignature(f"{who} returned an array called {name!r:.80}", hint)
+            raise InvalidSignature(f"{who} an array called {name!r:.80}", hint)
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or not np.isfinite(value).all():
-            raise InvalidSignature(f"{who} returned '{name}', which is no array of finite numbers", hint)
-        arrays[name] = value
-    return arrays
+            raise InvalidSignature(f"{who} '{name}', which is no array of finite numbers", hint)
+    return dict(answer)
 
 
 def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: int) -> FloatArray:
@@ -126,27 +126,22 @@ def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: 
     InvalidForm
         If the scorer returns anything but a square matrix of finite real numbers.
     """
-    count = len(signatures)
-    hint = "return the distances of all pairs as a symmetric matrix of finite numbers"
-    return real_numbers(f"scorer '{scorer.info.name}'", scorer.compare(signatures, draw), (count, count), hint)
+    answer = scorer.compare(signatures, draw)
+    return _real_numbers(f"scorer '{scorer.info.name}'", answer, (len(signatures),) * 2, _MATRIX_HINT)
 
 
-def real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint: str) -> FloatArray:
+def _real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint: str) -> FloatArray:
     """An answer as an array of finite real numbers; any length but 0 will do where the shape is None."""
     try:
-        found = np.asarray(answer)
+        array = np.asarray(answer)
     except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
         raise InvalidForm(f"{who} returned no array ({one_line(error)})", hint) from error
-    fits = len(found.shape) == len(shape) and all(
-        count == wanted if wanted is not None else count for count, wanted in zip(found.shape, shape, strict=True)
-    )
-    if not fits or found.dtype.kind not in "iuf":
-        what = f"an array of shape {found.shape} and type {found.dtype}"
-    elif not np.isfinite(found).all():
-        what = "an array with NaN or infinite numbers"
-    else:
-        return found.astype(np.float64)
-    raise InvalidForm(f"{who} returned {what}", hint)
+    lengths = tuple(None if wanted is None and count else count for count, wanted in zip(array.shape, shape))  # noqa: B905
+    if len(array.shape) != len(shape) or lengths != shape or array.dtype.kind not in "iuf":
+        raise InvalidForm(f"{who} returned an array of shape {array.shape} and type {array.dtype}", hint)
+    if not np.isfinite(array).all():
+        raise InvalidForm(f"{who} returned an array with NaN or infinite numbers", hint)
+    return array.astype(np.float64)
 
 
 # What plugins say of themselves --------------------------------------------------------------------------------------
@@ -160,27 +155,31 @@ def _is_width(value: Any) -> bool:
     return value is None or (type(value) in (int, float) and 0 < value < 1e300)
 
 
-#: For each field of an info besides its texts: what it must be, how a message begins, and what to write instead.
-_FIELDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
+def _is_bool(value: Any) -> bool:
+    return isinstance(value, bool)
+
+
+#: For each field of an info besides its texts: what it must be, and what to write instead.
+_FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "inputs": (
         lambda value: _are_words(value) and bool(value) and set(value) <= {"mesh", "view"},
-        "inputs are", "name 'mesh', 'view' or both in a tuple",
+        "name 'mesh', 'view' or both in a tuple",
     ),
-    "scale": (lambda value: value in ("equivariant", "invariant"), "scale is", "write 'equivariant' or 'invariant'"),
-    "family": (lambda value: value in ("paper", "control", "extended"), "family is", "write 'extended'"),
-    "deterministic": (lambda value: isinstance(value, bool), "deterministic is", "write True or False"),
-    "invariant": (lambda value: isinstance(value, bool), "invariant is", "write True or False"),
+    "scale": (lambda value: value in ("equivariant", "invariant"), "write 'equivariant' or 'invariant'"),
+    "family": (lambda value: value in ("paper", "control", "extended"), "write 'extended'"),
+    "deterministic": (_is_bool, "write True or False"),
+    "invariant": (_is_bool, "write True or False"),
     "draws": (
         lambda value: type(value) is int and 1 <= value <= _MOST_DRAWS,
-        "draws is", f"write a whole number from 1 to {_MOST_DRAWS}",
+        f"write a whole number from 1 to {_MOST_DRAWS}",
     ),
-    "requires": (_are_words, "requires is", "write a tuple of the import names of packages"),
-    "files": (_are_words, "files is", "write a tuple of paths"),
-    "half_width": (_is_width, "half_width is", "write a positive number in units of the meshes, or None"),
-}  # fmt: skip
+    "requires": (_are_words, "write a tuple of the import names of packages"),
+    "files": (_are_words, "write a tuple of paths"),
+    "half_width": (_is_width, "write a positive number in units of the meshes, or None"),
+}
 
 
-def problems_of(info: Info) -> Iterator[tuple[str, str]]:
+def problems_of(info: Info) -> Problems:
     """Return what is wrong with what a plugin says about itself: each problem with its hint."""
     if isinstance(info, MethodInfo) and isinstance(info.name, str) and info.name in RESERVED:
         yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
@@ -193,12 +192,22 @@ def problems_of(info: Info) -> Iterator[tuple[str, str]]:
             yield f"{name} {text!r:.80} is not a text of one line", "write a text"
     if isinstance(info.title, str) and not info.title.strip():
         yield "title is empty", "say what the tables shall print"
-    for name, (fits, begin, hint) in _FIELDS.items():
+    for name, (fits, hint) in _FIELDS.items():
         if hasattr(info, name) and not fits(value := getattr(info, name)):
-            yield f"{begin} {value!r:.80}", hint
+            yield f"{name} {'are' if name == 'inputs' else 'is'} {value!r:.80}", hint
 
 
-def problems_of_entries(entries: Sequence[Any]) -> Iterator[tuple[str, str]]:
+def problems_of_learner(learner: Any) -> Problems:
+    """Return what is wrong with what a learner says of its models: each problem with its hint."""
+    if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
+        yield f"model_name is {learner.model_name!r}", "return a text that can name a folder"
+    if learner.split not in get_args(Split):
+        yield f"split is {learner.split!r}", f"choose one of {', '.join(get_args(Split))}"
+    if not isinstance(getattr(learner, "shipped_models", None), Path):
+        yield "shipped_models is no path", "name a folder, which need not be there"
+
+
+def problems_of_entries(entries: Sequence[Any]) -> Problems:
     """Return what is wrong with the shapes that a data set lists: each problem with its hint."""
     if not entries:
         yield "it lists no shapes", "let 'entries' list at least two classes, one of them with two shapes"
@@ -215,6 +224,6 @@ def problems_of_entries(entries: Sequence[Any]) -> Iterator[tuple[str, str]]:
         if not isinstance(path, Path | None):
             yield f"path of '{entry.identifier}' is {type(path).__name__}", "pass a pathlib.Path"
             return
-    name, count = Counter(entry.identifier for entry in entries).most_common(1)[0] if entries else ("", 0)
-    if count > 1:
-        yield f"two shapes are called '{name}'", "give each shape an identifier of its own"
+    for name, count in Counter(entry.identifier for entry in entries).most_common(1):
+        if count > 1:
+            yield f"two shapes are called '{name}'", "give each shape an identifier of its own"

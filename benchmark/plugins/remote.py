@@ -73,9 +73,9 @@ def look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) ->
                 raise ConfigurationError(error.problem, error.hint) from error
 
 
-def remember(facts: Facts) -> None:
-    """Note what a plugin has told of itself."""
-    _told[_key(facts["kind"], facts["target"], facts["chosen"])] = facts
+def remember(*plugins: Facts) -> None:
+    """Note what plugins have told of themselves."""
+    _told.update({_key(facts["kind"], facts["target"], facts["chosen"]): facts for facts in plugins})
 
 
 def _key(*names: Any) -> str:
@@ -105,17 +105,15 @@ class Remote:
         """What it tells of itself, see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
         key = _key(self.kind, self.target, plain(self.parameters))
         if key not in _told:
-            facts = self.request("facts")[0] if is_child() else self.look("facts")
-            remember(facts)
-            _told[key] = facts
+            _told[key] = self.request("facts")[0] if is_child() else self.look("facts")
+            remember(_told[key])
         return _told[key]
 
     def look(self, work: str, **facts: Any) -> Facts:
         """Have some work done in a process that ends at once."""
         hint = "correct the plugin: importing it and making its methods must end at once"
-        answer: Facts = look(
-            _answer, self.serve, self._message(work, facts), what=f"{self.kind} '{self.base_name}'", hint=hint
-        )
+        what = f"{self.kind} '{self.base_name}'"
+        answer: Facts = look(_answer, self.serve, self._message(work, facts), what=what, hint=hint)
         return answer
 
     @property

@@ -22,86 +22,77 @@ Answer = tuple[dict[str, Any], Arrays]
 
 _meter = Meter()
 
+#: What a data set makes of a shape: of which type, what to do about any other, and how it travels.
+_OF_SHAPES: Mapping[str, tuple[type[Any], str, Callable[[Any], Answer]]] = {
+    "load": (Mesh, "return Mesh(vertices, faces)", lambda mesh: ({}, _arrays_of(mesh))),
+    "camera": (Camera, "return a Camera", lambda camera: (asdict(camera), {})),
+    "recipe": (object, "", lambda recipe: ({"recipe": str(recipe)}, {})),
+}
+
 
 @dataclass(frozen=True)
 class OpenedDataset:
     """A data set of a plugin file with the shapes that it lists."""
 
-    made: ListsShapes
+    dataset: ListsShapes
     entries: tuple[Entry, ...]
 
-    def ask(self, work: str, identifier: str, kind: type[Any] = object, hint: str = "") -> Any:
+    def ask(self, work: str, identifier: str) -> Answer:
         """Have a method of the data set called with a shape; whatever it raises costs that shape alone."""
-        who = f"data set '{self.made.info.name}', shape '{identifier}': '{work}'"
+        kind, hint, packed = _OF_SHAPES[work]
+        who = f"data set '{self.dataset.info.name}', shape '{identifier}': '{work}'"
         entry = next(entry for entry in self.entries if entry.identifier == identifier)
         try:
-            answer = getattr(self.made, work)(entry)
+            result = getattr(self.dataset, work)(entry)
         except (BenchmarkError, MemoryError):
             raise
         except Exception as error:
             raise UnreadableMesh(f"{who} raises {one_line(error)}", "correct the file") from error
-        if not isinstance(answer, kind):
+        if not isinstance(result, kind):
             error_type = UnreadableMesh if kind is Mesh else DatasetError
-            raise error_type(f"{who} returned {type(answer).__name__}", hint)
-        return answer
+            raise error_type(f"{who} returned {type(result).__name__}", hint)
+        return packed(result)
 
 
-def _load(dataset: OpenedDataset, facts: Facts, _: Arrays) -> Answer:
-    mesh: Mesh = dataset.ask("load", facts["identifier"], Mesh, "return Mesh(vertices, faces)")
-    return {}, {"vertices": mesh.vertices, "faces": mesh.faces}
+def answer(plugin: Any, facts: Facts, arrays: Arrays) -> Answer:
+    """Do the work that a request names."""
+    if isinstance(plugin, OpenedDataset):
+        return plugin.ask(facts["work"], facts["identifier"])
+    with _meter.measured(f"{facts['work']} {facts['base_name']}") as cost:
+        results = WORK[facts["work"]](plugin, facts, arrays)
+    return {"cost": cost().to_json()}, results
 
 
-def _camera(dataset: OpenedDataset, facts: Facts, _: Arrays) -> Answer:
-    return asdict(dataset.ask("camera", facts["identifier"], Camera, "return a Camera")), {}
+def _form(method: Any, facts: Facts, arrays: Arrays) -> Arrays:
+    mesh, notes = form_of(method, _shape(facts, arrays))
+    return {**_arrays_of(mesh), **{f"note:{name}": note for name, note in notes.items()}}
 
 
-def _recipe(dataset: OpenedDataset, facts: Facts, _: Arrays) -> Answer:
-    return {"recipe": str(dataset.ask("recipe", facts["identifier"]))}, {}
+def _descriptor_distances(method: Any, _: Facts, arrays: Arrays) -> Arrays:
+    return {"distances": distances_of(method, [item["descriptor"] for item in unfolded(arrays)])}
 
 
-def _canonicalise(method: Any, facts: Facts, arrays: Arrays) -> Answer:
-    def form() -> Arrays:
-        mesh, notes = form_of(method, _shape(facts, arrays))
-        named = {f"note:{name}": note for name, note in notes.items()}
-        return {"vertices": mesh.vertices, "faces": mesh.faces, **named}
-
-    return _measured(facts, form)
-
-
-def _describe(method: Any, facts: Facts, arrays: Arrays) -> Answer:
-    return _measured(facts, lambda: {"descriptor": descriptor_of(method, _shape(facts, arrays))})
-
-
-def _distances(method: Any, _: Facts, arrays: Arrays) -> Answer:
-    return {}, {"distances": distances_of(method, [item["descriptor"] for item in unfolded(arrays)])}
-
-
-def _check_card(method: Any, facts: Facts, _: Arrays) -> Answer:
+def _check_card(method: Any, facts: Facts, _: Arrays) -> Arrays:
     if hasattr(method, "check_card"):
         method.check_card(read_card(Path(facts["folder"])), Path(facts["folder"]))
-    return {}, {}
+    return {}
 
 
-def _signature(scorer: Any, facts: Facts, arrays: Arrays) -> Answer:
-    return _measured(facts, lambda: signature_of(scorer, Mesh(arrays["vertices"], arrays["faces"])))
-
-
-def _compare(scorer: Any, facts: Facts, arrays: Arrays) -> Answer:
-    return {}, {"distances": form_distances(scorer, list(unfolded(arrays)), facts["draw"])}
-
-
-#: What a method, a scorer or a data set is asked to do, by name.
-WORK: Mapping[str, Callable[[Any, Facts, Arrays], Answer]] = {
-    "canonicalise": _canonicalise,
-    "describe": _describe,
-    "distances": _distances,
+#: What a method or a scorer is asked to do, by name.
+WORK: Mapping[str, Callable[[Any, Facts, Arrays], Arrays]] = {
+    "canonicalise": _form,
+    "describe": lambda method, facts, arrays: {"descriptor": descriptor_of(method, _shape(facts, arrays))},
+    "distances": _descriptor_distances,
     "check_card": _check_card,
-    "signature": _signature,
-    "compare": _compare,
-    "load": _load,
-    "camera": _camera,
-    "recipe": _recipe,
+    "signature": lambda scorer, _, arrays: signature_of(scorer, Mesh(arrays["vertices"], arrays["faces"])),
+    "compare": lambda scorer, facts, arrays: {
+        "distances": form_distances(scorer, list(unfolded(arrays)), facts["draw"])
+    },
 }
+
+
+def _arrays_of(mesh: Mesh) -> Arrays:
+    return {"vertices": mesh.vertices, "faces": mesh.faces}
 
 
 def folded(signatures: Sequence[Arrays]) -> dict[str, Any]:
@@ -116,13 +107,6 @@ def unfolded(arrays: Arrays) -> Iterator[dict[str, Any]]:
         number, _, rest = name.partition(":")
         signatures.setdefault(int(number), {})[rest] = array
     yield from (signatures[number] for number in sorted(signatures))
-
-
-def _measured(facts: Facts, work: Callable[[], Arrays]) -> Answer:
-    """Return what some work brought, and what it cost."""
-    with _meter.measured(f"{facts['work']} {facts['base_name']}") as cost:
-        arrays = work()
-    return {"cost": cost().to_json()}, arrays
 
 
 _latest: dict[tuple[Any, ...], Shape] = {}

@@ -7,36 +7,32 @@ a plugin for its facts, and lets it do the work.
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import importlib.util
 import inspect
 import json
-import sys
 from collections.abc import Callable, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Self, TypeVar, cast, get_args, get_type_hints
+from typing import Any, ClassVar, Generic, Self, TypeVar, cast, get_type_hints
 
 import msgspec
 
 from benchmark.api.contracts import Descriptor, Method, MethodInfo
 from benchmark.api.datasets import DatasetInfo, Entry, ListsShapes
-from benchmark.api.learning import Split
 from benchmark.api.parameters import format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, one_line
-from benchmark.execution.processes.process import adopt, is_child, one_of_us
+from benchmark.execution.processes.process import is_child, one_of_us
 from benchmark.pipeline.storage.keys import plain
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
-from benchmark.plugins import is_closed, require_open_process
-from benchmark.plugins.modules import import_plugin, sources_of
-from benchmark.plugins.output_checks import problems_of_entries
+from benchmark.plugins import is_closed
+from benchmark.plugins.modules import import_module, sources_of
+from benchmark.plugins.output_checks import problems_of_entries, problems_of_learner
 from benchmark.plugins.parameters import ParameterText, described, quoted
 from benchmark.plugins.remote import Facts, Foreign, Remote, RemoteDescriptor, RemoteLearner, RemoteMethod, RemoteScorer
-from benchmark.plugins.serving import WORK, Answer, OpenedDataset
+from benchmark.plugins.serving import Answer, OpenedDataset, answer
 from benchmark.source_code import FIRST_PARTY
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo, DatasetInfo)
@@ -122,11 +118,8 @@ class PluginSpec(Generic[Info, Made]):
 
     def _chosen(self, separator: str) -> str:
         """Parameters as they are written on the command line; a text that would be read as another one is quoted."""
-        texts = {
-            key: quoted(value) if isinstance(value, str) else format_value(value)
-            for key, value in self.parameters.items()
-        }
-        return separator.join(f"{key}={text}" for key, text in texts.items())
+        texts = [quoted(v) if isinstance(v, str) else format_value(v) for v in self.parameters.values()]
+        return separator.join(f"{key}={text}" for key, text in zip(self.parameters, texts, strict=True))
 
     @property
     def module(self) -> str:
@@ -167,8 +160,8 @@ class PluginSpec(Generic[Info, Made]):
 
     @Fact
     def all_parameters(self) -> dict[str, Any]:
-        """All parameters, defaults included, normalised."""
-        return parameter_values(self.create())
+        """All parameters, defaults included, normalised; none where packages are missing to make it."""
+        return {} if self.missing_packages() else parameter_values(self.create())
 
     @Fact
     def sources(self) -> dict[str, str]:
@@ -178,61 +171,33 @@ class PluginSpec(Generic[Info, Made]):
 
     @property
     def facts(self) -> Facts:
-        """What another process is told of it, as JSON carries it.
+        """All facts, as JSON carries them to other processes.
 
         Raises
         ------
         ConfigurationError
             If it cannot be made with its parameters, or described in plain values.
         """
+        names = {name for cls in type(self).__mro__ for name, value in vars(cls).items() if isinstance(value, Fact)}
+        facts = {name: getattr(self, name) for name in names - {"all_parameters"}} | {"info": self.info}
         try:
-            return {
-                "kind": self.kind,
-                "target": self.target,
-                "info": dataclasses.asdict(self.info),
-                "chosen": plain(self.parameters),
-                "all_parameters": {} if self.missing_packages() else plain(self.all_parameters),
-                "sources": self.sources,
-                "summary": self.summary,
-                "parameter_texts": [dataclasses.asdict(text) for text in self.parameter_texts],
-            }
+            parameters = plain({"chosen": self.parameters, "all_parameters": self.all_parameters})
         except (TypeError, ValueError) as error:
             raise ConfigurationError(
                 f"parameters of {self.module}, {self.name} do not fit into JSON ({error})",
                 "use numbers, strings and tuples of them",
             ) from error
+        return {"kind": self.kind, "target": self.target, **msgspec.to_builtins(facts, enc_hook=str), **parameters}
 
     def load(self) -> type[Any]:
-        """Import and return the class; what its module prints goes to stderr.
-
-        Raises
-        ------
-        ConfigurationError
-            If it cannot be imported, or does not say what it is.
-        """
-        place, attribute = self.module, self.target.rpartition(":")[2]
-        if self.is_foreign:
-            require_open_process(place)
-            adopt()
-        try:
-            with one_of_us(), redirect_stdout(sys.stderr):
-                module = import_plugin(place) if place.endswith(".py") else importlib.import_module(place)
-                loaded = getattr(module, attribute)
-        except ImportError as error:
-            raise ConfigurationError(
-                f"{self.kind} '{self.base_name}' cannot be imported: {error}", f"install what {place} needs"
-            ) from error
-        except AttributeError as error:
-            raise ConfigurationError(f"{place} has no '{attribute}'", "correct the entry point") from error
-        except BenchmarkError:
-            raise
-        except (Exception, SystemExit) as error:
-            raise ConfigurationError(
-                f"{self.kind} '{self.base_name}' cannot be imported: {one_line(error)}", f"repair {place}"
-            ) from error
-        if not isinstance(getattr(loaded, "info", None), self.info_type):
+        """Import and return the class; raises ``ConfigurationError`` if that fails, or it does not say what it is."""
+        module = import_module(self.module, f"{self.kind} '{self.base_name}'")
+        cls = getattr(module, attribute := self.target.rpartition(":")[2], None)
+        if cls is None:
+            raise ConfigurationError(f"{self.module} has no '{attribute}'", "correct the entry point")
+        if not isinstance(getattr(cls, "info", None), self.info_type):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
-        return cast(type[Any], loaded)
+        return cast(type[Any], cls)
 
     def create(self) -> Made:
         """Make it with its parameters.
@@ -244,10 +209,10 @@ class PluginSpec(Generic[Info, Made]):
         """
         if self.is_elsewhere:
             return cast(Made, self._stand_in())
-        loaded = self.load()
+        cls = self.load()
         try:
             with one_of_us():
-                created = loaded(**self.parameters)
+                created = cls(**self.parameters)
         except BenchmarkError:
             raise
         except (Exception, SystemExit) as error:
@@ -313,18 +278,17 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
 
     @Fact
     def split(self) -> str:
-        """Data that trains a learner, see :class:`benchmark.api.learning.Learner`."""
-        return str(self.load().split)
+        """Data that trains a learner, see :class:`benchmark.api.learning.Learner`; "" of any other method."""
+        return str(getattr(self.load(), "split", ""))
 
     @Fact
-    def learner(self) -> LearnerFacts:
-        """What a learner says besides."""
+    def learner(self) -> LearnerFacts | None:
+        """What a learner says besides; None of any other method, or where packages are missing to make it."""
+        if not self.learns or self.missing_packages():
+            return None
         learner: Any = self.create()
-        if not isinstance(learner.model_name, str) or learner.split not in get_args(Split):
-            raise ConfigurationError(
-                f"{self.module}, {self.name}: model_name is {learner.model_name!r}, split is {learner.split!r}",
-                f"let model_name be a text, and split one of {', '.join(get_args(Split))}",
-            )
+        for problem, hint in problems_of_learner(learner):
+            raise ConfigurationError(f"{self.module}, {self.name}: {problem}", hint)
         folder = getattr(learner, "model_folder", None)
         folder = folder if isinstance(folder, Path) else None
         return LearnerFacts(learner.model_name, learner.split, learner.shipped_models, folder)
@@ -332,17 +296,9 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
     def _stand_in(self) -> Foreign:
         if self.describes:
             return RemoteDescriptor(self.remote, self.info)
-        if not self.learns or self.missing_packages():
+        if self.learner is None:
             return RemoteMethod(self.remote, self.info)
         return RemoteLearner(self.remote, self.info, **vars(self.learner))
-
-    @property
-    def facts(self) -> Facts:
-        """See :class:`PluginSpec`."""
-        facts = super().facts | {"describes": self.describes, "learns": self.learns}
-        if not self.learns or self.missing_packages():
-            return facts
-        return facts | {"split": self.split, "learner": msgspec.to_builtins(self.learner, enc_hook=str)}
 
 
 @dataclass(frozen=True)
@@ -380,17 +336,17 @@ class DatasetSpec(PluginSpec[DatasetInfo, ListsShapes]):
     @cached_property
     def opened(self) -> OpenedDataset:
         """The data set with its shapes; raises ``DatasetError`` if it lists them not as it should."""
-        made = self.create()
+        created = self.create()
         try:
-            entries = tuple(made.entries())
+            entries = tuple(created.entries())
         except BenchmarkError:
             raise
         except (Exception, SystemExit) as error:
             who = f"{self.module}, {self.target.rpartition(':')[2]}"
             raise DatasetError(f"{who} cannot be opened: {one_line(error)}", "correct the file") from error
         for problem, hint in problems_of_entries(entries):
-            raise DatasetError(f"data set '{made.info.name}' of {self.module}: {problem}", hint)
-        return OpenedDataset(made, entries)
+            raise DatasetError(f"data set '{created.info.name}' of {self.module}: {problem}", hint)
+        return OpenedDataset(created, entries)
 
     @Fact
     def entries(self) -> tuple[Entry, ...]:
@@ -400,28 +356,18 @@ class DatasetSpec(PluginSpec[DatasetInfo, ListsShapes]):
     @Fact
     def parameters_text(self) -> str:
         """Its parameters as Python writes them."""
-        return repr(parameter_values(self.opened.made))
+        return repr(parameter_values(self.opened.dataset))
 
     @Fact
     def offers(self) -> tuple[str, ...]:
         """What its author wrote of what may be left out."""
-        return tuple(name for name in ("load", "camera", "recipe") if hasattr(self.opened.made, name))
-
-    @property
-    def facts(self) -> Facts:
-        """See :class:`PluginSpec`."""
-        entries = [{**dataclasses.asdict(entry), "path": entry.path and str(entry.path)} for entry in self.entries]
-        return super().facts | {
-            "entries": entries,
-            "parameters_text": self.parameters_text,
-            "offers": self.offers,
-        }
+        return tuple(name for name in ("load", "camera", "recipe") if hasattr(self.opened.dataset, name))
 
     def ask(self, work: str, identifier: str) -> Answer:
         """Have it make something of a shape."""
         if self.is_elsewhere:
             return self.remote.request(work, {"identifier": identifier})
-        return WORK[work](self.opened, {"identifier": identifier}, {})
+        return self.opened.ask(work, identifier)
 
 
 #: What plugin files may bring.
@@ -433,7 +379,7 @@ def serve(facts: Mapping[str, Any], arrays: Arrays, _: object) -> Answer:
     names = facts["kind"], facts["base_name"], facts["target"], json.dumps(facts["parameters"])
     if facts["work"] == "facts":
         return _spec(*names).facts, {}
-    return WORK[facts["work"]](_made(*names, facts.get("model", "")), facts, arrays)
+    return answer(_created(*names, facts.get("model", "")), facts, arrays)
 
 
 @cache
@@ -442,7 +388,7 @@ def _spec(kind: str, base_name: str, target: str, parameters: str) -> PluginSpec
 
 
 @cache
-def _made(kind: str, base_name: str, target: str, parameters: str, model: str) -> Any:
+def _created(kind: str, base_name: str, target: str, parameters: str, model: str) -> Any:
     spec = _spec(kind, base_name, target, parameters)
-    made: Any = spec.opened if isinstance(spec, DatasetSpec) else spec.create()
-    return made.load(Path(model)) if model else made
+    created: Any = spec.opened if isinstance(spec, DatasetSpec) else spec.create()
+    return created.load(Path(model)) if model else created

@@ -27,7 +27,7 @@ from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.execution.processes.channel import Channel
 from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, end_like
 from benchmark.plugins import close_process
-from benchmark.plugins.modules import import_plugin
+from benchmark.plugins.modules import import_module
 from benchmark.text import DATA_VARIABLE
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks for processes as Linux keeps them")
@@ -193,7 +193,7 @@ def test_a_program_that_ends_waits_for_no_process():
 def import_into_closed(path, facts, arrays, requester):
     close_process()
     try:
-        import_plugin(path)
+        import_module(path)
     except AssertionError:
         os._exit(7)
 

@@ -97,7 +97,10 @@ def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(instal
             "odd: method 'odd' cannot be imported: ZeroDivisionError: division by zero; repair odd",
         ),
         ({"on_import": "sys-exits"}, "odd: method 'odd' cannot be imported: SystemExit: 0; repair odd"),
-        ({"on_import": "import no_such_module"}, "odd: method 'odd' cannot be imported: No module named 'no_such_"),
+        (
+            {"on_import": "import no_such_module"},
+            "odd: method 'odd' cannot be imported: ModuleNotFoundError: .*'no_such_",
+        ),
         ({"on_making": "raises"}, "odd: odd cannot be made: ZeroDivisionError: .*give every parameter a default"),
         ({"info": "title=5"}, "odd: title 5 is not a text of one line"),
         ({"points": "odd = odd:Absent"}, "odd: odd has no 'Absent'; correct the entry point"),

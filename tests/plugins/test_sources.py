@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.execution.processes.process import Process
-from benchmark.plugins.modules import import_plugin, sources_of
+from benchmark.plugins.modules import import_module, sources_of
 from tests.toy import write_rods
 
 PLUGIN = """
@@ -103,7 +103,7 @@ def forms(folder):
 
 def imports_and_reads(facts, arrays, requester):
     """Import a plugin as its process does, and read a file."""
-    import_plugin(facts["plugin"])
+    import_module(facts["plugin"])
     sources_of(facts["plugin"])
     return {"text": Path(facts["data"]).read_text()}, {}
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import os
 import platform
-import re
 import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import FloatArray, Mesh, Method, MethodInfo, Shape
-from benchmark.api.learning import CARD, Learner, Split, checked_weights, read_card
+from benchmark.api.learning import CARD, Learner, checked_weights, read_card
 from benchmark.api.parameters import declared_parameters
 from benchmark.datasets import checking
 from benchmark.datasets.base import check_retrievable
@@ -43,7 +42,7 @@ from benchmark.plugins.conformance.cases import (
     same,
 )
 from benchmark.plugins.conformance.shapes import BENDS, TRAINING, training_data
-from benchmark.plugins.output_checks import problems_of
+from benchmark.plugins.output_checks import problems_of, problems_of_learner
 from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec
 from benchmark.text import DATA_VARIABLE
 
@@ -120,13 +119,7 @@ def _parameters(case: Any) -> str:
 
 def _learner(case: MethodCase) -> str:
     learner: Any = case.spec.create()
-    problems = []
-    if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
-        problems.append(f"model_name is {learner.model_name!r}; return a text that can name a folder")
-    if learner.split not in get_args(Split):
-        problems.append(f"split is {learner.split!r}; choose one of {', '.join(get_args(Split))}")
-    if not isinstance(getattr(learner, "shipped_models", None), Path):
-        problems.append("shipped_models is no path; name a folder, which need not be there")
+    problems = [f"{problem}; {hint}" for problem, hint in problems_of_learner(learner)]
     return _listed(problems, f"model {learner.model_name}, split {learner.split}")
 
 
