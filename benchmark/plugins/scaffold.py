@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 import keyword
 import re
 import sys
-from collections.abc import Container
+from collections.abc import Callable, Container
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -60,12 +59,13 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
         If the name cannot be used, a file is there already, or the folder cannot be written to.
     """
     _check_name(kind, name)
-    _, module, class_name, _ = _spellings(name)
-    texts = {
-        folder / _renamed(path.name, _EXAMPLES[kind], name): _renamed(path.read_text("utf-8"), _EXAMPLES[kind], name)
-        for path in _sources(_EXAMPLES[kind])
-    }
-    _check_python(name, module, class_name, next(iter(texts.values())))
+    texts: dict[Path, str] = {}
+    for source in _sources(_EXAMPLES[kind]):
+        parts = source.name, source.read_text("utf-8")
+        for old, new in zip(_spellings(_EXAMPLES[kind]), _spellings(name), strict=True):
+            parts = parts[0].replace(old, new), parts[1].replace(old, new)
+        texts[folder / parts[0]] = parts[1]
+    _check_python(name, next(iter(texts.values())))
     for path in texts:
         if path.exists():
             raise ConfigurationError(f"{path} exists already", "choose another name or folder")
@@ -79,8 +79,8 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
 
 def _spellings(name: str) -> tuple[str, str, str, str]:
     """One name as it is written on the command line, of a module, of a class, and in tables."""
-    words = [word.capitalize() for word in name.split("-")]
-    return name, name.replace("-", "_"), "".join(words), " ".join(words)
+    title = " ".join(word.capitalize() for word in name.split("-"))
+    return name, name.replace("-", "_"), title.replace(" ", ""), title
 
 
 def _sources(example: str) -> list[Path]:
@@ -91,51 +91,28 @@ def _sources(example: str) -> list[Path]:
     return [folder / f"{module}.py", folder / f"test_{module}.py", *folder.glob(f"{module}.cpp")]
 
 
-def _renamed(text: str, example: str, name: str) -> str:
-    for old, new in zip(_spellings(example), _spellings(name), strict=True):
-        text = text.replace(old, new)
-    return text
-
-
 def _check_name(kind: str, name: str) -> None:
     """Raise ``ConfigurationError`` if nothing can have this name, or something has it."""
-    what = {"dataset": "data set"}.get(kind, kind)
-    if len(name) > LONGEST_NAME:
-        raise ConfigurationError(
-            f"'{name[:20]}...' is too long for the name of a {what}", f"use {LONGEST_NAME} characters at most"
-        )
+    what = "data set" if kind == "dataset" else kind
     if not is_name(name):
         words = re.findall(r"[a-z][a-z0-9]*|[0-9]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
         hint = "join lower-case words by hyphens" + (f": {'-'.join(words)}" if words and words[0].isalpha() else "")
+        if len(name) > LONGEST_NAME:
+            name, hint = f"{name[:20]}...", f"use {LONGEST_NAME} characters at most"
         raise ConfigurationError(f"'{name}' cannot be the name of a {what}", hint)
-    known: dict[str, tuple[str, Container[str]]] = {
-        "dataset": ("data set", CATALOGUE),
-        "scorer": ("scorer", scorers()),
-    }
-    taken, names = known.get(kind) or ("method", methods())
+    known: dict[str, Callable[[], Container[str]]] = {"data set": lambda: CATALOGUE, "scorer": scorers}
+    taken, names = (what, known[what]()) if what in known else ("method", methods())
     if name in names or name in RESERVED:
         raise ConfigurationError(f"there is a {taken} '{name}' already", "choose another name")
 
 
-def _check_python(name: str, module: str, class_name: str, plugin: str) -> None:
+def _check_python(name: str, plugin: str) -> None:
     """Raise ``ConfigurationError`` if a name would hide another one in the file, or the file another module."""
-    if keyword.iskeyword(module) or keyword.iskeyword(class_name) or class_name in _imported(plugin):
+    _, module, class_name, _ = _spellings(name)
+    is_imported = re.search(rf"^(?:(?:from|import) .*\b{class_name}\b|    {class_name},$)", plugin, re.MULTILINE)
+    if keyword.iskeyword(module) or keyword.iskeyword(class_name) or is_imported:
         raise ConfigurationError(f"'{name}' has a meaning of its own in the file", f"choose another name: my-{name}")
     if module in sys.stdlib_module_names or module in _installed():
         raise ConfigurationError(
             f"{module}.py would hide the Python module '{module}'", f"choose another name: my-{name}"
         )
-
-
-def _imported(source: str) -> set[str]:
-    """Names that a module imports."""
-    try:
-        tree = ast.parse(source)
-    except SyntaxError:  # the name of a class that is none
-        return set()
-    return {
-        alias.asname or alias.name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-        for alias in node.names
-    }

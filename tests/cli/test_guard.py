@@ -82,7 +82,7 @@ LONG = "x" * 5000
         (("canonicalise", "-m", "pca", "a.off", "-o", LONG), "cannot be a path"),
         (("list", "datasets", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
         (("data", "list", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
-        (("new", "method", "x" * 300), "is too long for the name of a method; use 60 characters at most"),
+        (("new", "method", "x" * 300), "cannot be the name of a method; use 60 characters at most"),
         (("plan", "-m", "non-metric-mds[rtol=nan]"), "'nan' does not fit rtol of non-metric-mds"),
         (("plan", "-m", "non-metric-mds[max_iterations=-1]"), "'-1' does not fit max_iterations of non-metric-mds"),
         (("report", "--figure", "a.png", "--of", "all"), "see 'python -m benchmark report --help'"),

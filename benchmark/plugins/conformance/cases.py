@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,10 @@ class _Case:
     models: Path = Path()
     options: Mapping[str, str] = field(default_factory=dict)
 
+    #: The figure as it is given, and what an object answers for it, or for another subject.
+    subject: ClassVar[Callable[..., Any]]
+    _answer: ClassVar[Callable[..., FloatArray]]
+
     @property
     def info(self) -> Any:
         """Return what it says about itself."""
@@ -71,16 +75,9 @@ class _Case:
         created = self.spec.create()
         return created.load(self.model) if self.model is not None and isinstance(created, Learner) else created
 
-    def subject(self) -> Any:
-        """The figure as it is given."""
-        raise NotImplementedError
-
     def answer(self, subject: Any = None, by: Any = None) -> FloatArray:
         """Return what an object, by default a new one, answers for a subject, by default the figure."""
         return self._answer(self.create() if by is None else by, self.subject() if subject is None else subject)
-
-    def _answer(self, created: Any, subject: Any) -> FloatArray:
-        raise NotImplementedError
 
     @cached_property
     def reference(self) -> FloatArray:

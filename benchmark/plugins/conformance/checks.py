@@ -14,7 +14,6 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import FloatArray, Mesh, Method, MethodInfo, Shape
@@ -73,11 +72,9 @@ def _requirements(case: Any) -> str:
     if _learns(case) and case.model is None and not case.options:
         folder = getattr(case.spec.create(), "model_folder", None)
         if isinstance(folder, Path) and not (folder / CARD).is_file():
-            raise Skipped(
-                f"unavailable: there is no model in {folder.parent.name}/{folder.name}; train one (python -m benchmark "
-                f"train {case.spec.base_name}), put it there, then check again; or have one trained for the check "
-                "alone: -o epochs=1"
-            )
+            missing = f"there is no model in {folder.parent.name}/{folder.name}"
+            cure = f"'train {case.spec.base_name}', put it there; or have one trained for the check alone: -o epochs=1"
+            raise Skipped(f"unavailable: {missing}; {cure}")
     return f"{', '.join(case.info.requires)} installed" if case.info.requires else "nothing beyond the core"
 
 
@@ -93,16 +90,16 @@ def _info(case: Any) -> str:
 
 def _class(case: Any) -> str:
     cls: type[Any] = case.spec.load()
+    cure = "@dataclass(frozen=True, kw_only=True)"
     if not dataclasses.is_dataclass(cls):
-        raise Failed(f"{cls.__name__} is no dataclass; decorate it with @dataclass(frozen=True, kw_only=True)")
+        raise Failed(f"{cls.__name__} is no dataclass; decorate it with {cure}")
     problems = []
     if not getattr(cls, "__dataclass_params__").frozen:  # noqa: B009
-        problems.append("parameters can be changed after creation; write @dataclass(frozen=True, kw_only=True)")
+        problems.append(f"parameters can be changed after creation; write {cure}")
     if not all(field.kw_only for field in dataclasses.fields(cls) if field.init):
-        problems.append("parameters can be passed by position; write @dataclass(frozen=True, kw_only=True)")
-    bare = [name for name, (_, default) in declared_parameters(cls).items() if default is dataclasses.MISSING]
-    if bare:
-        problems.append(f"{', '.join(bare)} without default; give every parameter one")
+        problems.append(f"parameters can be passed by position; write {cure}")
+    for name, (_, default) in declared_parameters(cls).items():
+        problems += [f"{name} without default; give every parameter one"] if default is dataclasses.MISSING else []
     return _listed(problems, "frozen, keyword-only, every parameter has a default")
 
 
@@ -184,22 +181,17 @@ def _answer(case: Any) -> str:
 
 def _repeatable(case: Any) -> str:
     """Whether the same is answered again, at once and after another shape."""
-    again = case.answer()
-    if not (size := difference(case.reference, again)) <= REPEAT_TOLERANCE:
-        if difference(np.abs(case.reference), np.abs(again)) <= REPEAT_TOLERANCE:
-            raise Failed(
-                "two runs on one shape differ by signs; make the largest entry of each eigenvector positive, and give "
-                "eigsh a fixed start (v0=...)"
-            )
-        raise Failed(
-            f"two runs on one shape differ by {size:.1e} of the largest number; draw from shape.random(), give "
-            "iterative solvers such as eigsh a fixed start (v0=...), fix the signs of eigenvectors, keep nothing "
-            "between shapes"
-        )
+    first, again = case.reference, case.answer()
+    start = "give iterative solvers such as eigsh a fixed start (v0=...)"
+    if not (size := difference(first, again)) <= REPEAT_TOLERANCE:
+        if difference(np.abs(first), np.abs(again)) <= REPEAT_TOLERANCE:
+            cure = f"make the largest entry of each eigenvector positive, and {start}"
+            raise Failed(f"two runs on one shape differ by signs; {cure}")
+        cure = f"draw from shape.random(), {start}, fix the signs of eigenvectors, keep nothing between shapes"
+        raise Failed(f"two runs on one shape differ by {size:.1e} of the largest number; {cure}")
     used, other = case.create(), case.subject(BENDS[1])
     before = case.answer(other, used)
-    hint = "after another shape the answer is a different one; keep nothing between shapes"
-    same(case.reference, case.answer(by=used), hint)
+    same(first, case.answer(by=used), "after another shape the answer differs; keep nothing between shapes")
     same(before, case.answer(other), "a second object answers differently; keep nothing in the class")
     return "the same whatever was treated before"
 
@@ -246,33 +238,24 @@ def _seed(case: MethodCase) -> str:
 def _fresh_process(case: Any) -> str:
     answer = _elsewhere(case)
     same(case.reference, answer, "another process answers differently; do not depend on hashes, globals or the clock")
-    if answer.tobytes() == case.reference.tobytes():
-        return "made again elsewhere, it answers the same to the last bit"
     # This process has done other work before, so only two fresh ones can be expected to agree in every bit.
-    again = _elsewhere(case)
-    if answer.tobytes() == again.tobytes():
+    again = case.reference if np.array_equal(answer, case.reference) else _elsewhere(case)
+    if np.array_equal(answer, again):
         return "every fresh process answers the same to the last bit"
-    raise Warned(
-        f"two processes differ by {difference(answer, again):.1e} of the largest number; choices that follow may go "
-        "another way each time: give iterative solvers a fixed start (v0=...), draw from shape.random()"
-    )
+    cure = "give iterative solvers a fixed start (v0=...), draw from shape.random()"
+    raise Warned(f"two processes differ by {difference(answer, again):.1e} of the largest number; {cure}")
 
 
 def _other_processor(case: Any) -> str:
     if platform.machine().lower() not in ("x86_64", "amd64"):
         raise Skipped("the kernel of another processor can be chosen on x86-64 only")
     kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL
-    answer = _elsewhere(case, kernel=kernel)
-    called = f"the BLAS kernel {kernel}" if kernel else "the processor's own BLAS kernel"
-    if answer.tobytes() == case.reference.tobytes():
-        return f"{called} changes no bit"
-    size = f"{called} changes {difference(case.reference, answer):.1e} of the largest number"
-    if difference(case.reference, answer) <= REPEAT_TOLERANCE:
-        return f"{size}, too little to be seen by the scorer"
-    raise Warned(
-        f"{size}, so scores will differ between machines; where a choice hangs on the last bits, break ties by "
-        "geometry and leave thresholds a margin"
-    )
+    size = difference(case.reference, _elsewhere(case, kernel=kernel))
+    changes = f"the BLAS kernel {kernel or 'of the processor'} changes"
+    if size > REPEAT_TOLERANCE:
+        cure = "break ties by geometry, leave thresholds a margin"
+        raise Warned(f"{changes} {size:.1e} of the largest number, so scores will differ between machines; {cure}")
+    return f"{changes} {size:.1e} of the largest number, too little to be seen" if size else f"{changes} no bit"
 
 
 def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
@@ -284,10 +267,8 @@ def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
         try:
             numbers = call_apart(_answer_here, case.spec, case.model, guard=Guard("the method", "find the crash"))
         except BrokenCall as error:
-            raise Failed(
-                "the process ended before it answered; find the crash, or guard your script by if __name__ == "
-                "'__main__'"
-            ) from error
+            cure = "find the crash, or guard your script by if __name__ == '__main__'"
+            raise Failed(f"the process ended before it answered; {cure}") from error
     return np.array(numbers, dtype=np.float64)
 
 
@@ -321,18 +302,16 @@ def hide_data() -> None:
 
 
 def _relabelling(case: Any) -> str:
-    subject = case.subject()
-    _, order = _relabelled(subject.mesh if isinstance(subject, Shape) else subject)
+    subject, generator = case.subject(), np.random.default_rng(0)
+    mesh = subject.mesh if isinstance(subject, Shape) else subject
+    order, of_faces = generator.permutation(mesh.n_vertices), generator.permutation(mesh.n_faces)
+
+    def relabelled(mesh: Mesh) -> Mesh:
+        faces = np.argsort(order).astype(np.int32)[np.roll(mesh.faces, 1, axis=1)]
+        return Mesh(mesh.vertices[order], faces[of_faces])
+
     hint = "depends on the numbering of vertices or faces; break ties by geometry"
-    return str(case.unchanged_by(lambda mesh: _relabelled(mesh)[0], hint, order))
-
-
-def _relabelled(mesh: Mesh) -> tuple[Mesh, NDArray[np.int64]]:
-    """Return a mesh with its vertices and faces in another order, and that of the vertices."""
-    generator = np.random.default_rng(0)
-    order = generator.permutation(mesh.n_vertices)
-    faces = np.argsort(order).astype(np.int32)[np.roll(mesh.faces, 1, axis=1)]
-    return Mesh(mesh.vertices[order], faces[generator.permutation(mesh.n_faces)]), order
+    return str(case.unchanged_by(relabelled, hint, order))
 
 
 def _motion(case: Any) -> str:
@@ -351,33 +330,28 @@ def _mirror(case: MethodCase) -> str:
         return "a descriptor may tell a shape from its mirror image, or not"
     if case.spec.learns:
         raise Skipped("a learned form may lean to one side")
-    mirrored = []
+    mirrored, hint = set(), "makes another form of a mirrored shape than of the shape; break ties by geometry"
     for bend in BENDS:
-        mesh = case.subject(bend).mesh
-        image = Mesh(mesh.vertices * [-1.0, 1.0, 1.0], mesh.faces[:, ::-1])
-        before, after = case.answer(case.subject(bend)), case.answer(case.subject(bend, mesh=image))
-        hint = "makes another form of a mirrored shape than of the shape; break ties by geometry"
+        shape = case.subject(bend)
+        image = Mesh(shape.mesh.vertices * [-1.0, 1.0, 1.0], shape.mesh.faces[:, ::-1])
+        before, after = case.answer(shape), case.answer(case.subject(bend, mesh=image))
         found = same(before, after, hint, factor=1.0)
-        mirrored.append(is_mirrored(before, after))
-    if len(set(mirrored)) > 1:
-        raise Failed(
-            "keeps the mirror image of some shapes and not of others; let the form decide which of the two it is "
-            "(baselines._kernels.handedness), or keep the handedness of the shape"
-        )
-    return f"{'the mirrored form' if mirrored[0] else 'the same form'}, {found}"
+        mirrored.add(is_mirrored(before, after))
+    if len(mirrored) > 1:
+        cure = "let the form decide which of the two it is (baselines._kernels.handedness), or keep the handedness"
+        raise Failed(f"keeps the mirror image of some shapes and not of others; {cure}")
+    return f"{'the mirrored form' if True in mirrored else 'the same form'}, {found}"
 
 
 def _scale(case: MethodCase) -> str:
-    equivariant = case.info.scale == "equivariant"
-    other = "invariant" if equivariant else "equivariant"
+    is_equivariant = case.info.scale == "equivariant"
+    other = "invariant" if is_equivariant else "equivariant"
     hint = f"does not keep info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
-    meshes = [case.subject(bend).mesh for bend in BENDS]
-    scaled = [
-        case.subject(bend, mesh=mesh.with_vertices(_SCALE * mesh.vertices), scale=_SCALE)
-        for bend, mesh in zip(BENDS, meshes, strict=True)
-    ]
-    if case.reference.ndim == 2 or not equivariant:
-        return same(case.reference, case.answer(scaled[0]), hint, factor=_SCALE if equivariant else 1.0)
+    meshes = {bend: case.subject(bend).mesh for bend in BENDS}
+    large = {bend: mesh.with_vertices(_SCALE * mesh.vertices) for bend, mesh in meshes.items()}
+    scaled = [case.subject(bend, mesh=mesh, scale=_SCALE) for bend, mesh in large.items()]
+    if case.reference.ndim == 2 or not is_equivariant:
+        return same(case.reference, case.answer(scaled[0]), hint, factor=_SCALE if is_equivariant else 1.0)
     before, after = case.dissimilarities(case.pairs), case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):
         raise Failed("tells no two poses of the figure apart, so scale cannot be checked; declare scale='invariant'")
@@ -395,8 +369,8 @@ def _dissimilarities(case: Any) -> str:
             raise Failed(f"tells no two of {len(pairs)} {case.compared} apart; compare what differs")
         if np.abs(distances - distances.T).max() > 1e-9 * largest or np.abs(np.diag(distances)).max() > 1e-6 * largest:
             raise Failed("dissimilarities are not symmetric with a zero diagonal; make them so")
-    hint = "dissimilarities differ when they are asked for again; draw from a generator seeded by 'draw'"
-    same(distances, case.dissimilarities(pairs, draws - 1), hint)
+    again, hint = case.dissimilarities(pairs, draws - 1), "dissimilarities differ when asked for again; seed by 'draw'"
+    same(distances, again, hint)
     if draws == 1:
         # Turned round by one, for distances of the places in the order, |i - j|, are the same backwards.
         turned = np.roll(case.dissimilarities([*pairs[1:], pairs[0]]), 1, axis=(0, 1))

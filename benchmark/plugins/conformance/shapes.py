@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import igl
 import numpy as np
 
 from benchmark.api.contracts import Mesh, Shape
@@ -25,7 +24,16 @@ _PIXEL_STRIDE = 9
 _CAMERA = Camera((0.35, 1.0, -0.2))
 
 
+#: Valid meshes that a method may refuse as unsupported, but must not stumble over, beside the open surface of a view.
+_AWKWARD = ("a triangle", "a tetrahedron", "a flat sheet", "two pieces")
+
+
 @cache
+def _mesh(name: str) -> Mesh:
+    with np.load(Path(__file__).with_name("shapes.npz"), allow_pickle=False) as arrays:
+        return Mesh(arrays[f"{name} vertices"], arrays[f"{name} faces"])
+
+
 def figure(bend: float = BENDS[0]) -> Mesh:
     """Closed surface of a body with a head, an arm, a leg and a tail, of unit area and 500 vertices.
 
@@ -37,8 +45,7 @@ def figure(bend: float = BENDS[0]) -> Mesh:
     bend
         Angle of :data:`BENDS` by which the arm, the leg and the tail each turn at every joint.
     """
-    with np.load(Path(__file__).with_name("figure.npz"), allow_pickle=False) as arrays:
-        return Mesh(arrays[f"vertices-{bend}"], arrays[f"faces-{bend}"])
+    return _mesh(f"figure {bend}")
 
 
 @cache
@@ -59,23 +66,8 @@ def view(bend: float = BENDS[0]) -> Shape:
 
 
 def awkward() -> dict[str, Mesh]:
-    """Valid meshes that a method may refuse as unsupported, but must not stumble over, by name."""
-    corners = np.array([[0.0, 0.0, 0.0], [1.1, 0.1, 0.0], [0.3, 0.9, 0.1], [0.2, 0.4, 1.3]])
-    sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    plane, triangles = igl.triangulated_grid(11, 14)
-    sheet = np.column_stack([plane * [1.0, 1.17], np.zeros(len(plane))])
-    other = figure(BENDS[1])
-    pair = Mesh(
-        np.concatenate([figure().vertices, other.vertices + np.array([3.0, 0.0, 0.0])]),
-        np.concatenate([figure().faces, other.faces + figure().n_vertices]),
-    )
-    return {
-        "a triangle": Mesh(corners[:3], sides[:1]),
-        "a tetrahedron": Mesh(corners, sides),
-        "a flat sheet": Mesh(sheet, triangles),
-        "two pieces": pair,
-        "an open surface": view().mesh,
-    }
+    """Meshes that are hard to treat, by name."""
+    return {name: _mesh(name) for name in _AWKWARD} | {"an open surface": view().mesh}
 
 
 def training_data() -> TrainingData:
