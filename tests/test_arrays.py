@@ -29,7 +29,7 @@ def made(tmp_path, *, scratch):
 def survives(store, path, content, *, scratch):
     """Whether a file with this content is made again, or read as what was kept."""
     path.write_bytes(content)
-    found = store.find({"a": 1}, scratch=scratch)
+    found = store.find({"a": 1})
     if found is None:
         return True
     same = found.arrays.keys() == ARRAYS.keys()
@@ -72,7 +72,7 @@ def test_every_length_of_a_truncated_file_is_noticed(tmp_path, scratch):
     whole = path.read_bytes()
     for length in range(0, len(whole), 7):
         path.write_bytes(whole[:length])
-        assert store.find({"a": 1}, scratch=scratch) is None
+        assert store.find({"a": 1}) is None
     assert not store.get_or_compute({"a": 1}, compute, scratch=scratch).was_cached
     assert store.get_or_compute({"a": 1}, compute, scratch=scratch).was_cached
 

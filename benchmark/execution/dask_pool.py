@@ -11,7 +11,7 @@ import secrets
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
@@ -21,19 +21,22 @@ from math import inf
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from distributed import Client
-from distributed import Future as Answer
+from distributed import Client, get_worker
 
+from benchmark.api.learning import card_digest, read_card
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.execution.job_specs import Job, Task, job_of, task_of, to_json
+from benchmark.execution.job_specs import Job, Status, Task, job_of, task_of, to_json
 from benchmark.execution.plan import changed_names
-from benchmark.execution.pools import LOST, LocalPool, Running, Status
+from benchmark.execution.pools import LOST, LocalPool, Running
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.processes.process import INTERVAL
 from benchmark.kernel_cache import choose_kernel_cache
 from benchmark.machine import pin_threads
+from benchmark.pipeline import recipes
 from benchmark.pipeline.storage.environment import PACKAGES, environment
 from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.remote import close_to_plugins
 from benchmark.source_code import suite_texts
 from benchmark.text import brief, say
 
@@ -51,34 +54,22 @@ SILENCE = 60.0
 #: Seconds for a worker to write down where a task is that is stopped.
 _LAST_WORDS = 10.0
 
+#: Parts of an inventory that decide what a worker computes.
+_PARTS = ("code", "packages", "plugin", "models")
+
 
 @dataclass
 class WorkerNode:
-    """A dask worker, as far as a run knows it.
-
-    Parameters
-    ----------
-    address, host, threads
-        Where it is, and how many tasks it takes at a time.
-    inspection
-        Its answer, in time, to the question what it has; see :func:`.inspect`.
-    is_ready
-        Whether that answer has come and is as it should be.
-    refusal
-        Why it is left out.
-    heartbeat, heard
-        Its last heartbeat by the clock of the scheduler, and when that was noticed here; never again once it is gone.
-    running
-        Number of the tasks that it is at.
-    """
+    """A dask worker with its inventory, as far as it has come, and the number of tasks that it is at."""
 
     address: str
     host: str
     threads: int
-    inspection: futures.Future[Any]
+    inventory: futures.Future[Any]
     is_ready: bool = False
     refusal: ConfigurationError | None = None
     heartbeat: float = 0.0
+    #: When a heartbeat was noticed here.
     heard: float = field(default_factory=time.monotonic)
     running: int = 0
 
@@ -96,9 +87,8 @@ class WorkerNode:
 class DaskPool:
     """The workers of a dask cluster; see :mod:`benchmark.execution.pools`.
 
-    Each is asked before it gets work whether it sees the results folder and what code, packages and data it has, and is
-    left out if it would do other work than was planned. Tasks are given to one worker by name, for a run wants to know
-    whose death costs what; dask itself tries nothing again.
+    Each is asked for its inventory before it gets work, and is left out if it would do other work than was planned.
+    Tasks are given to one worker by name, for a run wants to know whose death costs what; dask tries nothing again.
 
     Parameters
     ----------
@@ -124,7 +114,6 @@ class DaskPool:
         self._nodes: dict[str, WorkerNode] = {}
         self._info: dict[str, Any] = {}
         self._store = Store.open(jobs[0].results)
-        self._suite = suite()
         self._running: dict[str, Running] = {}
         try:
             with warnings.catch_warnings():
@@ -137,14 +126,12 @@ class DaskPool:
         self._client.subscribe_topic(self._name, self._hear)
         self._marker = self._store.progress / f"{os.getpid()}-{self._name}"
         self._marker.write_text(self._name, encoding="utf-8")
-        self._question = json.dumps(
-            {
-                "jobs": [to_json(replace(job, identifiers=(), trainings={})) for job in jobs],
-                "results": str(jobs[0].results),
-                "marker": str(self._marker),
-                "written": self._name,
-            }
-        )
+        self._inventory = suite() | {
+            "plugin": {name: source for job in jobs for name, source in job.recipe.get("plugin", {}).items()},
+            "models": {str(model.folder): card_digest(model.card) for job in jobs for model in job.models.values()},
+        }
+        texts = [to_json(replace(job, identifiers=(), trainings={})) for job in jobs]
+        self._question = json.dumps({"jobs": texts, "marker": str(self._marker), "written": self._name})
         self._reached = self._useful = time.monotonic()
         self._over = threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
@@ -168,7 +155,7 @@ class DaskPool:
         """Return what the run waits for where no worker can be used."""
         if self.size:
             return ""
-        asked = sum(not node.inspection.done() for node in self._nodes.values())
+        asked = sum(not node.inventory.done() for node in self._nodes.values())
         return f"{asked} workers of {self.url} say what they have" if asked else f"no worker at {self.url} yet"
 
     def begin(self, task: Task) -> Running:
@@ -185,12 +172,6 @@ class DaskPool:
         node.running += 1
         self._running[name] = Running(task, (node, answer))
         return self._running[name]
-
-    def _hear(self, event: tuple[float, Any]) -> None:
-        """Take note of how far a task is, as its worker says."""
-        name, *status = event[1]
-        if name in self._running:
-            self._running[name].status = Status(*status)
 
     def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
         """Wait a moment, then look who has come and who has gone.
@@ -221,30 +202,8 @@ class DaskPool:
         elif now - self._useful > _NOBODY:
             raise BenchmarkError(
                 f"no worker came to {self.url} in {_NOBODY:g} s",
-                f"start some, of distributed {self._suite['distributed']}, and run again; finished jobs are kept",
+                f"start some, of distributed {version('distributed')}, and run again; finished jobs are kept",
             )
-
-    def _update(self, running: Running) -> None:
-        """Look whether a task has ended."""
-        node, answer = running.worker
-        if answer.done():
-            self._take_answer(running, answer)
-        elif node.is_lost:
-            running.exit_code = LOST
-        if running.has_ended:
-            self.end(running)
-
-    def _take_answer(self, running: Running, answer: Answer) -> None:
-        try:
-            end = answer.result(timeout=SILENCE)
-        except Exception:  # cancelled, killed, or without an answer
-            running.exit_code = LOST
-            return
-        for record in end["records"]:  # a network file system may show them seconds later
-            if record["key"] not in self._store.records:
-                self._store.write_record(record)
-        running.status, running.trace = Status(*end["status"]), end["trace"]
-        running.is_finished, running.exit_code = end["is_finished"], end["exit_code"]
 
     def stop(self, running: Running) -> None:
         """End a task, after it has written down where it is."""
@@ -263,6 +222,30 @@ class DaskPool:
             _aside(partial(answer.cancel, force=True))
             node.running -= 1
 
+    def _hear(self, event: tuple[float, Any]) -> None:
+        """Take note of how far a task is, as its worker says."""
+        name, *status = event[1]
+        if name in self._running:
+            self._running[name].status = Status(*status)
+
+    def _update(self, running: Running) -> None:
+        """Look whether a task has ended."""
+        node, answer = running.worker
+        if answer.done():
+            try:
+                running.is_finished, running.exit_code, status, running.trace, records = answer.result(timeout=SILENCE)
+            except Exception:  # cancelled, killed, or without an answer
+                running.exit_code = LOST
+            else:
+                running.status = Status(*status)
+                for record in records:  # a network file system may show them seconds later
+                    if record["key"] not in self._store.records:
+                        self._store.write_record(record)
+        elif node.is_lost:
+            running.exit_code = LOST
+        if running.has_ended:
+            self.end(running)
+
     def _watch(self) -> None:
         """Ask the scheduler for its workers, again and again; in a thread, for it may never answer."""
         while not self._over.wait(INTERVAL * 5):
@@ -276,39 +259,33 @@ class DaskPool:
         for address, known in info.items():
             if address not in self._nodes:
                 # Not by a task, at which a worker without the suite would end.
-                inspection = _aside(
-                    partial(self._client.run, asyncio.to_thread, inspect, self._question, workers=[address])
-                )
-                self._nodes[address] = WorkerNode(address, known["host"], int(known["nthreads"]), inspection)
+                ask = partial(self._client.run, asyncio.to_thread, inspect, self._question, workers=[address])
+                self._nodes[address] = WorkerNode(address, known["host"], int(known["nthreads"]), _aside(ask))
             node = self._nodes[address]
             if node.heartbeat != known.get("last_seen"):
                 node.heartbeat, node.heard = known.get("last_seen", 0.0), time.monotonic()
-            if node.inspection.done() and not node.is_ready and not node.refusal:
+            if node.inventory.done() and not node.is_ready and not node.refusal:
                 self._admit(node)
         for address in self._nodes.keys() - info.keys():
             self._nodes.pop(address).heard = -inf
 
     def _admit(self, node: WorkerNode) -> None:
-        """Take the answer of a worker to the question what it has."""
+        """Compare the inventory of a worker with that of this machine."""
+        hint = "install there the suite and the packages that are here"
         try:
-            answer = json.loads(node.inspection.result()[node.address])
-            problem, hint = str(answer["problem"]), str(answer["hint"])
-            problem, hint = (problem, hint) if problem else (self._other_suite(node, answer), SAME_SUITE)
+            there = json.loads(node.inventory.result()[node.address])
+            hint, problem = there.get("hint", hint), there.get("problem", "")
+            if not problem:
+                parts = ((part, self._inventory[part], there[part]) for part in _PARTS)
+                problem = "; ".join(changed_names(part, here, other) for part, here, other in parts if here != other)
+        except KeyError:
+            problem = "another version of this suite"
         except Exception as error:  # the suite is not there, or the worker has gone
-            problem, hint = one_line(error), SAME_SUITE
+            problem = one_line(error)
         node.is_ready = not problem
         if problem:
             node.refusal = ConfigurationError(f"worker {node.address}: {brief(problem)}", hint)
             say(f"left out: {node.refusal}", err=True)
-
-    def _other_suite(self, node: WorkerNode, answer: Mapping[str, Any]) -> str:
-        """Say why the tasks of this run are none for the suite of a worker; "" if they are."""
-        if "suite" not in answer:
-            return "another version of this suite"
-        if (there := answer["suite"]["distributed"]) != (here := self._suite["distributed"]):
-            say(f"worker {node.address} has distributed {there}, this machine {here}", err=True)
-        parts = ((part, self._suite[part], answer["suite"][part]) for part in ("code", "packages"))
-        return "; ".join(changed_names(part, here, there) for part, here, there in parts if here != there)
 
 
 def _aside(call: Callable[[], T]) -> futures.Future[T]:
@@ -330,20 +307,18 @@ def _aside(call: Callable[[], T]) -> futures.Future[T]:
 # Plain values are taken and returned, never objects. A dask worker that runs for weeks may have older code in its
 # memory than is on its disk, and is left out then.
 
-#: Hint where a worker would do other work.
-SAME_SUITE = "install there the suite and the packages that are here"
-
 #: Code that this process has in its memory.
 _IN_MEMORY = suite_texts()
 
+#: Tasks to stop, after they have written down where they are.
 _stopped: set[str] = set()
 
 #: Processes of each thread of this worker, with the run that they work for: the code of another one may differ.
 _pools: dict[int, tuple[str, LocalPool]] = {}
 
 
-def do(description: str, run: str, name: str, share: int) -> dict[str, Any]:
-    """Do a task in a process beside this dask worker, and return how it ended.
+def do(description: str, run: str, name: str, share: int) -> tuple[bool, int | None, Any, str, list[Any]]:
+    """Do a task in a process beside this dask worker.
 
     The process ends when this worker is killed, or the cluster has cancelled the task, because its run is gone or has
     given it to another worker.
@@ -359,11 +334,9 @@ def do(description: str, run: str, name: str, share: int) -> dict[str, Any]:
 
     Returns
     -------
-    dict
-        ``is_finished``, ``exit_code``, ``status``, ``trace``, and ``records`` of those jobs that have one.
+    tuple
+        What :class:`benchmark.execution.pools.Running` tells of its end, and the records of those jobs that have one.
     """
-    from distributed import get_worker
-
     task, worker, pool = task_of(description), get_worker(), _pool(run, share)
     running = pool.begin(task)
     latest = running.status
@@ -379,14 +352,9 @@ def do(description: str, run: str, name: str, share: int) -> dict[str, Any]:
         if not running.has_ended:
             pool.end(running)
         _stopped.discard(name)
-    records = Store.open(task.jobs[0].results).records
-    return {
-        "is_finished": running.is_finished,
-        "exit_code": running.exit_code if running.has_ended else LOST,
-        "status": astuple(running.status),
-        "trace": running.trace,
-        "records": [record for job in task.jobs if (record := records.read(job.key))],
-    }
+    code = running.exit_code if running.has_ended else LOST
+    found = (Store.open(task.jobs[0].results).records.read(job.key) for job in task.jobs)
+    return running.is_finished, code, astuple(running.status), running.trace, list(filter(None, found))
 
 
 def _pool(run: str, share: int) -> LocalPool:
@@ -413,71 +381,45 @@ def _is_wanted(worker: Any, name: str) -> bool:
     return task is not None and task.state in ("executing", "long-running")
 
 
-def inspect(message: str) -> str:
-    """Look why this machine would do other work than was planned.
+def inspect(question: str) -> str:
+    """Return, as JSON, what decides the results of some jobs on this machine, or ``problem`` and ``hint``.
 
     Parameters
     ----------
-    message
-        JSON with ``jobs`` as :func:`benchmark.execution.job_specs.to_json` writes them; ``results``, the folder;
-        ``marker``, a file in it, and what is ``written`` there.
-
-    Returns
-    -------
-    str
-        JSON with ``problem`` and ``hint``, both empty if this machine will do; and ``suite``; see :func:`suite`.
+    question
+        JSON with ``jobs`` as :func:`benchmark.execution.job_specs.to_json` writes them, ``marker``, a file in the
+        results folder, and what is ``written`` there.
     """
     guard = Guard("the inspection of this machine", "look at the log of the worker")
     try:
-        answer = call_apart(_inspect, json.loads(message), guard=guard)
+        found = call_apart(_inventory, json.loads(question), guard=guard)
+        if found["code"] != _IN_MEMORY:
+            raise ConfigurationError("its code has changed since it started", "start the worker again")
     except BenchmarkError as error:
-        return json.dumps({"problem": error.problem, "hint": error.hint})
-    if not answer["problem"] and answer["suite"]["code"] != _IN_MEMORY:
-        answer |= {"problem": "its code has changed since it started", "hint": "start the worker again"}
-    return json.dumps(answer)
+        found = {"problem": error.problem, "hint": error.hint}
+    return json.dumps(found)
 
 
-def _inspect(question: Mapping[str, Any]) -> dict[str, Any]:
-    from benchmark.plugins.remote import close_to_plugins
-
-    if not _is_shared(Path(question["marker"]), question["written"]):
-        return {
-            "problem": f"it does not see the results folder {question['results']}, or may not write there",
-            "hint": "mount the folder there under the same path, or run parts with --shard and merge them",
-        }
+def _inventory(question: Mapping[str, Any]) -> dict[str, Any]:
+    marker = Path(question["marker"])
+    if not _is_shared(marker, question["written"]):
+        raise ConfigurationError(
+            f"it does not see the results folder {marker.parents[2]}, or may not write there",
+            "mount the folder there under the same path, or run parts with --shard and merge them",
+        )
     close_to_plugins()
-    problems: dict[str, None] = {}
-    for description in question["jobs"]:
-        try:
-            problems |= dict.fromkeys(_differences(job_of(description)))
-        except BenchmarkError as error:
-            problems[str(error)] = None
-        except Exception as error:  # a plugin may raise anything
-            problems[one_line(error)] = None
-    return {"problem": "; ".join(problems), "hint": SAME_SUITE if problems else "", "suite": suite()}
-
-
-def _differences(job: Job) -> Iterator[str]:
-    """Say which plugin and models of a job are others here."""
-    from benchmark.api.learning import card_digest, read_card
-    from benchmark.datasets.catalogue import open_dataset
-    from benchmark.execution.plan import difference
-    from benchmark.pipeline import recipes
-
-    dataset = open_dataset(job.dataset, job.data_root)
-    now = {"plugin": None, **recipes.job_plugins(dataset, job.method, job.scorer)}
-    if now["plugin"] != job.recipe.get("plugin"):
-        yield difference({"plugin": job.recipe.get("plugin")}, now)
-    for model in job.models.values():
-        if card_digest(read_card(model.folder)) != card_digest(model.card):
-            yield f"another model {model.training} ({model.digest})"
+    found = suite() | {"plugin": {}, "models": {}}
+    for job in map(job_of, question["jobs"]):
+        dataset = open_dataset(job.dataset, job.data_root)
+        found["plugin"] |= recipes.job_plugins(dataset, job.method, job.scorer).get("plugin", {})
+        found["models"] |= {str(model.folder): card_digest(read_card(model.folder)) for model in job.models.values()}
+    return found
 
 
 def suite() -> dict[str, Any]:
-    """Return digests of the ``code`` of this machine, and versions of its ``packages`` and of ``distributed``."""
+    """Return digests of the ``code`` of this machine and versions of its ``packages``."""
     known = environment()
-    packages = {name: known[name] for name in PACKAGES if name in known}
-    return {"code": suite_texts(), "packages": packages, "distributed": version("distributed")}
+    return {"code": suite_texts(), "packages": {name: known[name] for name in PACKAGES if name in known}}
 
 
 def _is_shared(marker: Path, written: str) -> bool:

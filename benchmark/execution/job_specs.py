@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -128,49 +128,47 @@ def _package(module: str) -> str:
     return module if module.endswith(".py") else module.partition(".")[0]
 
 
-class ShapeBatch(msgspec.Struct, frozen=True, tag=True):
-    """Some shapes of a data set under one input, each to be treated by several methods before the next one.
+class Task(msgspec.Struct, frozen=True):
+    """A part of some jobs, for one process: shapes to treat, or a block of distances, or else the ranking.
 
     Parameters
     ----------
     jobs
-        Jobs of one data set, input, seed and package; each treats those of the shapes that are in its gallery.
+        Jobs of shapes share data set, input, seed and package; a block has one job.
     identifiers
-        The shapes.
-    is_repeat
-        Whether the shapes are counted with another batch, which treats them, too.
+        Shapes, each to be treated by all of the jobs that have it in their gallery before the next one.
+    block
+        Draw of the scorer, and number of the first shape, of a block of shapes to compare with those before it.
+    is_part
+        Whether it was cut from another task: it is not counted, not joined with others and not cut again.
     """
 
     jobs: tuple[Job, ...]
-    identifiers: tuple[str, ...]
-    is_repeat: bool = False
+    identifiers: tuple[str, ...] = ()
+    block: tuple[int | None, int] | None = None
+    is_part: bool = False
 
 
-class ScoringTask(msgspec.Struct, frozen=True, tag=True):
-    """The second half of jobs: all their shapes are treated, and are to be ranked."""
-
-    jobs: tuple[Job, ...]
-
-
-class ComparisonTask(msgspec.Struct, frozen=True, tag=True):
-    """Comparing a block of shapes of one job with those before it, all of them treated, under one draw of its scorer.
+@dataclass(frozen=True)
+class Status:
+    """Progress of a task, as its process said last.
 
     Parameters
     ----------
-    jobs
-        The job alone.
-    draw
-        The draw.
-    start
-        Number of the first shape of the block.
+    job
+        Key of the job that it is at; "" before the first one.
+    steps
+        Shapes of its batch that are behind it.
+    shape
+        Identifier of the shape that it is at; "" between shapes.
+    is_starting
+        Whether a process starts that imports the plugin of the job, which is no work of the job.
     """
 
-    jobs: tuple[Job, ...]
-    draw: int | None
-    start: int = 0
-
-
-Task = ShapeBatch | ScoringTask | ComparisonTask
+    job: str = ""
+    steps: int = 0
+    shape: str = ""
+    is_starting: bool = False
 
 
 def to_json(task: Task | Job) -> str:
@@ -180,7 +178,7 @@ def to_json(task: Task | Job) -> str:
 
 def task_of(text: str) -> Task:
     """Return the task that was written; raises ``ConfigurationError`` if there is no such method or scorer here."""
-    return _read(text, Task)  # type: ignore[arg-type]
+    return _read(text, Task)
 
 
 def job_of(text: str) -> Job:
@@ -192,45 +190,35 @@ def _read(text: str, kind: type[T]) -> T:
     return msgspec.convert(json.loads(text), kind, dec_hook=lambda custom, value: custom(value))
 
 
-def shape_batches(jobs: list[Job]) -> list[ShapeBatch]:
-    """Cut the first half of jobs into batches.
+def first_tasks(jobs: Iterable[Job]) -> list[Task]:
+    """Cut the shapes of jobs into tasks; a job whose distances are kept is ranked at once.
 
     Jobs that treat the same shapes go together, so that a shape is prepared, and its geodesics are computed, once for
-    all methods. Large files come first, each in a batch of its own: at the end, all would wait for the last of them.
+    all methods. Large files come first: at the end, all would wait for the last of them.
     """
+    tasks: list[Task] = []
     groups: dict[tuple[Any, ...], list[Job]] = {}
     for job in jobs:
-        place = (job.dataset, job.data_root, job.input, job.seed, job.results, job.package)
-        groups.setdefault(place, []).append(job)
-    batches: list[ShapeBatch] = []
-    large: dict[tuple[Any, ...], tuple[int, ShapeBatch]] = {}
-    for place, group in groups.items():
-        if again := tuple(job for job in group if job.ranks_again):
-            batches.append(ShapeBatch(again, ()))
-            group = [job for job in group if not job.ranks_again]
-        identifiers = list(dict.fromkeys(identifier for job in group for identifier in job.identifiers))
-        sizes = {identifier: size for job in group for identifier, size in job.large_files.items()}
+        if job.ranks_again:
+            tasks.append(Task((job,)))
+        else:
+            place = (job.dataset, job.data_root, job.input, job.seed, job.results, job.package)
+            groups.setdefault(place, []).append(job)
+    for group in groups.values():
+        sizes = {identifier: job.large_files.get(identifier, 0) for job in group for identifier in job.identifiers}
+        identifiers = sorted(sizes, key=lambda identifier: -sizes[identifier])
         if any(job.is_foreign for job in group):  # galleries are sorted by class; neither order nor size is to tell it
-            sizes = {}
             secrets.SystemRandom().shuffle(identifiers)
-        for identifier in [name for name in identifiers if name in sizes]:
-            shape = (*place[:3], identifier)
-            if shape not in large:  # what others of the same shape find prepared takes them no longer than any other
-                large[shape] = sizes[identifier], _batch(group, (identifier,))
-                identifiers.remove(identifier)
-        starts = range(0, len(identifiers), LARGEST_BATCH)
-        batches += [_batch(group, tuple(identifiers[start : start + LARGEST_BATCH])) for start in starts]
-    return [batch for _, batch in sorted(large.values(), key=lambda pair: -pair[0])] + batches
+        for start in range(0, len(identifiers), LARGEST_BATCH):
+            chosen = tuple(identifiers[start : start + LARGEST_BATCH])
+            tasks.append(Task(tuple(job for job in group if not set(chosen).isdisjoint(job.identifiers)), chosen))
+    return tasks
 
 
-def _batch(group: list[Job], chosen: tuple[str, ...]) -> ShapeBatch:
-    return ShapeBatch(tuple(job for job in group if not set(chosen).isdisjoint(job.identifiers)), chosen)
-
-
-def comparison_tasks(job: Job) -> list[ComparisonTask]:
-    """Cut the ranking of a job into blocks of rows under each draw; code of plugins compares a gallery at once."""
+def comparison_tasks(job: Job) -> list[Task]:
+    """Cut the distances of a job into blocks of rows under each draw; code of plugins compares a gallery at once."""
     starts = range(0, 1 if job.method.describes or job.scorer.is_foreign else len(job.identifiers), BLOCK)
-    return [ComparisonTask((job,), draw, start) for draw in draws_of(job.method, job.scorer) for start in starts]
+    return [Task((job,), block=(draw, start)) for draw in draws_of(job.method, job.scorer) for start in starts]
 
 
 #: Shapes in one batch.

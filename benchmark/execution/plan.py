@@ -16,6 +16,7 @@ from benchmark.execution.processes.opened_files import changed_files
 from benchmark.pipeline import recipes
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.lock import edited, key_of, words_of_edit
+from benchmark.pipeline.storage.record_schema import chance_of_labels
 from benchmark.pipeline.storage.records import NO_SCORER, Place, Record, by_place, models_proven_by
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import MethodSpec
@@ -23,7 +24,6 @@ from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
-from retrieval.chance import chance_levels
 
 #: Recipe parts in the order in which a change is worth telling.
 PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "versions", "plugin")
@@ -80,13 +80,8 @@ def data_facts(gallery: Gallery) -> dict[str, Any]:
         "quick": gallery.quick,
         "n_shapes": len(subjects),
         "n_classes": len(set(subjects)),
-        "chance": _chance(subjects),
+        "chance": chance_of_labels(subjects),
     }
-
-
-@cache
-def _chance(subjects: tuple[str, ...]) -> dict[str, float]:
-    return chance_levels(subjects)
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,15 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
-from benchmark.execution.job_specs import Task, task_of, to_json
+from benchmark.execution.job_specs import Status, Task, task_of, to_json
 from benchmark.execution.processes.channel import Facts, wait_for
 from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Requester
+from benchmark.execution.runner import work
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.storage import lock
 from benchmark.pipeline.storage.store import StorageError
@@ -38,28 +39,6 @@ _SMALLEST = 2**29
 
 #: Seconds for which a process waits for its next task.
 _IDLE = 30.0
-
-
-@dataclass(frozen=True)
-class Status:
-    """Progress of a task, as its process said last.
-
-    Parameters
-    ----------
-    job
-        Key of the job that it is at; "" before the first one.
-    steps
-        Shapes of its batch that are behind it.
-    shape
-        Identifier of the shape that it is at; "" between shapes.
-    is_starting
-        Whether a process starts that imports the plugin of the job, which is no work of the job.
-    """
-
-    job: str = ""
-    steps: int = 0
-    shape: str = ""
-    is_starting: bool = False
 
 
 class Running:
@@ -205,7 +184,7 @@ class PoolHere(LocalPool):
                 running.status = status
                 look()
 
-            _work(running.task, note)
+            work(running.task, note)
             running.is_finished = True
 
     def end(self, running: Running) -> None:
@@ -226,13 +205,7 @@ def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> t
     close_to_plugins(lambda is_starting: report(replace(latest, is_starting=is_starting)))
     lock.forget()  # the code may have changed since the task before
     try:
-        _work(task_of(facts["task"]), report)
+        work(task_of(facts["task"]), report)
     except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
         os._exit(UNWRITTEN)
     return {}, {}
-
-
-def _work(task: Task, report: Callable[[Status], object]) -> None:
-    from benchmark.execution.runner import work
-
-    work(task, lambda job, steps, shape="": report(Status(job, steps, shape)))

@@ -1,4 +1,4 @@
-"""Work of a worker: treat the shapes of a batch, compare a block of a gallery, or rank it and write its record."""
+"""Work of a process: treat shapes, compare a block of a gallery, or rank it and write its record."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any, Protocol
+from typing import Any
 
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message
-from benchmark.execution.job_specs import ComparisonTask, Job, ScoringTask, ShapeBatch, Task, job_of
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message, one_line
+from benchmark.execution.job_specs import Job, Status, Task, job_of
 from benchmark.execution.plan import CHANGED, UNSAVED, difference
 from benchmark.execution.processes.process import ForeignError, is_child
 from benchmark.pipeline import recipes
@@ -25,37 +26,31 @@ from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.remote import close_to_plugins
 
-
-class Tell(Protocol):
-    """Told which job a worker is at, how many steps are behind it, and at which shape or part of a ranking it is."""
-
-    def __call__(self, job: str, steps: int, shape: str = "") -> object: ...  # noqa: D102
-
-
 #: The gallery that this process compared last, by the key of its job: its next block needs the same.
 _compared: dict[str, GalleryRanking] = {}
 
 
-def work(task: Task, tell: Tell) -> None:
+def work(task: Task, tell: Callable[[Status], object]) -> None:
     """Do a task; whatever goes wrong becomes the record of the job in which it went wrong.
 
     Parameters
     ----------
     task
-        Shapes to treat, a gallery to rank, or a block of one to compare for that.
+        The task.
     tell
         Told before each step.
     """
-    if not (isinstance(task, ComparisonTask) and task.jobs[0].key in _compared):
+    if not (task.block and task.jobs[0].key in _compared):
         _compared.clear()
-    if isinstance(task, ShapeBatch):
+    if task.identifiers:
         _treat(task, tell)
         return
     for done, job in enumerate(task.jobs):
-        tell(job.key, done)
+        status = Status(job.key, done)
+        tell(status)
         store = Store.open(job.results)
         with _guarded(job, store):
-            _rank(job, store, task, lambda part, key=job.key, done=done: tell(key, done, part))  # type: ignore[misc]
+            _rank(job, store, task, lambda part, status=status: tell(replace(status, shape=part)))  # type: ignore[misc]
 
 
 def keep(job: Job, store: Store, content: Mapping[str, Any]) -> Record:
@@ -101,14 +96,14 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
         say(entry.identifier)
 
 
-def _treat(batch: ShapeBatch, tell: Tell) -> None:
+def _treat(task: Task, tell: Callable[[Status], object]) -> None:
     """Treat each shape by all methods in turn; a job that has failed, here or in another batch, is left alone."""
-    store = Store.open(batch.jobs[0].results)
+    store = Store.open(task.jobs[0].results)
     preparation: Preparation | None = None
     runs: dict[str, MethodRun] = {}
-    made: dict[str, list[str]] = {job.key: [] for job in batch.jobs}
-    for job in batch.jobs:
-        tell(job.key, 0)
+    made: dict[str, list[str]] = {job.key: [] for job in task.jobs}
+    for job in task.jobs:
+        tell(Status(job.key))
         with _guarded(job, store):
             preparation = preparation or _preparation(job, store)
             _require_same_code(job, preparation.dataset)
@@ -116,20 +111,20 @@ def _treat(batch: ShapeBatch, tell: Tell) -> None:
     if preparation is None:
         return
     entries = {entry.identifier: entry for entry in preparation.dataset.entries}
-    shapes_of = {job.key: frozenset(job.identifiers) for job in batch.jobs}
-    for done, identifier in enumerate(batch.identifiers):
-        for job in batch.jobs:
+    shapes_of = {job.key: frozenset(job.identifiers) for job in task.jobs}
+    for done, identifier in enumerate(task.identifiers):
+        for job in task.jobs:
             if identifier not in shapes_of[job.key] or job.key not in runs or job.key in store.records:
                 continue
-            tell(job.key, done, identifier)
+            tell(Status(job.key, done, identifier))
             with _guarded(job, store, identifier), suppress(ShapeError):  # ranking finds the reason in the store
                 result = runs[job.key].treat(entries[identifier])
                 made[job.key] += [artefact.key for artefact in result.artefacts if not artefact.was_cached]
     lock.forget()
-    for job in batch.jobs:
+    for job in task.jobs:
         if job.key in store.records:
             continue
-        tell(job.key, len(batch.identifiers))
+        tell(Status(job.key, len(task.identifiers)))
         with _guarded(job, store):
             try:
                 _require_same_code(job, preparation.dataset)
@@ -139,7 +134,7 @@ def _treat(batch: ShapeBatch, tell: Tell) -> None:
                 raise
 
 
-def _rank(job: Job, store: Store, task: ScoringTask | ComparisonTask, tell: Callable[[str], object]) -> None:
+def _rank(job: Job, store: Store, task: Task, tell: Callable[[str], object]) -> None:
     """Write the record of a job whose shapes are treated, or keep a block of distances for that."""
     begun = time.perf_counter()
     ranking = _compared.get(job.key)
@@ -149,9 +144,9 @@ def _rank(job: Job, store: Store, task: ScoringTask | ComparisonTask, tell: Call
         run = _method_run(job, preparation, store)
         ranking = GalleryRanking(run, _entries(job.identifiers, preparation.dataset))
     ranking.tell = tell
-    if isinstance(task, ComparisonTask):
+    if task.block:
         _compared[job.key] = ranking
-        ranking.compare(task.draw, task.start)
+        ranking.compare(*task.block)
     elif ranking.results:
         keep(job, store, ranking.content(job.split_size, begun))
     else:
@@ -215,5 +210,4 @@ def _guarded(job: Job, store: Store, identifier: str = "") -> Iterator[None]:
     except BaseException as error:  # also what ends a program: a method must not end the run
         if isinstance(error, KeyboardInterrupt) and not is_child():
             raise  # somebody interrupts jobs that are done in this process
-        reason = ": ".join(filter(None, (type(error).__name__, message(error))))
-        keep(job, store, failure("failed", f"{where}{reason}", traceback.format_exc()))
+        keep(job, store, failure("failed", f"{where}{one_line(error)}", traceback.format_exc()))

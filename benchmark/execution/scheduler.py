@@ -5,22 +5,15 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from math import ceil
 
 from msgspec.structs import replace
 
 from benchmark.errors import BenchmarkError
 from benchmark.execution.claims import Claims
-from benchmark.execution.job_specs import (
-    ComparisonTask,
-    Job,
-    ScoringTask,
-    ShapeBatch,
-    Task,
-    comparison_tasks,
-    shape_batches,
-)
+from benchmark.execution.job_specs import Job, Task, comparison_tasks, first_tasks
 from benchmark.execution.plan import UNSAVED
 from benchmark.execution.pools import LOST, UNWRITTEN, Pool, Running
 from benchmark.execution.processes.process import BIRTH, BY_HAND, ending
@@ -28,14 +21,10 @@ from benchmark.execution.runner import failure, keep
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 
-#: Deaths by somebody else's hand after which a job is not tried again.
-_MAX_RETRIES = 2
+#: Times that a job may die by somebody else's hand, or with its machine, before it is not tried again.
+_MAX_DEATHS, _MAX_LOSSES = 2, 5
 
-#: Machines that may be lost with a job before it is not tried again: it may be the job that brings them down.
-_MACHINES = 5
-
-#: Processes that may die one after the other before they begin, which is no fault of a job, and how often the system
-#: may refuse to start one while none runs.
+#: Processes that may fail in turn to start, or to begin, which is no fault of a job.
 _MAX_FAILED_STARTS = 6
 
 #: Seconds before the system is asked again for a process that it refused.
@@ -44,189 +33,186 @@ _PATIENCE = 1.0
 #: Told what runs, jobs with the shapes that they are at, and how many shapes are done in all.
 Watch = Callable[[Sequence[str], int], None]
 
-
 #: Shapes from which on it takes longer to compare a gallery than to hand out a task and read its signatures again.
 LARGE = 200
 
-#: Shapes in the smallest part of a batch: with code of a plugin, a process is started for each.
+#: Shapes in the smallest part of a task: with code of a plugin, a process is started for each.
 SMALLEST_PART = 5
 
 
+@dataclass
 class JobQueue:
-    """The jobs of a run, cut into tasks; true while anything waits.
+    """The tasks of a run that wait; true while there are any.
 
-    A job is treated, batch by batch, then ranked; where workers would be idle, its draws are compared apart before.
+    The shapes of a job are treated, then it is ranked; where workers would be idle, its distances are made in blocks
+    before. Its record ends it, whoever wrote it.
 
     Parameters
     ----------
-    jobs
-        The jobs.
+    pending
+        Jobs that have not ended, by key.
     store
         Where their records are.
     claims
         The jobs that other runs are at.
+    elsewhere
+        Those of them that are among the jobs.
+    shapes_done
+        Number of shapes that are behind the tasks of the run.
     """
 
-    def __init__(self, jobs: Iterable[Job], store: Store, claims: Claims) -> None:
-        self.pending = {job.key: job for job in jobs}
-        self.elsewhere: dict[str, Job] = {}
-        self.shapes_done = 0
-        self._store = store
-        self._claims = claims
-        self._batches: deque[ShapeBatch] = deque()
-        self._to_rank: list[Job] = []
-        #: Tasks that come before all others: draws to compare, and jobs that are tried once more alone.
-        self._first: deque[Task] = deque()
-        #: Batches, or draws, of a job that wait or are at work; when there are none, it is ranked.
-        self._open: Counter[str] = Counter()
-        self._cut(self.pending.values())
+    pending: dict[str, Job]
+    store: Store
+    claims: Claims
+    elsewhere: dict[str, Job] = field(default_factory=dict)
+    shapes_done: int = 0
+    _shapes: deque[Task] = field(default_factory=deque)
+    _rankings: deque[Task] = field(default_factory=deque)
+    #: Tasks of each job that wait or are at work.
+    _open: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self._add(first_tasks(self.pending.values()))
 
     def __bool__(self) -> bool:
-        return any(map(bool, (self._batches, self._first, self._to_rank, self.elsewhere)))
+        return bool(self._shapes or self._rankings or self.elsewhere)
 
     def take(self, free: int, workers: int) -> Task | None:
-        """Return a task for one of the free workers: jobs to rank, else shapes to treat; None if nothing is ready.
-
-        Where fewer jobs are to be ranked than could be, and all shapes are given out, draws are compared apart.
-        """
-        if workers > 1 and not self._batches and len(self._to_rank) < max(free, 2):
-            self._share_out()
-        while self._first:
-            task = self._first.popleft()
-            if task.jobs[0].key not in self._store.records:
-                return task
-        if self._to_rank:  # small ones are shared among them: starting a process for each would take longer
-            count = 1 if _is_large(self._to_rank[0]) else ceil(len(self._to_rank) / free)
-            chosen, self._to_rank = self._to_rank[:count], self._to_rank[count:]
-            return ScoringTask(tuple(chosen))
-        while self._batches:
-            batch = self._batches[0]
-            for job in batch.jobs:
-                self._claim(job)
-            if self._batches and self._batches[0] is batch:
-                return self._part_of_first(workers)
+        """Return a task for one of the free workers; None if nothing is ready."""
+        for waiting in (self._rankings, self._shapes):
+            while waiting:
+                if others := [job for job in waiting[0].jobs if not self._claim(job)]:
+                    self._drop(*(job.key for job in others))
+                    continue
+                task = waiting.popleft()
+                return self._part_of(task, workers) if task.identifiers else self._ranking(task, free, workers)
         return None
 
-    def put_back(self, task: Task, shapes_done: int = 0, without: str = "") -> None:
-        """Let a task wait again that no worker has finished.
+    def finish(self, task: Task) -> None:
+        """Take note that a task is done; a job that has no other one is ranked, or over."""
+        self.shapes_done += 0 if task.is_part else len(task.identifiers)
+        for job in task.jobs:
+            self._open[job.key] -= 1
+            if not self._open[job.key] and job.key not in self.store.records and (task.identifiers or task.block):
+                self._add([Task((job,), is_part=bool(task.block))])
+
+    def put_back(self, task: Task, done: int = 0, without: str = "", *, apart: bool = False) -> None:
+        """Let the rest of a task wait again.
 
         Parameters
         ----------
         task
             The task.
-        shapes_done
-            Shapes of a batch that are behind it.
+        done
+            Number of its shapes that are behind it.
         without
-            Key of the job of it that is over; "" if none is.
+            Key of a job that is over; "" if none is.
+        apart
+            Whether that job is not over, but waits for a process of its own.
         """
-        left = tuple(job for job in task.jobs if job.key != without)
-        if isinstance(task, ComparisonTask):
-            self._first.append(task)  # passed over where its job has a record by now
+        left = task.identifiers[done:]
+        if apart:
+            alone = tuple(job for job in task.jobs if job.key == without)
+            self._rankings.appendleft(Task(alone, left, task.block, is_part=True))
+        elif without:
+            self._drop(without)
+        jobs = tuple(job for job in task.jobs if job.key != without)
+        if not jobs or (task.identifiers and not left):
+            self.finish(replace(task, jobs=jobs))
             return
-        if isinstance(task, ScoringTask):
-            self._to_rank += [job for job in left if job.key not in self._store.records]
-            return
-        if without:
-            self._open[without] -= 1
-        rest = task.identifiers[shapes_done:] if left else ()
-        self.shapes_done += 0 if task.is_repeat else len(task.identifiers) - len(rest)
-        if rest:
-            self._batches.appendleft(replace(task, jobs=left, identifiers=rest))
-            return
-        for job in left:  # after its last batch a job is ranked, before further shapes
-            self._open[job.key] -= 1
-            if not self._open[job.key] and job.key not in self._store.records:
-                self._to_rank.append(job)
-
-    def set_apart(self, task: Task, shapes_done: int, key: str) -> None:
-        """Let a task wait again that no worker has finished, and one of its jobs for a process of its own."""
-        apart = replace(task, jobs=tuple(job for job in task.jobs if job.key == key))
-        if isinstance(apart, ShapeBatch):
-            apart = replace(apart, identifiers=apart.identifiers[shapes_done:], is_repeat=True)
-            self._open[key] += 1
-        self._first.append(apart)
-        self.put_back(task, shapes_done, without=key)
-
-    def finish(self, task: Task) -> None:
-        """Take note that a worker has finished a task."""
-        if isinstance(task, ShapeBatch):
-            self.put_back(task, len(task.identifiers))
-        elif isinstance(task, ComparisonTask):
-            (job,) = task.jobs
-            self._open[job.key] -= 1
-            if not self._open[job.key] and job.key not in self._store.records:
-                self._first.append(ScoringTask(task.jobs))
+        self.shapes_done += 0 if task.is_part else len(task.identifiers) - len(left)
+        waiting = self._shapes if left and not task.is_part else self._rankings
+        waiting.appendleft(replace(task, jobs=jobs, identifiers=left))
 
     def take_over(self) -> None:
         """Take over what another run has given up; what it has done is handed on like everything else."""
-        free = [job for key, job in self.elsewhere.items() if self._claims.take(key)]
+        free = [job for key, job in self.elsewhere.items() if self.claims.take(key)]
         for job in free:
             del self.elsewhere[job.key]
-        self._cut(job for job in free if job.key not in self._store.records)
+        self._add(first_tasks(job for job in free if job.key not in self.store.records))
 
-    def ended(self, busy: Collection[str]) -> Iterator[tuple[Job, Record]]:
-        """Hand on the records of the jobs that have ended, without those whose keys a worker is busy with."""
-        waiting = {*busy, *self.elsewhere, *(job.key for job in self._to_rank)}
-        waiting |= {job.key for task in self._first for job in task.jobs}
+    def ended(self) -> Iterator[tuple[Job, Record]]:
+        """Hand on the records of the jobs that have ended."""
         for key, job in list(self.pending.items()):
-            if key in self._store.records and (not self._open[key] or key not in busy):
-                reason = "the job left no record"
-                record = self._store.records.read(key) or keep(job, self._store, failure("crashed", reason))
-            elif not self._open[key] and key not in waiting:
-                record = keep(job, self._store, failure("crashed", "ranking left no record; run it again"))
-            else:
+            if key not in self.store.records and (self._open[key] or key in self.elsewhere):
                 continue
+            reason = "the job left no record; run it again"
+            record = self.store.records.read(key) or keep(job, self.store, failure("crashed", reason))
             del self.pending[key]
             self.elsewhere.pop(key, None)
             yield job, record
-            self._claims.release(key)
+            self.claims.release(key)
 
-    def _cut(self, jobs: Iterable[Job]) -> None:
-        for batch in shape_batches(list(jobs)):
-            self._batches.append(batch)
-            self._open.update(job.key for job in batch.jobs)
+    def _add(self, tasks: Iterable[Task]) -> None:
+        for task in tasks:
+            (self._shapes if task.identifiers else self._rankings).append(task)
+            self._open.update(job.key for job in task.jobs)
 
-    def _part_of_first(self, workers: int) -> ShapeBatch:
-        """Take the first batch, or where little is left a part of it, so that no worker ends long before the others.
+    def _claim(self, job: Job) -> bool:
+        """Claim a job; False where another run is at it, or it has its record."""
+        if self.claims.has(job.key) or self.claims.take(job.key):
+            return job.key not in self.store.records
+        self.elsewhere[job.key] = job
+        return False
+
+    def _drop(self, *keys: str) -> None:
+        """Leave jobs out of all tasks that wait."""
+        for waiting in (self._rankings, self._shapes):
+            tasks = list(waiting)
+            waiting.clear()
+            for task in tasks:
+                if jobs := tuple(job for job in task.jobs if job.key not in keys):
+                    waiting.append(replace(task, jobs=jobs))
+                elif not task.is_part:
+                    self.shapes_done += len(task.identifiers)
+        for key in keys:
+            self._open[key] = 0
+
+    def _part_of(self, task: Task, workers: int) -> Task:
+        """Return a task of shapes, or where little is left a part of it: no worker is to end long before the others.
 
         A share of what is left for each worker: guided self-scheduling (Polychronopoulos and Kuck, IEEE Transactions on
         Computers C-36, 1987).
         """
-        batch = self._batches.popleft()
-        left = sum(len(each.identifiers) * len(each.jobs) for each in (batch, *self._batches))
-        most = max(SMALLEST_PART, ceil(left / (workers * len(batch.jobs))))
-        parts = ceil(len(batch.identifiers) / most)
-        if parts > 1:
-            end = ceil(len(batch.identifiers) / parts)
-            self._batches.appendleft(replace(batch, identifiers=batch.identifiers[end:]))
-            self._open.update(job.key for job in batch.jobs)
-            batch = replace(batch, identifiers=batch.identifiers[:end])
-        return batch
+        left = sum(len(other.identifiers) * len(other.jobs) for other in (task, *self._shapes))
+        most = max(SMALLEST_PART, ceil(left / (workers * len(task.jobs))))
+        parts = ceil(len(task.identifiers) / most)
+        if parts == 1 or task.is_part:
+            return task
+        end = ceil(len(task.identifiers) / parts)
+        self._shapes.appendleft(replace(task, identifiers=task.identifiers[end:]))
+        self._open.update(job.key for job in task.jobs)
+        return replace(task, identifiers=task.identifiers[:end])
 
-    def _share_out(self) -> None:
-        """Let the large jobs that wait be compared block by block; they are ranked when all blocks are."""
-        for job in [job for job in self._to_rank if _is_large(job)]:
-            if len(tasks := comparison_tasks(job)) > 1:
-                self._to_rank.remove(job)
-                self._first += tasks
-                self._open[job.key] = len(tasks)
+    def _ranking(self, task: Task, free: int, workers: int) -> Task:
+        """Return a task of a ranking: the first block of a large one where workers would be idle, else several small.
 
-    def _claim(self, job: Job) -> None:
-        """Claim a job, or leave it out of all batches where another run is at it or has done it."""
-        if self._claims.has(job.key):
-            return
-        if not self._claims.take(job.key):
-            self.elsewhere[job.key] = job
-        elif job.key not in self._store.records:
-            return
-        self._open[job.key] = 0
-        batches_left = [(batch, tuple(o for o in batch.jobs if o.key != job.key)) for batch in self._batches]
-        self.shapes_done += sum(len(batch.identifiers) for batch, left in batches_left if not left)
-        self._batches = deque(replace(batch, jobs=left) for batch, left in batches_left if left)
+        Starting a process for each small one would take longer.
+        """
+        if task.is_part or task.block:
+            return task
+        if _is_large(task):
+            is_end = workers > 1 and not self._shapes and len(self._rankings) < max(free, 2)
+            first, *others = comparison_tasks(task.jobs[0]) if is_end else (task,)
+            if not others:
+                return task
+            self._rankings.extendleft(reversed(others))
+            self._open[task.jobs[0].key] += len(others)
+            return first
+        small = [
+            other
+            for other in self._rankings
+            if not (other.identifiers or other.block or other.is_part or _is_large(other))
+        ]
+        for other in small[: ceil((len(small) + 1) / free) - 1]:
+            if all(map(self._claim, other.jobs)):
+                self._rankings.remove(other)
+                task = replace(task, jobs=task.jobs + other.jobs)
+        return task
 
 
-def _is_large(job: Job) -> bool:
-    return len(job.identifiers) >= LARGE and not job.ranks_again
+def _is_large(task: Task) -> bool:
+    return any(len(job.identifiers) >= LARGE and not job.ranks_again for job in task.jobs)
 
 
 class Scheduler:
@@ -251,14 +237,14 @@ class Scheduler:
 
     def __init__(self, jobs: Sequence[Job], pool: Pool, claims: Claims, timeout: float | None, watch: Watch) -> None:
         self._store = Store.open(jobs[0].results)
-        self._queue = JobQueue(jobs, self._store, claims)
+        self._queue = JobQueue({job.key: job for job in jobs}, self._store, claims)
         self._pool = pool
         self._timeout = timeout
         self._watch = watch
         self._running: list[Running] = []
         self._seconds: defaultdict[str, float] = defaultdict(float)
         self._deaths: Counter[str] = Counter()
-        self._failed_starts = self._refusals = 0
+        self._failed_starts = 0
         self._not_before = 0.0
 
     def records(self) -> Iterator[tuple[Job, Record]]:
@@ -278,7 +264,7 @@ class Scheduler:
                     self._look_at(running)
                 self._queue.take_over()
                 self._tell()
-                yield from self._queue.ended({key for running in self._running for key in running.keys})
+                yield from self._queue.ended()
         finally:
             for running in self._running:
                 self._pool.end(running)
@@ -289,21 +275,20 @@ class Scheduler:
                 return
             try:
                 self._running.append(self._pool.begin(task))
-                self._refusals = 0
             except OSError as error:
                 self._require_folder()
                 self._queue.put_back(task)
-                self._pause(error)
+                self._not_before = time.monotonic() + _PATIENCE
+                if not self._running:  # else one of them may have to end first
+                    self._failed_start(str(error.strerror))
 
-    def _pause(self, error: OSError) -> None:
-        """Start nothing for a moment, after which others may have ended."""
-        self._refusals += not self._running
-        self._not_before = time.monotonic() + _PATIENCE
-        if self._refusals >= _MAX_FAILED_STARTS:
+    def _failed_start(self, reason: str) -> None:
+        self._failed_starts += 1
+        if self._failed_starts >= _MAX_FAILED_STARTS:
             raise BenchmarkError(
-                f"the system starts no process: {error.strerror}",
-                "end other programs or run with --executor serial; finished jobs are kept",
-            ) from error
+                f"{_MAX_FAILED_STARTS} processes in turn did not start, the last for {reason}",
+                "end what ends them and other programs, or run with --executor serial; finished jobs are kept",
+            )
 
     def _require_folder(self) -> None:
         if not self._store.progress.is_dir():
@@ -343,31 +328,26 @@ class Scheduler:
         if code == UNWRITTEN:
             self._blame(running, UNSAVED, "the results folder could not be written; run again")
         elif not job:
-            self._failed_starts += 1
-            if self._failed_starts >= _MAX_FAILED_STARTS:
-                raise BenchmarkError(
-                    f"{_MAX_FAILED_STARTS} processes in turn ended before they began, the last with {ending(code)}",
-                    "find out what ends them, or run with --executor serial; finished jobs are kept",
-                )
-            self._again(running)
+            self._failed_start(ending(code))
+            self._queue.put_back(running.task)
         elif code == LOST:
-            reason = f"the machine that it ran on was lost, for the {_MACHINES}th time; --retry it"
-            self._killed(running, _MACHINES, reason)
+            reason = f"the machine that it ran on was lost, for the {_MAX_LOSSES}th time; --retry it"
+            self._killed(running, _MAX_LOSSES, reason)
         elif -code in BY_HAND:
             reason = "the process was killed twice, by somebody or for its memory"
-            self._killed(running, _MAX_RETRIES, f"{reason}; run it alone with -j 1, or --retry it")
+            self._killed(running, _MAX_DEATHS, f"{reason}; run it alone with -j 1, or --retry it")
         elif len(running.task.jobs) > 1 and job in self._queue.pending:  # what broke it may be another one
-            self._queue.set_apart(running.task, running.status.steps, job)
+            self._queue.put_back(running.task, running.status.steps, job, apart=True)
         else:
             blamed = self._queue.pending.get(job)
             more = "'check' shows more" if blamed and blamed.is_foreign else "run it with --executor serial to see more"
             self._blame(running, "crashed", f"the process ended with {ending(code)}; {more}")
 
-    def _killed(self, running: Running, retries: int, reason: str) -> None:
+    def _killed(self, running: Running, most: int, reason: str) -> None:
         """Somebody else ended it: another try, if it has one left."""
         self._deaths[running.status.job] += 1
-        if self._deaths[running.status.job] < retries:
-            self._again(running)
+        if self._deaths[running.status.job] < most:
+            self._queue.put_back(running.task, running.status.steps)
         else:
             self._blame(running, "killed", reason)
 
@@ -378,10 +358,7 @@ class Scheduler:
         if job and key not in self._store.records:
             where = f"{running.status.shape}: " if running.status.shape else ""
             keep(job, self._store, failure(kind, where + reason, running.trace))
-        self._again(running, without=key)
-
-    def _again(self, running: Running, without: str = "") -> None:
-        self._queue.put_back(running.task, running.status.steps, without)
+        self._queue.put_back(running.task, running.status.steps, key)
 
     def _tell(self) -> None:
         """Tell which jobs are at work, or what is waited for, and how many shapes are done."""
@@ -390,7 +367,7 @@ class Scheduler:
             task, status = running.task, running.status
             if job := self._queue.pending.get(status.job):
                 names.append(f"{job.name}, {status.shape}" if status.shape else job.name)
-            shapes += status.steps if isinstance(task, ShapeBatch) and not task.is_repeat else 0
+            shapes += status.steps if task.identifiers and not task.is_part else 0
         if not self._running and self._pool.waits_for:
             names = [self._pool.waits_for]
         elif not self._running:

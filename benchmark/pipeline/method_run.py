@@ -15,7 +15,6 @@ from benchmark.api.scoring import Scorer
 from benchmark.arrays import Arrays
 from benchmark.datasets.base import Entry
 from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.execution.processes.opened_files import with_files
 from benchmark.pipeline.preparation import Preparation, attempted, require_arrays
 from benchmark.pipeline.recipes import Recipe, features_recipe, form_recipe
 from benchmark.pipeline.stages import form
@@ -141,7 +140,7 @@ class MethodRun:
         """
         prepared = self.store.find(self.preparation.recipe(entry), wanted=_is_small)
         answer = self.store.find(self.recipe(entry), wanted=None if self.describes else _is_small)
-        signature = self.store.find_anywhere(self._signature_recipe(entry), wanted=_is_small) if signed else None
+        signature = self.store.find(self._signature_recipe(entry), wanted=_is_small) if signed else None
         if prepared is None or answer is None or (signed and signature is None):
             treated = self.treat(entry)
             return treated if self.describes else ShapeResult(*map(_without_large_arrays, treated.artefacts))
@@ -152,10 +151,10 @@ class MethodRun:
 
     def signature(self, entry: Entry, shape: Callable[[], Mesh], *, stays: bool) -> Artefact:
         """Make, or find, the signature of a form; raises ``ShapeError`` if it has none."""
-        recipe, scorer = self._signature_recipe(entry), self.scorer
-        signature = self.store.find_anywhere(recipe) or self.store.get_or_compute(
-            recipe,
-            lambda: with_files(attempted(lambda: signature_of(scorer, shape())), files_of(scorer)),
+        scorer = self.scorer
+        signature = self.store.get_or_compute(
+            self._signature_recipe(entry),
+            lambda: attempted(lambda: signature_of(scorer, shape()), scorer),
             work="features",
             scratch=not stays,
         )
@@ -164,7 +163,7 @@ class MethodRun:
 
     def signature_arrays(self, entry: Entry) -> Arrays:
         """Read the signature of a form, or make it again where it is gone."""
-        signature = self.store.find_anywhere(self._signature_recipe(entry)) or self.treat(entry).signature
+        signature = self.store.find(self._signature_recipe(entry)) or self.treat(entry).signature
         assert signature is not None  # noqa: S101
         return require_arrays(signature)
 
@@ -202,7 +201,7 @@ class MethodRun:
 
         return self.store.get_or_compute(
             self.recipe(entry),
-            lambda: with_files(attempted(compute), files_of(method)),
+            lambda: attempted(compute, method),
             work=f"canonicalise {self.preparation.input} {self.spec.base_name}",
         )
 
@@ -233,8 +232,3 @@ def _is_small(name: str) -> bool:
 
 def _without_large_arrays(artefact: Artefact) -> Artefact:
     return replace(artefact, arrays={name: array for name, array in artefact.arrays.items() if _is_small(name)})
-
-
-def files_of(plugin: object) -> dict[str, str]:
-    """Files that foreign code has read, with their digests."""
-    return plugin.files if isinstance(plugin, Foreign) else {}

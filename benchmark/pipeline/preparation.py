@@ -25,6 +25,7 @@ from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.lock import key_of
 from benchmark.pipeline.storage.store import Artefact, Store
 from benchmark.plugins.output_checks import REFUSED
+from benchmark.plugins.remote import Foreign
 from benchmark.plugins.serving import SharedStages
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -67,10 +68,9 @@ class Preparation:
 
     def artefact(self, entry: Entry) -> Artefact:
         """The arrays of a prepared shape, or why there are none; see :func:`require_arrays`."""
+        source = original_of(self.dataset)
         return self._kept(
-            self.recipe(entry),
-            lambda: with_files(attempted(lambda: self._compute(entry)), files_of(self.dataset)),
-            f"prepare {self.input}",
+            self.recipe(entry), lambda: attempted(lambda: self._compute(entry), source), f"prepare {self.input}"
         )
 
     def recipe(self, entry: Entry) -> Recipe:
@@ -136,10 +136,9 @@ class Preparation:
         return Artefact("", compute(), Cost(), environment_text(), was_cached=False)
 
 
-def files_of(dataset: Dataset) -> dict[str, str]:
-    """Files that the plugin of a data set has read, with their digests."""
-    original = original_of(dataset)
-    return original.files if isinstance(original, OwnDataset) else {}
+def files_of(part: object) -> dict[str, str]:
+    """Files that a data set, method or scorer of a plugin has read, with their digests."""
+    return part.files if isinstance(part, OwnDataset | Foreign) else {}
 
 
 def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
@@ -154,12 +153,13 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages
     )
 
 
-def attempted(compute: Callable[[], Arrays]) -> Arrays:
-    """Arrays of a stage; of a shape that cannot be treated, the reason, so that it is not tried again."""
+def attempted(compute: Callable[[], Arrays], by: object = None) -> Arrays:
+    """Arrays of a stage, with the files that a plugin read for them; of a refused shape the reason, which stays."""
     try:
-        return compute()
+        arrays = compute()
     except ShapeError as error:
-        return {REFUSED: np.array([error.problem, error.hint, type(error).__name__])}
+        arrays = {REFUSED: np.array([error.problem, error.hint, type(error).__name__])}
+    return with_files(arrays, files_of(by))
 
 
 def require_arrays(artefact: Artefact) -> Arrays:

@@ -21,7 +21,8 @@ from benchmark.arrays import ABOUT, Arrays
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.execution.processes.opened_files import with_files
-from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of
+from benchmark.pipeline.method_run import MethodRun, ShapeResult
+from benchmark.pipeline.preparation import files_of
 from benchmark.pipeline.recipes import Recipe, distances_recipe, draws_of
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage import keys
@@ -158,12 +159,11 @@ class GalleryRanking:
 
     def _block(self, draw: int | None, row: int, column: int) -> Artefact:
         """Make, or find, a block of distances."""
-
-        def compare() -> Arrays:
-            arrays = self._compared(draw, row, column)
-            return with_files(arrays, files_of(self.scorer or self.run.method))
-
-        block = self.run.store.get_or_compute(self._recipe(draw, row, column), compare, work="rank")
+        block = self.run.store.get_or_compute(
+            self._recipe(draw, row, column),
+            lambda: with_files(self._compared(draw, row, column), files_of(self.scorer or self.run.method)),
+            work="rank",
+        )
         self._seconds_before.setdefault(block.key, block.cost.seconds if block.was_cached else 0.0)
         return block
 
@@ -272,18 +272,19 @@ def matrices_of(record: Record, store: Store) -> Iterator[tuple[str, Matrix]]:
     count = len(answered_shapes(record))
     in_blocks: dict[str, list[tuple[int, int, str]]] = {}
     for key in record.get("artefacts", ()):
-        distances = store.arrays_under(key, "distances").get("distances")
-        if distances is None:
+        artefact = store.under(key, {"distances", _PLACE}.__contains__)
+        if artefact is None or "distances" not in artefact.arrays:
             continue
-        if place := store.arrays_under(key, _PLACE):
-            gallery, row, column = json.loads(str(place[_PLACE]))
+        if _PLACE in artefact.arrays:
+            gallery, row, column = json.loads(str(artefact.arrays[_PLACE]))
             in_blocks.setdefault(gallery, []).append((row, column, key))
-        elif distances.shape == (count, count):
-            yield keys.bare_key(key), distances
+        elif artefact.arrays["distances"].shape == (count, count):
+            yield keys.bare_key(key), artefact.arrays["distances"]
     for gallery, blocks in in_blocks.items():
         matrix = np.full((count, count), np.nan)
         for row, column, key in blocks:
-            block = store.arrays_under(key, "distances").get("distances", np.empty((0, 0)))
+            artefact = store.under(key, "distances".__eq__)
+            block = artefact.arrays["distances"] if artefact else np.empty((0, 0))
             rows, columns = slice(row, row + block.shape[0]), slice(column, column + block.shape[1])
             matrix[rows, columns], matrix[columns, rows] = block, block.T
         if not np.isnan(matrix).any():

@@ -89,24 +89,22 @@ def job_plugins(dataset: Dataset, spec: MethodSpec, scorer: ScorerSpec) -> Recip
 
 def _plugins(*plugins: Any) -> Recipe:
     """Digests of plugin files with what they import, and versions of distributions; empty where nothing is foreign."""
-    sources: dict[str, str] = {}
-    for plugin in plugins:
-        sources |= getattr(plugin, "sources", {})
+    sources = {name: source for plugin in plugins for name, source in getattr(plugin, "sources", {}).items()}
     return {"plugin": sources} if sources else {}
 
 
-def _versions(upstream: Iterable[Recipe], components: Iterable[str]) -> dict[str, str]:
-    """Return the versions of components with those of all earlier stages."""
-    versions: dict[str, str] = {}
-    for recipe in upstream:
-        versions |= recipe["versions"]
-    return versions | versions_of(components)
+def _recipe(
+    stage: str, components: Iterable[str], plugins: Iterable[Any] = (), after: Iterable[Recipe] = (), **parts: Any
+) -> Recipe:
+    """Return the recipe of a stage: what is peculiar to it, and the versions of its components and of all before."""
+    versions = {name: version for recipe in after for name, version in recipe["versions"].items()}
+    return {"stage": stage, **parts, "versions": versions | versions_of(components), **_plugins(*plugins)}
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
     """Return what determines the mesh of a shape; for one that cannot be read, the kind of error."""
-    recipe = {"stage": "source", "data": source_data(dataset, entry), **_plugins(original_of(dataset))}
-    return recipe | {"versions": _versions((), source_components(dataset))}
+    data = source_data(dataset, entry)
+    return _recipe("source", source_components(dataset), [original_of(dataset)], data=data)
 
 
 def source_data(dataset: Dataset, entry: Entry) -> str:
@@ -120,11 +118,10 @@ def source_data(dataset: Dataset, entry: Entry) -> str:
 def frame_recipe(dataset: Dataset) -> Recipe:
     """Return what determines the scale of the depth images: a constant, or all shapes of the set."""
     if dataset.half_width is not None:
-        return {"stage": "frame", "half_width": dataset.half_width, "versions": {}}
+        return _recipe("frame", (), half_width=dataset.half_width)
     shapes = [(entry.identifier, source_data(dataset, entry), repr(dataset.camera(entry))) for entry in dataset.entries]
     components = [*source_components(dataset), *preparation_components(dataset, "view")]
-    recipe = {"stage": "frame", "shapes": keys.digest(shapes), **_plugins(original_of(dataset))}
-    return recipe | {"versions": _versions((), components)}
+    return _recipe("frame", components, [original_of(dataset)], shapes=keys.digest(shapes))
 
 
 def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -> Recipe:
@@ -138,8 +135,7 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
         :func:`frame_recipe` of the data set; of no account for the mesh input.
     """
     source = source_recipe(dataset, entry)
-    versions = _versions([source], preparation_components(dataset, input_))
-    recipe = {"stage": input_, "source": source, "versions": versions}
+    recipe = _recipe(input_, preparation_components(dataset, input_), after=[source], source=source)
     if input_ == "mesh":
         from benchmark.pipeline.stages.complete import N_VERTICES
 
@@ -171,40 +167,22 @@ def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, mod
     model
         Digest of the weights of the trained model; "" where the method does not learn.
     """
-    recipe = {
-        "stage": "form",
-        "shape": shape,
-        "identifier": identifier,
-        "method": spec.base_name,
-        "parameters": spec.key_parameters(),
-        "seed": seed,
-        "versions": _versions([shape], method_components(spec)),
-        **_plugins(spec),
-    }
-    return recipe | ({"model": model} if model else {})
+    parts = {"shape": shape, "identifier": identifier, "method": spec.base_name, "seed": seed}
+    parts |= {"parameters": spec.key_parameters(), **({"model": model} if model else {})}
+    return _recipe("form", method_components(spec), [spec], [shape], **parts)
 
 
 def features_recipe(form: Recipe, scorer: ScorerSpec) -> Recipe:
     """Return what determines the signature of a form."""
-    return {
-        "stage": "features",
-        "form": form,
-        "scorer": _named(scorer),
-        "versions": _versions([form], [OFFERED if scorer.is_foreign else f"scorer/{scorer.base_name}"]),
-        **_plugins(scorer),
-    }
+    components = [OFFERED if scorer.is_foreign else f"scorer/{scorer.base_name}"]
+    return _recipe("features", components, [scorer], [form], form=form, scorer=_named(scorer))
 
 
 def distances_recipe(forms: list[Recipe], spec: MethodSpec, scorer: ScorerSpec, draw: int | None) -> Recipe:
     """Return the recipe of the distances of a gallery: its forms or descriptors in order, and the scorer's draw."""
-    return {
-        "stage": "distances",
-        "forms": forms,
-        "scorer": _named(scorer),
-        "codebook": draw,
-        "versions": _versions(forms, scorer_components(spec, scorer)),
-        **_plugins(*([] if spec.describes else [scorer])),
-    }
+    parts = {"forms": forms, "scorer": _named(scorer), "codebook": draw}
+    plugins = [] if spec.describes else [scorer]
+    return _recipe("distances", scorer_components(spec, scorer), plugins, forms, **parts)
 
 
 def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:

@@ -18,7 +18,7 @@ from benchmark.cli.options import RunOptions
 from benchmark.cli.run import run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.execution import pools
-from benchmark.execution.job_specs import Job, shape_batches
+from benchmark.execution.job_specs import Job, first_tasks
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select
 from tests.toy import write_rods
@@ -291,7 +291,7 @@ def test_shapes_come_to_foreign_code_in_an_order_that_tells_nothing(tmp_path):
     names = [f"shape{number}" for number in range(30)]
     jobs = orders(tmp_path, ("identity",), identifiers=names)
     made = [Foreign(**{**vars(job), "large_files": {"shape7": 2**26}}) for job in jobs]
-    (one,), (other,) = shape_batches(made), shape_batches(made)
+    (one,), (other,) = first_tasks(made), first_tasks(made)
     assert sorted(one.identifiers) == sorted(other.identifiers) == sorted(names)
     assert one.identifiers != other.identifiers
 

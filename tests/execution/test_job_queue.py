@@ -6,7 +6,6 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.execution import scheduler as module
 from benchmark.execution.claims import Claims
-from benchmark.execution.job_specs import ComparisonTask, ScoringTask, ShapeBatch
 from benchmark.execution.pools import LocalPool
 from benchmark.execution.runner import failure, keep
 from benchmark.execution.scheduler import JobQueue
@@ -21,31 +20,47 @@ def queue(tmp_path, monkeypatch):
     """Queue of two forms and a descriptor of three shapes, which count as many, all of them treated."""
     monkeypatch.setattr(module, "LARGE", 3)
     with Claims(tmp_path / "claims") as claims:
-        made = JobQueue(orders(tmp_path), Store.open(tmp_path), claims)
-        while isinstance(task := made.take(1, 1), ShapeBatch):
-            made.finish(task)
-        made.put_back(task)
-        yield made
+        queue = JobQueue({job.key: job for job in orders(tmp_path)}, Store.open(tmp_path), claims)
+        while (task := queue.take(1, 1)).identifiers:
+            queue.finish(task)
+        queue.put_back(task)
+        yield queue
 
 
 def test_a_comparison_that_nobody_finished_waits_again_unless_its_job_is_over(queue):
-    for _ in range(2):
-        queue.take(2, 2)
+    assert queue.take(1, 2).block is None
     first, second, third = (queue.take(2, 2) for _ in range(3))
+    assert [task.block for task in (first, second, third)] == [(0, 0), (1, 0), (2, 0)]
     queue.put_back(first)
-    assert queue
     assert queue.take(2, 2) == first
     queue.put_back(first)
-    busy = {task.jobs[0].key for task in (second, third)}
-    assert list(queue.ended(busy | set(queue.pending))) == []
+    assert list(queue.ended()) == []
     (job,) = second.jobs
-    keep(job, queue._store, failure("failed", "a form is too much for the scorer"))
-    assert [each.key for each, _ in queue.ended(set())][:1] == [job.key]
-    assert queue.take(2, 2) is None
+    keep(job, queue.store, failure("failed", "a form is too much for the scorer"))
+    assert [each.key for each, _ in queue.ended()] == [job.key]
+    descriptor = queue.take(2, 2)
+    assert descriptor.jobs[0].method.name == "surface-area"
     for task in (second, third):
         queue.finish(task)
-    assert queue.take(2, 2) is None
     assert not queue
+
+
+def test_a_job_tried_alone_leaves_the_others_of_its_task(tmp_path):
+    with Claims(tmp_path / "claims") as claims:
+        queue = JobQueue({job.key: job for job in orders(tmp_path)}, Store.open(tmp_path), claims)
+        task = queue.take(1, 1)
+        queue.put_back(task, 1, "rods pca", apart=True)
+        alone, others = queue.take(1, 1), queue.take(1, 1)
+        assert [job.key for job in alone.jobs] == ["rods pca"]
+        assert [job.key for job in others.jobs] == ["rods identity", "rods surface-area"]
+        assert alone.identifiers == others.identifiers == ("b", "c")
+        queue.finish(alone)
+        queue.finish(others)
+        assert queue.shapes_done == 3
+        ranking = queue.take(1, 1)
+        assert len(ranking.jobs) == 3
+        queue.finish(ranking)
+        assert {record["status"] for _, record in queue.ended()} == {"crashed"}
 
 
 def test_a_run_that_compares_draws_apart_finds_the_same(tmp_path, monkeypatch):
@@ -54,11 +69,11 @@ def test_a_run_that_compares_draws_apart_finds_the_same(tmp_path, monkeypatch):
     assert CliRunner().invoke(cli, [*words, str(tmp_path / "one"), "-j", "1"]).exit_code == 0
 
     tasks, begin = [], LocalPool.begin
-    monkeypatch.setattr(LocalPool, "begin", lambda pool, task: tasks.append(type(task)) or begin(pool, task))
+    monkeypatch.setattr(LocalPool, "begin", lambda pool, task: tasks.append(task) or begin(pool, task))
     monkeypatch.setattr(module, "LARGE", 2)
     done = CliRunner().invoke(cli, [*words, str(tmp_path / "two"), "-j", "2"])
     assert done.exit_code == 0, done.output
-    assert tasks == [ShapeBatch, *[ComparisonTask] * 3, ScoringTask]
+    assert [task.block for task in tasks] == [None, (0, 0), (1, 0), (2, 0), None]
     (one,), (two,) = (list(Store.open(tmp_path / name).records) for name in ("one", "two"))
     assert outcome(two) == outcome(one)
     assert two["digests"] == one["digests"]

@@ -7,7 +7,7 @@ import time
 import psutil
 import pytest
 
-from benchmark.execution.job_specs import Job, ScoringTask
+from benchmark.execution.job_specs import Job, Task
 from benchmark.execution.pools import LocalPool
 from benchmark.pipeline.storage.store import Store
 from tests.execution.test_executors import orders
@@ -32,7 +32,7 @@ def do(pool, tmp_path):
 
     def done(name, kind=Job):
         (job,) = orders(tmp_path, (name,))
-        running = pool.begin(ScoringTask((kind(**vars(job)),)))
+        running = pool.begin(Task((kind(**vars(job)),)))
         deadline = time.monotonic() + 60
         while not running.has_ended:
             assert time.monotonic() < deadline, "waited in vain"

@@ -8,8 +8,8 @@ import pytest
 from benchmark.errors import BenchmarkError
 from benchmark.execution import pools, scheduler
 from benchmark.execution.claims import Claims
-from benchmark.execution.job_specs import Job, ScoringTask, to_json
-from benchmark.execution.pools import UNWRITTEN, Running, Status
+from benchmark.execution.job_specs import Job, Status, Task, to_json
+from benchmark.execution.pools import UNWRITTEN, Running
 from benchmark.execution.scheduler import Scheduler
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.registry import methods, select
@@ -34,7 +34,7 @@ class Scripted(Running):
         self.status, self.exit_code = fate
         self.is_finished = fate == DONE
         self.trace = "in a method"
-        if self.is_finished and isinstance(task, ScoringTask):
+        if self.is_finished and not task.identifiers:
             for job in task.jobs:
                 Store.open(job.results).write_record(record(method=job.facts["method"]))
 
@@ -115,14 +115,14 @@ def test_a_death_that_is_nobodys_fault_costs_nobody_anything(run, script):
 
 def test_workers_that_never_begin_end_the_run_and_leave_no_record(run, tmp_path):
     with pytest.raises(
-        BenchmarkError, match="6 processes in turn ended before they began, the last with SIGKILL; find"
+        BenchmarkError, match="6 processes in turn did not start, the last for SIGKILL; end what ends them"
     ):
         run(*(BORN_DEAD,) * 6)
     assert list(Store.open(tmp_path).records.folder.iterdir()) == []
 
 
 def test_a_system_that_starts_no_process_is_told_of_and_not_waited_for(run, tmp_path):
-    with pytest.raises(BenchmarkError, match="starts no process: Resource temporarily unavailable; end other programs"):
+    with pytest.raises(BenchmarkError, match="did not start, the last for Resource temporarily unavailable; end"):
         run(*(OSError(11, "Resource temporarily unavailable"),) * 6)
     assert list(Store.open(tmp_path).records.folder.iterdir()) == []
 
@@ -170,11 +170,11 @@ def test_a_worker_that_cannot_write_ends_without_a_word(tmp_path, monkeypatch, e
     def leave(code):
         raise SystemExit(code)
 
-    monkeypatch.setattr("benchmark.execution.runner.work", work)
+    monkeypatch.setattr("benchmark.execution.pools.work", work)
     monkeypatch.setattr(pools.os, "_exit", leave)
     monkeypatch.setattr(pools, "close_to_plugins", lambda starting: None)  # this process has further tests to run
     with pytest.raises(SystemExit) as left:
-        pools.do_task({"task": to_json(ScoringTask(()))}, {}, None)
+        pools.do_task({"task": to_json(Task(()))}, {}, None)
     assert left.value.code == UNWRITTEN
 
 

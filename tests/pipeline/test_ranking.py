@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.execution import job_specs
-from benchmark.execution.job_specs import ScoringTask, comparison_tasks, shape_batches
+from benchmark.execution.job_specs import Task, comparison_tasks, first_tasks
 from benchmark.execution.plan import JobSettings, make_plan
 from benchmark.execution.runner import work
 from benchmark.geometry.mesh import Mesh
@@ -76,7 +76,7 @@ def plan(tmp_path):
 
 def ranked(job, *, apart=False):
     """Do the tasks of a job; returns its record."""
-    for task in [*shape_batches([job]), *(comparison_tasks(job) if apart else ()), ScoringTask((job,))]:
+    for task in [*first_tasks([job]), *(comparison_tasks(job) if apart else ()), Task((job,))]:
         work(task, lambda *_: None)
     return Store.open(job.results).records.read(job.key)
 
@@ -115,17 +115,17 @@ def test_blocks_that_were_compared_before_are_not_compared_again(plan, monkeypat
     monkeypatch.setattr(ranking, "BLOCK", 4)
     monkeypatch.setattr(job_specs, "BLOCK", 4)
     (job,) = plan("results")
-    batch, *others = [*shape_batches([job]), *comparison_tasks(job)]
+    batch, *others = [*first_tasks([job]), *comparison_tasks(job)]
     for task in (batch, *others):
         work(task, lambda *_: None)
     monkeypatch.setattr(ranking.GalleryRanking, "_compared", lambda *_: pytest.fail("compared twice"))
-    work(ScoringTask((job,)), lambda *_: None)
+    work(Task((job,)), lambda *_: None)
     store = Store.open(job.results)
     assert store.records.read(job.key)["status"] == "ok"
     store.drop_scratch()
     store.remove_record(job.key)
     monkeypatch.setattr(method_run, "signature_of", lambda *_: pytest.fail("a form was rendered"))
-    work(ScoringTask((job,)), lambda *_: None)
+    work(Task((job,)), lambda *_: None)
     assert store.records.read(job.key)["status"] == "ok"
 
 

@@ -154,9 +154,7 @@ class Store:
             Whether the arrays may go as soon as no job needs them.
         """
         key = key_of(recipe)
-        path = self._path(key, scratch=scratch)
-        artefact = _load(path, key)
-        if artefact is not None:
+        if (artefact := self.under(key)) is not None:
             return artefact
         with self.meter.measured(work) as cost:
             arrays = dict(compute())
@@ -165,44 +163,28 @@ class Store:
             self._say_which_code(key, recipe)
             about[RECIPE] = json.dumps(plain(recipe))
         texts = {name: np.array(text) for name, text in about.items()}
+        path = self._path(key, scratch=scratch)
         self._write(path, lambda file: save_arrays(file, bare_key(key), {**arrays, **texts}, compressed=not scratch))
         files = files_among(arrays)
         return Artefact(key, arrays, cost(), environment_text(), was_cached=False, digest=about[_DIGEST], files=files)
 
-    def find(
-        self, recipe: Mapping[str, Any], *, scratch: bool = False, wanted: Callable[[str], bool] | None = None
-    ) -> Artefact | None:
-        """Return the arrays of a recipe if they are there.
+    def find(self, recipe: Mapping[str, Any], *, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
+        """Return the arrays of a recipe if they are there; see :meth:`under`."""
+        return self.under(key_of(recipe), wanted)
 
-        Parameters
-        ----------
-        recipe, scratch
-            As in :meth:`get_or_compute`.
-        wanted
-            Chooses the arrays to read by name; all by default.
-        """
-        key = key_of(recipe)
-        return _load(self._path(key, scratch=scratch), key, wanted)
-
-    def find_anywhere(
-        self, recipe: Mapping[str, Any], *, wanted: Callable[[str], bool] | None = None
-    ) -> Artefact | None:
-        """Return the arrays of a recipe if they are there, among those that may go or those that stay."""
-        return self.find(recipe, scratch=True, wanted=wanted) or self.find(recipe, wanted=wanted)
+    def under(self, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
+        """Return the arrays under a key, all or those whose names are wanted; None where their file is damaged."""
+        artefacts = (_load(self._path(key, scratch=scratch), key, wanted) for scratch in (False, True))
+        return next(filter(None, artefacts), None)
 
     def has(self, key: str) -> bool:
         """Return whether there is a file of arrays that stay under a key, whole or not."""
         return self._path(key).is_file()
 
-    def arrays_under(self, key: str, name: str) -> Arrays:
-        """Return the array of a name under a key; empty where there is none, or its file is damaged."""
-        artefact = _load(self._path(key), key, name.__eq__)
-        return artefact.arrays if artefact else {}
-
     def digest_under(self, key: str) -> str:
         """Return the digest of the arrays under a key; "" where there are none, or their file does not tell."""
-        found = _load(self._path(key), key, lambda name: False)
-        return found.digest if found else ""
+        artefact = self.under(key, lambda name: False)
+        return artefact.digest if artefact else ""
 
     def discard(self, key: str) -> None:
         """Remove the arrays under a key."""

@@ -256,28 +256,25 @@ def test_workers_with_other_code_or_none_are_refused_by_name(place, cluster, tmp
 
 
 @pytest.mark.parametrize(
-    ("answer", "problem", "told"),
+    ("inventory", "problem"),
     [
-        ({}, "another version of this suite", False),
-        ({"suite": {"code": {}, "packages": {}, "distributed": "1"}}, "code changed: benchmark/execution", True),
-        ({"suite": None}, "", False),
+        ({}, "another version of this suite"),
+        ({"code": {}, "packages": {}, "plugin": {}, "models": {}}, "code changed: benchmark/execution"),
+        ({"problem": "its code has changed", "hint": "start it again"}, "its code has changed; start it again"),
+        ({"code": {"benchmark/execution": "a"}, "packages": {}, "plugin": {}, "models": {}}, ""),
     ],
-    ids=["a suite that does not tell", "another one", "the same"],
+    ids=["another version", "other code", "a problem", "the same"],
 )
-def test_a_worker_tells_its_suite_and_its_distributed(capsys, answer, problem, told):
+def test_a_worker_whose_inventory_differs_is_refused(inventory, problem):
     from benchmark.execution import dask_pool
 
     pool = object.__new__(dask_pool.DaskPool)
-    pool._suite = {"code": {"benchmark/execution": "a"}, "packages": {}, "distributed": "2"}
+    pool._inventory = {"code": {"benchmark/execution": "a"}, "packages": {}, "plugin": {}, "models": {}}
     node = dask_pool.WorkerNode("tcp://a", "a", 1, futures.Future())
-    found = {"problem": "", "hint": ""} | answer
-    if "suite" in answer:
-        found["suite"] = answer["suite"] or pool._suite
-    node.inspection.set_result({"tcp://a": json.dumps(found)})
+    node.inventory.set_result({"tcp://a": json.dumps(inventory)})
     pool._admit(node)
     assert node.is_ready == (not problem)
     assert problem in str(node.refusal or "")
-    assert ("worker tcp://a has distributed 1, this machine 2" in capsys.readouterr().err) == told
 
 
 @pytest.mark.slow
