@@ -15,7 +15,7 @@ from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
 from benchmark.execution.estimates import estimate
 from benchmark.execution.job_specs import Job
-from benchmark.execution.plan import JobSettings, make_plan
+from benchmark.execution.plan import make_plan
 from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import in_words
 from benchmark.pipeline.storage.keys import bare_key
@@ -59,8 +59,8 @@ def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
         for input_ in options.inputs:
             gallery.check_input(input_)
     inputs = [input_ for input_ in INPUTS if not options.inputs or input_ in options.inputs]
-    settings = JobSettings(options.seed, frozenset(options.retry), scorer_spec(options))
-    jobs = make_plan(chosen, inputs, specs, store, settings)
+    scorer = scorer_spec(options)
+    jobs = make_plan(chosen, inputs, specs, store, seed=options.seed, retry=options.retry, scorer=scorer)
     name_skipped(store)
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")

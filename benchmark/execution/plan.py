@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -84,31 +84,15 @@ def data_facts(gallery: Gallery) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class JobSettings:
-    """Settings that all jobs of a plan share.
-
-    Parameters
-    ----------
-    seed
-        Base seed.
-    retry
-        Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
-    scorer
-        What compares the forms.
-    """
-
-    seed: int = 0
-    retry: frozenset[str] = frozenset()
-    scorer: ScorerSpec = field(default_factory=ScorerSpec)
-
-
 def make_plan(
     galleries: Iterable[Gallery],
     inputs: Iterable[Input],
     methods: Iterable[MethodSpec],
     store: Store,
-    settings: JobSettings | None = None,
+    *,
+    seed: int = 0,
+    retry: Collection[str] = (),
+    scorer: ScorerSpec | None = None,
 ) -> list[Job]:
     """List the jobs of a selection with their states.
 
@@ -118,10 +102,14 @@ def make_plan(
         The selection.
     store
         Where finished jobs are looked up.
-    settings
-        Of all jobs; None for the usual ones.
+    seed
+        Base seed.
+    retry
+        Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
+    scorer
+        What compares the forms; None for the usual one.
     """
-    planning = _Planning(store, settings or JobSettings())
+    planning = _Planning(store, seed, frozenset(retry), scorer or ScorerSpec())
     specs, chosen_inputs = list(methods), list(inputs)
     jobs: list[Job] = []
     known: dict[tuple[str, str], str] = {}
@@ -134,14 +122,22 @@ def make_plan(
     return jobs
 
 
+@dataclass
 class _Planning:
     """The records that all jobs of a plan are compared with."""
 
-    def __init__(self, store: Store, settings: JobSettings) -> None:
-        self.store, self.settings = store, settings
-        here = list(store.records)
-        self._here = {record["key"]: record for record in here}
-        self._before = by_place(record for record in here if "-" not in record["key"])
+    store: Store
+    seed: int
+    retry: frozenset[str]
+    scorer: ScorerSpec
+
+    @cached_property
+    def _here(self) -> Mapping[str, Record]:
+        return {record["key"]: record for record in self.store.records}
+
+    @cached_property
+    def _before(self) -> Mapping[Place, list[Record]]:
+        return by_place(record for key, record in self._here.items() if "-" not in key)
 
     @cached_property
     def _published(self) -> Mapping[str, Record]:
@@ -155,7 +151,7 @@ class _Planning:
         """Return the job of a row, and whether a run would make it."""
         missing = spec.missing_packages()
         # A descriptor compares its descriptors itself: one job, whatever compares the forms.
-        scorer = ScorerSpec() if not missing and spec.describes else self.settings.scorer
+        scorer = ScorerSpec() if not missing and spec.describes else self.scorer
         source = gallery.source
         if is_path(source) and not is_known(source):  # to be understood from any working directory
             source = str(Path(source).absolute())
@@ -163,7 +159,7 @@ class _Planning:
             key="", facts=_facts(gallery, input_, spec, scorer), table=gallery.table.identifier, dataset=source,
             data_root=gallery.data_root and gallery.data_root.absolute(),
             identifiers=tuple(entry.identifier for entry in gallery.entries), input=input_, method=spec,
-            seed=self.settings.seed, results=self.store.root.parent.absolute(), recipe={},
+            seed=self.seed, results=self.store.root.parent.absolute(), recipe={},
             all_unseen=gallery.table.all_unseen, split_size=gallery.table.split_size, scorer=scorer,
             large_files=_large_files(gallery),
         )  # fmt: skip
@@ -199,10 +195,8 @@ class _Planning:
 
     def _state(self, job: Job, place: Place, *, is_quick: bool) -> tuple[State, str]:
         """Return whether a run would make a job, and why."""
-        record, edit = (
-            self._here.get(job.key),
-            words_of_edit(folders) if (folders := edited(job.recipe["versions"])) else "",
-        )
+        record, folders = self._here.get(job.key), edited(job.recipe["versions"])
+        edit = words_of_edit(folders) if folders else ""
         if record is not None and (changed := changed_files(record.get("files", {}))):
             return "stale", f"{', '.join(changed[:3])} changed"
         if record is not None and record["status"] not in (CHANGED, UNSAVED):
@@ -223,7 +217,7 @@ class _Planning:
         status = record["status"]
         if status == "ok":
             return "cached", "; ".join(filter(None, ("finished", edit)))
-        if self.settings.retry & {status, "all"}:
+        if self.retry & {status, "all"}:
             return "stale", f"{status} before, asked to retry"
         return "failed", "; ".join(filter(None, (f"{status}: {record.get('reason', '')}", edit)))
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.execution import job_specs
 from benchmark.execution.job_specs import Task, comparison_tasks, first_tasks
-from benchmark.execution.plan import JobSettings, make_plan
+from benchmark.execution.plan import make_plan
 from benchmark.execution.runner import work
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline import method_run, ranking
@@ -68,8 +68,9 @@ def plan(tmp_path):
 
     def jobs(results, method="identity", scorer="cm-bof"):
         chosen = galleries((), [str(rods)], None)
-        settings = JobSettings(scorer=scorer_of(scorer, scorers()))
-        return make_plan(chosen, ["mesh"], select((method,), methods()), Store.open(tmp_path / results), settings)
+        chosen_scorer = scorer_of(scorer, scorers())
+        store = Store.open(tmp_path / results)
+        return make_plan(chosen, ["mesh"], select((method,), methods()), store, scorer=chosen_scorer)
 
     return jobs
 
