@@ -34,7 +34,7 @@ from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.inspection import inspect
 from benchmark.plugins.registry import methods
 from benchmark.plugins.scorers import scorers
-from benchmark.report.cell import cell_of
+from benchmark.report.lines import line_of
 from benchmark.report.results import Result, Results
 from benchmark.text import DATA_VARIABLE, say
 
@@ -339,5 +339,5 @@ def _row(result: Result) -> dict[str, Any]:
 
 def _preparations(result: Result) -> dict[str, float]:
     """Standard deviation of a record over its jittered preparations by measure; nothing where there are none."""
-    deviation = cell_of([result], 1).preparation_sd or {}
+    deviation = line_of([result], 1)["preparation_sd"] or {}
     return {f"{name}_preparation_sd": value for name, value in deviation.items()}

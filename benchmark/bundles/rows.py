@@ -116,8 +116,8 @@ class RowCheck:
         entry, record = self.entry, self.record
         self._say(f"computing the scores of {len(record['shapes'])} shapes")
         scored = self._scores() or record
-        queries = queries_of([{**record, "per_query": scored["per_query"]}])
-        ends = intervals(queries[[*PRINTED]].to_numpy(), queries["label"].tolist())
+        queries = queries_of([[{**record, "per_query": scored["per_query"]}]])
+        ends = intervals(queries.values[:, :, 0], queries.labels)
         seconds = record["cost"]["seconds_per_shape"].values()
         return RowOutcome(
             key=entry.key, gallery=record["gallery"], data=record["data"]["name"], data_title=record["data"]["title"],

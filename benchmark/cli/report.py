@@ -141,7 +141,7 @@ def paper(
     Without -t and -d it contains Tables I to IV and those of your own data. Files that you edited are kept.
     """
     tables, artefacts = _tables(options)
-    tables = [table for table in tables if any(cell.scores for row in table.rows for cell in row.cells.values())]
+    tables = [table for table in tables if any(line.scores for line in table.lines)]
     if not tables:
         raise ConfigurationError("no finished job of the selection has scores", "run it first, or select less")
     if not (options.tables or options.datasets):

@@ -24,15 +24,15 @@ from benchmark.report.significance import (
     class_permutation_test,
     intervals,
     least_class_probability,
-    paired_gains,
     permutation_test,
     queries_of,
 )
-from retrieval.agreement import FEWEST, Agreement, agreement
 from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from retrieval.agreement import Agreement
 
 #: Smallest difference of a score that counts.
 _SMALLEST = 5e-7
@@ -127,8 +127,7 @@ def _difference(where: str, first: Record, second: Record) -> Difference:
     """Test the differences of single queries, one column a measure; those of one class are drawn together."""
     from pandas import DataFrame
 
-    here, there = (queries_of([record]).droplevel(0) for record in (first, second))
-    gains, labels = paired_gains(here, there)
+    gains, labels = queries_of([[first], [{**second, "gallery": first["gallery"]}]]).gains(0, 1)
     low, high = intervals(gains, labels).T
     columns = {"first": [first["scores"][name] for name in PRINTED], "low": low, "high": high}
     columns |= {"second": [second["scores"][name] for name in PRINTED], "poses": permutation_test(gains)}
@@ -232,6 +231,8 @@ def compare_scorers(first: Iterable[Result], second: Iterable[Result]) -> list[l
     list of list of str
         Numeral, data, input, number of methods, and Kendall's tau by measure, as Markdown.
     """
+    from retrieval.agreement import FEWEST, agreement  # imports scipy.stats
+
     one, other = _tables(first), _tables(second)
     rows = []
     both = [(table, other[place]) for place, table in one.items() if place in other]
@@ -253,11 +254,10 @@ def _tables(results: Iterable[Result]) -> dict[Any, TableContent]:
 
 def _scores(table: TableContent, input_: Input) -> dict[str, dict[str, float]]:
     """Scores by method; a mean over fewer galleries than there are is no score of the table."""
-    cells = {row.method: row.cells[input_] for row in table.rows if input_ in row.cells}
     return {
-        method: {name: millionths(value) for name, value in cell.scores.items()}
-        for method, cell in cells.items()
-        if cell.scores is not None and cell.n_averaged == cell.n_wanted
+        line.method: {name: millionths(value) for name, value in line.scores.items()}
+        for line in table.lines
+        if line.input == input_ and line.scores and line.n_averaged == line.n_wanted
     }
 
 

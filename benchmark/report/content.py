@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import parsed
@@ -17,11 +17,14 @@ from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import ABLATION, INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
-from benchmark.report.cell import Cell, Figures, cell_of
+from benchmark.report.lines import MISSING, Figures, line_of
 from benchmark.report.results import Result, tables_of
 from benchmark.report.rounding import number
 from benchmark.report.significance import CONTROL, TableSignificance, table_significance
 from benchmark.text import brief
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 #: Parameter of learners that tells trainings of one row apart.
 _TRAINING_SEED = "training_seed"
@@ -45,44 +48,6 @@ _LONGEST_NAME = 60
 
 
 @dataclass(frozen=True)
-class Row:
-    """One method: its figures in the paper and ours by input, with inputs that it has other jobs of.
-
-    ``departs`` says how it departs from its source.
-    """
-
-    method: str
-    title: str
-    family: str
-    paper: Figures | None
-    cells: Mapping[Input, Cell]
-    elsewhere: tuple[Input, ...] = ()
-    departs: str = ""
-
-    @property
-    def models(self) -> list[Mapping[str, Any]]:
-        """Trained models behind the row; empty for a method that does not learn."""
-        return [model for cell in self.cells.values() for model in cell.models]
-
-    @property
-    def label(self) -> str:
-        """Title as printed, with training data beyond the paper's, number of models, marks of ties and old records."""
-        extra = "extra training data"
-        facts = [extra] if any(model["extra_data"] for model in self.models) and extra not in self.title else []
-        if self.models and any(cell.n_wanted > 1 for cell in self.cells.values()):
-            facts.append(f"{len(self.models)} model{'' if len(self.models) == 1 else 's'}")
-        facts += [f"{name}: coverage {number(cell.coverage)}" for name, cell in self.cells.items() if cell.is_partial]
-        facts += [EXTERNAL] if self.family == EXTERNAL else []
-        marks = [TIED] if any(cell.n_tied for cell in self.cells.values()) else []
-        marks += [OUTDATED] if any(cell.outdated for cell in self.cells.values()) else []
-        return " ".join([brief(self.title), *([f"({', '.join(facts)})"] if facts else []), *marks])
-
-    def is_run(self, input_: Input) -> bool:
-        """Return whether there is a job under an input."""
-        return input_ in self.cells and self.cells[input_].status != "missing"
-
-
-@dataclass(frozen=True)
 class TableContent:
     """One table on one data set.
 
@@ -94,8 +59,11 @@ class TableContent:
         Name, title and size of the data, as the records tell.
     inputs
         The inputs that are shown.
-    rows
-        The paper's methods in the paper's order, then all others.
+    frame
+        A row for each method and input that has jobs, or that the paper has a row of: the paper's methods in the
+        paper's order, then all others. Its columns are ``method``, ``title``, ``family``, ``paper`` (the figures there,
+        or None), ``departs`` (how the method departs from its source), ``run_under`` (all inputs with a job),
+        ``input``, and those of :func:`benchmark.report.lines.line_of`.
     chance
         Expected scores of a random ranking; the mean over the galleries where there are several.
     n_galleries
@@ -109,32 +77,46 @@ class TableContent:
     table: Table
     data: Mapping[str, Any]
     inputs: tuple[Input, ...]
-    rows: tuple[Row, ...]
+    frame: DataFrame
     chance: Figures
     n_galleries: int
     scorer: str = ""
     scorer_title: str = ""
     seed: int = 0
 
-    @property
-    def cells(self) -> list[tuple[Row, Input, Cell]]:
-        """All cells, row by row."""
-        return [(row, input_, cell) for row in self.rows for input_, cell in row.cells.items()]
+    @cached_property
+    def lines(self) -> list[Any]:
+        """The rows of the frame as named tuples, with ``label``: the title as printed, with marks."""
+        labels = {method: _label(of_method) for method, of_method in self.frame.groupby("method", sort=False)}
+        return [*self.frame.assign(label=self.frame["method"].map(labels)).itertuples(index=False, name="Line")]
+
+    @cached_property
+    def rows(self) -> list[Any]:
+        """The first line of each method."""
+        return [*{line.method: line for line in reversed(self.lines)}.values()][::-1]
+
+    def line(self, method: str, input_: Input | None) -> Any | None:
+        """Return the line of a method under an input; None where there is none."""
+        return self._by_place.get((method, input_))
+
+    @cached_property
+    def _by_place(self) -> dict[tuple[str, Input | None], Any]:
+        return {(line.method, line.input): line for line in self.lines}
 
     @cached_property
     def significance(self) -> TableSignificance:
         """Return how sure each of our figures is, and which rows differ from the best."""
-        return table_significance(self.rows, self.inputs)
+        return table_significance(self.lines)
 
     @cached_property
     def departures(self) -> Mapping[str, str]:
         """How rows with scores depart from their sources, by the raised number of the note that says so."""
-        texts = dict.fromkeys(row.departs for row, _, cell in self.cells if row.departs and cell.scores)
+        texts = dict.fromkeys(line.departs for line in self.lines if line.departs and line.scores)
         return {str(number).translate(_RAISED): text for number, text in enumerate(texts, 1)}
 
-    def label(self, row: Row) -> str:
+    def label(self, line: Any) -> str:
         """Return the label of a row with the number of the note on its departures."""
-        return " ".join([row.label, *(number for number, text in self.departures.items() if text == row.departs)])
+        return " ".join([line.label, *(number for number, text in self.departures.items() if text == line.departs)])
 
     @property
     def identifier(self) -> str:
@@ -169,7 +151,7 @@ class TableContent:
     @property
     def has_paper(self) -> bool:
         """Return whether the paper has this table."""
-        return any(row.paper for row in self.rows)
+        return bool(self.frame["paper"].notna().any())
 
     @property
     def data_title(self) -> str:
@@ -186,16 +168,24 @@ class TableContent:
 
     def of(self, input_: Input, *, paper_only: bool = False) -> TableContent:
         """The same for one input: the rows of the paper, and if wanted those others that were run under it."""
-        rows = [
-            replace(
-                row,
-                cells={name: cell for name, cell in row.cells.items() if name == input_},
-                elsewhere=tuple(other for other in self.inputs if other != input_ and row.is_run(other)),
-            )
-            for row in self.rows
-            if row.paper or (not paper_only and row.is_run(input_))
-        ]
-        return replace(self, inputs=(input_,), rows=tuple(rows))
+        frame = self.frame[self.frame["input"] == input_]
+        shown = frame["paper"].notna() | ((frame["status"] != MISSING) & (not paper_only))
+        return replace(self, inputs=(input_,), frame=frame[shown])
+
+
+def _label(of_method: DataFrame) -> str:
+    """Title with training data beyond the paper's, number of models, coverage, marks of ties and old records."""
+    lines = [*of_method.itertuples()]
+    first, models = lines[0], [model for line in lines for model in line.models]
+    extra = "extra training data"
+    facts = [extra] if any(model["extra_data"] for model in models) and extra not in first.title else []
+    if models and any(line.n_wanted > 1 for line in lines):
+        facts.append(f"{len(models)} model{'' if len(models) == 1 else 's'}")
+    facts += [f"{line.input}: coverage {number(line.coverage)}" for line in lines if line.scores and line.coverage < 1]
+    facts += [EXTERNAL] if first.family == EXTERNAL else []
+    marks = [TIED] if any(line.n_tied for line in lines) else []
+    marks += [OUTDATED] if any(line.outdated for line in lines) else []
+    return " ".join([brief(first.title), *([f"({', '.join(facts)})"] if facts else []), *marks])
 
 
 def stem(*parts: str) -> str:
@@ -241,7 +231,7 @@ def contents(
         return TABLES.index(table) if table in TABLES else len(TABLES), table.stand_in == name, name, quick
 
     filled = (_content(*key[:2], grouped[key], blanks=blanks, named=named) for key in sorted(grouped, key=place))
-    return [table for table in filled if table.rows]
+    return [table for table in filled if len(table.frame)]
 
 
 def _known_table(identifier: str, dataset: str) -> Table | None:
@@ -257,6 +247,8 @@ def own_table(dataset: str) -> Table:
 
 
 def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool, named: bool) -> TableContent:
+    from pandas import DataFrame
+
     by_row: dict[str, dict[Input, list[Result]]] = {}
     for result in results:
         if _belongs(table, result, everything=named or table not in TABLES):
@@ -270,23 +262,20 @@ def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool
     inputs = tuple(input_ for input_ in INPUTS if any(input_ in of_row for of_row in by_row.values()))
     printed = paper.rows(table.identifier) if table in TABLES else {}
     names = [method for method in printed if blanks or method in by_row] + _others(by_row, printed)
-    rows = []
+    lines: list[dict[str, Any]] = []
     for method in names if by_row else ():
         of_row = by_row.get(method, {})
-        cells: dict[Input, Cell] = {input_: cell_of(of_input, n_folds) for input_, of_input in of_row.items()}
-        if method in printed:
-            cells = dict.fromkeys(inputs, Cell()) | cells
-            row = Row(method, printed[method].title, "paper", printed[method].values[table.identifier], cells)
-        else:
-            row = _further_row(method, of_row, cells, is_own=table not in TABLES)
-        rows.append(replace(row, departs=departs_of(method)))
+        row = {"method": method, "departs": departs_of(method), "run_under": tuple(of_row)}
+        row |= _heading(method, of_row, printed.get(method), table)
+        shown = inputs if method in printed else tuple(of_row)
+        lines += [row | {"input": input_} | line_of(of_row.get(input_, ()), n_folds) for input_ in shown]
     chance = [chance_of(record) if record.get("scores") else record["data"]["chance"] for record in samples]
     scored = next((result.record for result in results if "scorer_title" in result.record), None)
     return TableContent(
         table,
         {**samples[0]["data"], "name": name},
         inputs,
-        tuple(rows),
+        DataFrame(lines, dtype=object),
         {measure: statistics.fmean(levels[measure] for levels in chance) for measure in min(chance, key=len)},
         len(samples),
         scored["scorer"] if scored is not None else "",
@@ -315,16 +304,18 @@ def row_of(table: Table, record: Mapping[str, Any]) -> str:
     return f"{base}[{','.join(rest)}]" if any(rest) else base
 
 
-def _further_row(
-    method: str, by_input: Mapping[Input, Sequence[Result]], cells: Mapping[Input, Cell], *, is_own: bool
-) -> Row:
-    """Row of a method that the paper does not have, by the titles of its records."""
+def _heading(
+    method: str, by_input: Mapping[Input, Sequence[Result]], printed: paper.PaperRow | None, table: Table
+) -> dict[str, Any]:
+    """Title and family of a row, and its figures in the paper; those of a method that it lacks are in its records."""
+    if printed is not None:
+        return {"title": printed.title, "family": "paper", "paper": printed.values[table.identifier]}
     records = [result.record for results in by_input.values() for result in results]
     record = next((record for record in records if record["method"] == method), records[0])
     title = str(record["title"])
-    if is_own and method.partition("[")[0] in BUILT_IN:
+    if table not in TABLES and method.partition("[")[0] in BUILT_IN:
         title = re.sub(r"^Our\b", _NETWORK, title)
-    return Row(method, title, str(record["family"]), None, cells)
+    return {"title": title, "family": str(record["family"]), "paper": None}
 
 
 def departs_of(method: str) -> str:

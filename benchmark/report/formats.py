@@ -7,14 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from benchmark.api.contracts import Input
-from benchmark.pipeline.storage.records import chance_of
 from benchmark.protocols.tables import INPUTS
-from benchmark.report.cell import Cell, Figures
-from benchmark.report.content import TIED, Row, TableContent
+from benchmark.report.content import TIED, TableContent
 from benchmark.report.escaping import csv_text, markdown_line, markdown_table, markdown_text
 from benchmark.report.frame import Style, figures, labels, printed
 from benchmark.report.latex import Notes, latex_files, latex_rows
+from benchmark.report.lines import Figures
 from benchmark.report.notes import notes
 from benchmark.report.reproduction import paper_tables, reproduction_markdown
 from benchmark.report.rounding import number
@@ -99,7 +97,8 @@ def overview(tables: Sequence[TableContent]) -> str:
     body = []
     rows = [(table, row) for table in tables for row in table.rows]
     for table, row in rows:
-        scores = [row.cells.get(input_, Cell()).scores or {} for input_ in inputs]
+        shown = [table.line(row.method, input_) for input_ in inputs]
+        scores = [(line.scores or {}) if line else {} for line in shown]
         where = map(markdown_text, (table.identifier, table.data["name"], row.label))
         body.append([*where, *(number(of_input.get(measure)) for of_input in scores for measure in PRINTED)])
     return "\n".join(markdown_table(head, body, n_left=3, aligned=True)) + "\n"
@@ -109,17 +108,14 @@ def intervals_markdown(table: TableContent) -> str:
     """Each figure of ours with its interval, its spread over codebooks, and its test against the best, as Markdown."""
     title = f"How sure the figures of table {markdown_text(table.identifier)} are: {markdown_text(table.data_title)}"
     body = []
-    rows = [(input_, row) for input_ in table.inputs for row in table.of(input_).rows]
-    for input_, row in rows:
-        if judged := _judged(table, row, input_):
-            cell = row.cells[input_]
-            scores = cell.scores or {}
-            codebooks = [record["codebook_deviation"] for record in cell.records if record.get("codebook_deviation")]
+    for line in (line for input_ in table.inputs for line in table.of(input_).lines):
+        if judged := _judged(table, line):
+            codebooks = [record["codebook_deviation"] for record in line.records if record.get("codebook_deviation")]
             spread = sum(deviation["NN"] for deviation in codebooks) / len(codebooks) if codebooks else None
             body.append([
-                markdown_text(row.label),
-                input_,
-                *(f"{number(scores[m])} ({number(one.low)} to {number(one.high)})" for m, one in judged.items()),
+                markdown_text(line.label),
+                line.input,
+                *(f"{number(line.scores[m])} ({number(one.low)} to {number(one.high)})" for m, one in judged.items()),
                 number(spread, 3),
                 *("best" if one.is_best else number(one.probability, 4) for one in judged.values()),
             ])  # fmt: skip
@@ -132,10 +128,7 @@ def intervals_markdown(table: TableContent) -> str:
 def splits_markdown(table: TableContent) -> str:
     """Median and quantiles .05 and .95 of each measure over all splits as Markdown; "" where no row has any."""
     rows = [
-        (row.label, input_, splits)
-        for input_ in table.inputs
-        for row in table.of(input_).rows
-        if input_ in row.cells and (splits := row.cells[input_].record.get("splits"))
+        (line.label, input_, line.splits) for input_ in table.inputs for line in table.of(input_).lines if line.splits
     ]
     if not rows:
         return ""
@@ -183,62 +176,54 @@ def _of_measures(*parts: str) -> list[str]:
 def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
     """One object per table, input and method, with the keys that other programs rely on."""
     return [
-        _json_row(table, row, input_, row.cells[input_])
+        _json_row(table, line)
         for table in tables
         for input_ in table.inputs
-        for row in table.rows
-        if input_ in row.cells
+        for line in table.lines
+        if line.input == input_
     ]
 
 
-def _json_row(table: TableContent, row: Row, input_: Input, cell: Cell) -> dict[str, Any]:
-    record, scores, judged = cell.record, cell.scores, _judged(table, row, input_)
-    supported = record.get("supported", {})
+def _json_row(table: TableContent, line: Any) -> dict[str, Any]:
+    scores, judged = line.scores, _judged(table, line)
     return {
         "table": table.identifier,
         "dataset": table.data["name"],
         "stand_in": bool(table.data["stand_in_for"]),
         "quick": table.quick,
-        "input": input_,
-        "method": row.method,
-        "title": row.title,
+        "input": line.input,
+        "method": line.method,
+        "title": line.title,
         **(_rounded(scores) or dict.fromkeys(PRINTED)),
-        "paper": dict(row.paper) if row.paper else None,
-        "chance": _rounded(_chance(table, cell)),
-        "n_shapes": record.get("n_shapes"),
-        "n_classes": record.get("n_classes"),
-        "unsupported": len(record.get("unsupported", [])),
-        "coverage": round(cell.coverage, 6) if scores else None,
-        **{f"{name}_supported": round(supported[name], 6) for name in PRINTED if name in supported},
-        "seconds": None if cell.seconds is None else round(cell.seconds, 4),
-        "peak_mib": record.get("peak_mib"),
-        "spread": _rounded(cell.deviation),
+        "paper": dict(line.paper) if line.paper else None,
+        "chance": _rounded(line.chance or table.chance),
+        "n_shapes": line.n_shapes,
+        "n_classes": line.n_classes,
+        "unsupported": len(line.unsupported),
+        "coverage": round(line.coverage, 6) if scores else None,
+        **{f"{name}_supported": round(line.supported[name], 6) for name in PRINTED if name in line.supported},
+        "seconds": None if line.seconds is None else round(line.seconds, 4),
+        "peak_mib": line.peak_mib,
+        "spread": _rounded(line.deviation),
         "interval": {name: [round(one.low, 6), round(one.high, 6)] for name, one in judged.items()} or None,
         "p_best": {name: one.rounded_probability for name, one in judged.items()} or None,
-        "codebook_deviation": record.get("codebook_deviation"),
-        "n_models": len(cell.models) or None,
+        "codebook_deviation": line.codebook_deviation,
+        "n_models": len(line.models) or None,
         "n_galleries": table.n_galleries,
         **({"scorer": table.scorer} if table.scorer else {}),
-        **({"preparation_sd": _rounded(cell.preparation_sd)} if cell.repeats else {}),
-        "origin": cell.origin or None,
-        "outdated": cell.outdated or None,
-        **({"departs": row.departs} if row.departs else {}),
-        "status": cell.status,
+        **({"preparation_sd": _rounded(line.preparation_sd)} if line.preparation_sd else {}),
+        "origin": line.origin or None,
+        "outdated": line.outdated or None,
+        **({"departs": line.departs} if line.departs else {}),
+        "status": line.status,
     }
 
 
-def _judged(table: TableContent, row: Row, input_: Input) -> dict[str, FigureSignificance]:
-    """Significance of the figures of a row by measure; empty without scores."""
-    judged = {name: table.significance.get((row.method, input_, name)) for name in PRINTED}
+def _judged(table: TableContent, line: Any) -> dict[str, FigureSignificance]:
+    """Significance of the figures of a line by measure; empty without scores."""
+    judged = {name: table.significance.get((line.method, line.input, name)) for name in PRINTED}
     return {name: one for name, one in judged.items() if one is not None}
 
 
 def _rounded(values: Figures | None) -> Mapping[str, float | None] | None:
     return {name: round(values[name], 6) if name in values else None for name in PRINTED} if values else None
-
-
-def _chance(table: TableContent, cell: Cell) -> Figures:
-    """Scores of a random ranking of what a cell shows: of its gallery, or the mean over several."""
-    if "chance" in cell.record and "labels" not in cell.record:
-        return cell.record["chance"]  # type: ignore[no-any-return]
-    return chance_of(cell.record) if cell.scores else table.chance

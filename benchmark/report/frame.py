@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from benchmark.api.contracts import Input
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TableContent
 from benchmark.report.rounding import BLANK, number
 from benchmark.report.significance import CONTROL
 from retrieval.measures import PRINTED
@@ -83,17 +83,17 @@ def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
     return frame.assign(mark=frame["mark"].mask((contest != "") & (contest == best), "best"))
 
 
-def _figure(table: TableContent, row: Row | None, kind: str, input_: Input | None, measure: str) -> dict[str, object]:
+def _figure(table: TableContent, row: Any | None, kind: str, input_: Input | None, measure: str) -> dict[str, object]:
     """Return what there is of text, mark, spread and interval of one figure; without a row, of chance."""
     if row is None:
         return {"text": number(table.chance[measure])} if kind in ("paper", "ours") else {}
     theirs = row.paper[measure] if row.paper else None
     if kind == "paper" or input_ is None:
         return {"text": number(theirs)}
-    cell = row.cells.get(input_)
-    if cell is None or not cell.scores:
+    line = table.line(row.method, input_)
+    if line is None or not line.scores:
         return {}
-    judged, ours = table.significance.get((row.method, input_, measure)), number(cell.scores.get(measure))
+    judged, ours = table.significance.get((row.method, input_, measure)), number(line.scores.get(measure))
     interval = f"{number(judged.low)} to {number(judged.high)}" if judged else ""
     if kind == "difference":
         return {"text": _difference(ours, number(theirs)), "interval": interval}
@@ -102,9 +102,9 @@ def _figure(table: TableContent, row: Row | None, kind: str, input_: Input | Non
     return {
         "text": ours,
         "mark": "inseparable" if judged and judged.is_inseparable else "",
-        "spread": number(cell.deviation[measure]) if cell.deviation and measure in cell.deviation else "",
+        "spread": number(line.deviation[measure]) if line.deviation and measure in line.deviation else "",
         "interval": interval,
-        "competes": row.family != CONTROL and not cell.is_partial,
+        "competes": row.family != CONTROL and line.coverage >= 1,
     }
 
 
@@ -128,7 +128,7 @@ def labels(table: TableContent) -> list[str]:
     return [*(table.label(row) for row in table.rows), "Chance"]
 
 
-def lines(table: TableContent) -> list[tuple[Row | None, str, list[dict[Any, Any]]]]:
+def lines(table: TableContent) -> list[tuple[Any | None, str, list[dict[Any, Any]]]]:
     """Return row, label and figures of each line of a table; the row of chance is None."""
     by_row = [of_row.to_dict("records") for _, of_row in figures(table).groupby("row")]
     return list(zip([*table.rows, None], labels(table), by_row, strict=True))

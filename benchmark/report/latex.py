@@ -13,7 +13,7 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain, pairwise
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -27,6 +27,7 @@ from benchmark.reference.bibliography import is_listed
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import latex_prose, latex_text
 from benchmark.report.frame import Extra, Style, figures, labels, printed
+from benchmark.report.lines import MISSING
 from benchmark.report.notes import notes
 from benchmark.report.rounding import number
 from benchmark.text import clean
@@ -245,9 +246,9 @@ def _columns(table: TableContent, extra: Extra | None) -> list[Columns]:
         space = r"\enspace " if kind == "interval" else ""
         cells = [" & ".join(space + text for text in texts) for texts in wide[group].to_numpy().tolist()]
         for place, row in enumerate(table.rows):
-            cell = row.cells.get(input_)
-            if cell is not None and cell.status not in ("ok", "missing"):
-                cells[place] = rf"\multicolumn{{{len(heads)}}}{{c}}{{\textit{{{latex_text(cell.status)}}}}}"
+            line = table.line(row.method, input_)
+            if line is not None and line.status not in ("ok", MISSING):
+                cells[place] = rf"\multicolumn{{{len(heads)}}}{{c}}{{\textit{{{latex_text(line.status)}}}}}"
         is_wide = kind == "interval" or of_group["spread"].any()
         columns.append(Columns(latex_text(group), heads, cells, len(heads) * (1 + is_wide)))
     return columns
@@ -280,11 +281,10 @@ def scorer_cited(table: TableContent) -> str:
 
 def _digest(table: TableContent) -> str:
     """Digest of the figures of a table."""
-    rows = [
-        (row.method, {name: {"scores": cell.scores, "status": cell.status} for name, cell in row.cells.items()})
-        for row in table.rows
-    ]
-    return digest(rows)
+    rows: dict[str, dict[str, Any]] = {}
+    for line in table.lines:
+        rows.setdefault(line.method, {})[line.input] = {"scores": line.scores, "status": line.status}
+    return digest([*rows.items()])
 
 
 def _joined(parts: Sequence[object]) -> Latex:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
-from benchmark.report.cell import Cell
-from benchmark.report.content import OUTDATED, TIED, Row, TableContent
+from benchmark.report.content import OUTDATED, TIED, TableContent
+from benchmark.report.lines import MISSING
 from benchmark.report.rounding import number
 from benchmark.text import brief
 from retrieval.measures import PRINTED
@@ -40,14 +41,14 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     lines += [_OF_MEANS] if table.n_galleries > 1 else []
     lines += [_MARKS] if any(judged.is_inseparable for judged in table.significance.values()) else []
     lines += [*_tied(table), *_preparations(table), *_refused(table), *_trainings(table), *_area(table)]
-    lines += [line for row, input_, cell in table.cells for line in _of_jobs(f"{row.title}, {input_}", cell)]
+    lines += [line for of_line in table.lines for line in _of_jobs(of_line)]
     failed = (
-        (f"{input_}: {': '.join(filter(None, (cell.status, brief(cell.record.get('reason', '')))))}", row)
-        for row, input_, cell in table.cells
-        if cell.status not in ("ok", "missing")
+        (f"{line.input}: {': '.join(filter(None, (line.status, brief(line.reason))))}", line.title)
+        for line in table.lines
+        if line.status not in ("ok", MISSING)
     )
     lines += [f"{', '.join(titles)}, {failure}" for failure, titles in _titles(failed).items()]
-    outdated = _titles((brief(cell.outdated), row) for row, _, cell in table.cells if cell.outdated)
+    outdated = _titles((brief(line.outdated), line.title) for line in table.lines if line.outdated)
     if reasons:
         lines += [
             f"{OUTDATED} {', '.join(titles)}: made before the last change ({change})"
@@ -59,20 +60,18 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     return [*lines, *(f"{number} {text}" for number, text in table.departures.items())]
 
 
-def _titles(rows: Iterable[tuple[str, Row]]) -> dict[str, list[str]]:
+def _titles(rows: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     """Titles of the rows that share a text, by that text."""
     grouped: dict[str, dict[str, None]] = {}
-    for text, row in rows:
-        grouped.setdefault(text, {})[row.title] = None
+    for text, title in rows:
+        grouped.setdefault(text, {})[title] = None
     return {text: list(titles) for text, titles in grouped.items()}
 
 
 def _tied(table: TableContent) -> Iterator[str]:
     """Rows whose figures are means over the orders of results that tie at the first rank."""
     tied = [
-        f"{row.title}, {input_} ({cell.n_tied} of {cell.n_queries} queries)"
-        for row, input_, cell in table.cells
-        if cell.n_tied
+        f"{line.title}, {line.input} ({line.n_tied} of {line.n_queries} queries)" for line in table.lines if line.n_tied
     ]
     if tied:
         yield f"{TIED} Ties at the first rank: scores are means over their orders, and never italic: {'; '.join(tied)}."
@@ -82,69 +81,72 @@ def _preparations(table: TableContent) -> Iterator[str]:
     """Return how far rows move from one preparation to the next, for those that were prepared several times."""
     for input_ in table.inputs:
         spreads: dict[int, list[str]] = {}
-        for row, of_input, cell in table.cells:
-            if of_input == input_ and (deviation := cell.preparation_sd):
-                figures = " ".join(number(deviation[measure], 3) for measure in PRINTED)
-                spreads.setdefault(len(cell.repeats), []).append(f"{row.title} {figures}")
+        for line in table.lines:
+            if line.input == input_ and line.preparation_sd:
+                figures = " ".join(number(line.preparation_sd[measure], 3) for measure in PRINTED)
+                spreads.setdefault(line.n_repeats, []).append(f"{line.title} {figures}")
         for count, rows in spreads.items():
             yield _OF_PREPARATIONS.format(count, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
 
 
 def _refused(table: TableContent) -> Iterator[str]:
-    for row, input_, cell in table.cells:
-        if refused := cell.record.get("unsupported", []):
+    for line in table.lines:
+        if refused := line.unsupported:
             names = ", ".join(brief(name) for name, _ in refused[:3]) + (" ..." if len(refused) > 3 else "")
-            yield f"{row.title}, {input_}: {len(refused)} unsupported ({names}): {brief(refused[0][1])}"
+            yield f"{line.title}, {line.input}: {len(refused)} unsupported ({names}): {brief(refused[0][1])}"
 
 
 def _trainings(table: TableContent) -> Iterator[str]:
     """Return which schedule made the models, and on which data; rows that share them share a line."""
-    trainings: list[tuple[str, Row]] = []
+    trainings: list[tuple[str, str]] = []
+    printed = {row.method for row in (*paper.ROWS, *paper.ABLATION)}
+    is_printed = False
     for row in table.rows:
         by_schedule: dict[tuple[str, bool], dict[str, None]] = {}
-        for model in row.models:
+        for model in (model for line in table.lines if line.method == row.method for model in line.models):
             by_schedule.setdefault((model["schedule"], model["extra_data"]), {})[model["data"]] = None
         for (schedule, has_extra), (first, *others) in by_schedule.items():
             named = first + (f" (and {len(others)} more such sets)" if others else "")
-            trainings.append((f"trained on {'extra data, ' if has_extra else ''}{named}: {schedule}", row))
+            trainings.append((f"trained on {'extra data, ' if has_extra else ''}{named}: {schedule}", row.title))
+            is_printed = is_printed or row.method in printed
     yield from (f"{'; '.join(titles)}: {training}" for training, titles in _titles(trainings).items())
-    printed = {row.method for row in (*paper.ROWS, *paper.ABLATION)}
-    if not table.is_own and any(row.method in printed for _, row in trainings):
+    if is_printed and not table.is_own:
         yield f"The paper's schedule: {paper.SCHEDULE}."
 
 
 def _area(table: TableContent) -> Iterator[str]:
     """Say what metric size alone scores, which the learned network reads and no form shows."""
     figures = [
-        f"{' '.join(f'{measure} {number(cell.scores[measure])}' for measure in PRINTED)} ({input_})"
-        for row, input_, cell in table.cells
-        if row.method == "surface-area" and cell.scores
+        f"{' '.join(f'{measure} {number(line.scores[measure])}' for measure in PRINTED)} ({line.input})"
+        for line in table.lines
+        if line.method == "surface-area" and line.scores
     ]
     if figures:
         yield f"The surface area alone, which methods that see metric size can use, scores {', '.join(figures)}."
 
 
-def _of_jobs(where: str, cell: Cell) -> Iterator[str]:
+def _of_jobs(line: Any) -> Iterator[str]:
     """Return whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
-    if seen := cell.record.get("seen"):
-        yield f"{where}: {len(seen)} of {cell.record['n_shapes']} shapes were seen in training"
-    if differ := (cell.record.get("notes") or {}).get("runs_differ"):
+    where = f"{line.title}, {line.input}"
+    if line.seen:
+        yield f"{where}: {len(line.seen)} of {line.n_shapes} shapes were seen in training"
+    if differ := line.notes.get("runs_differ"):
         yield (
             f"{where}: not repeatable, two runs on one shape differ by {differ['max']:.1e} of the largest number; "
             "`check` says more"
         )
-    if 0 < cell.n_averaged < cell.n_wanted:
-        reason = brief(cell.record.get("reason", "the others were not run"))
-        yield f"{where}: mean of {cell.n_averaged} instead of {cell.n_wanted} ({reason})"
+    if 0 < line.n_averaged < line.n_wanted:
+        yield f"{where}: mean of {line.n_averaged} instead of {line.n_wanted} ({brief(line.reason)})"
 
 
 def _not_here(table: TableContent) -> Iterator[str]:
     """Rows without a job under the inputs of the table: those that have one under another input, and the others."""
-    blank = [row for row in table.rows if not any(map(row.is_run, row.cells))]
+    run = {line.method for line in table.lines if line.status != MISSING}
+    blank = [row for row in table.rows if row.method not in run]
     for input_ in INPUTS:
-        if titles := [row.title for row in blank if input_ in row.elsewhere]:
+        if titles := [row.title for row in blank if input_ in row.run_under]:
             yield f"Run only on the {input_} input: {', '.join(titles)}."
-    if titles := [row.title for row in blank if not row.elsewhere]:
+    if titles := [row.title for row in blank if not row.run_under]:
         yield f"Not run: {', '.join(titles)}."
 
 
@@ -163,7 +165,7 @@ def _of_preparation(table: TableContent) -> Iterator[str]:
 
 def _noted(table: TableContent, name: str, input_: Input) -> Mapping[str, float] | None:
     """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
-    for records in (cell.records for _, of_input, cell in table.cells if of_input == input_):
+    for records in (line.records for line in table.lines if line.input == input_):
         noted = [(record.get("notes", {}).get(name), record["n_shapes"]) for record in records]
         # A method may note something else by this name.
         noted = [(summary, n_shapes) for summary, n_shapes in noted if summary and {"mean", "max"} <= summary.keys()]

@@ -6,15 +6,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from benchmark.api.contracts import Input
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.storage.records import Record, answered_labels, answered_shapes
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.cell import Cell
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TableContent
 from benchmark.report.pictures.posing import have_same_poses
 from benchmark.report.rankings import (
     Attraction,
@@ -26,7 +25,7 @@ from benchmark.report.rankings import (
     ranking,
 )
 from benchmark.report.rounding import millionths
-from benchmark.report.significance import UNIT
+from benchmark.report.significance import UNIT, queries_of
 from retrieval.measures import PRINTED
 
 #: Kinds of confusions.
@@ -53,9 +52,7 @@ class RankedGallery:
 class RankedCell:
     """Galleries of one row of a table under one input; of several trainings the first."""
 
-    row: Row
-    input: Input
-    cell: Cell
+    line: Any
     galleries: list[RankedGallery]
 
     @cached_property
@@ -98,11 +95,15 @@ class RankedCell:
 
     def by_class(self, classes: Sequence[str]) -> dict[str, list[float | None]]:
         """Mean of each measure over the queries of each class."""
-        queries = self.cell.queries
+        queries = queries_of([self.line.records])
         place = {name: number for number, name in enumerate(classes)}
-        numbers = np.array([place[label] for label in queries["label"]], dtype=np.intp)
+        numbers = np.array([place[label] for label in queries.labels], dtype=np.intp)
         counts = np.bincount(numbers, minlength=len(classes))
-        sums = {name: np.bincount(numbers, queries[name], len(classes)) * UNIT for name in PRINTED}
+        values = queries.values[:, :, 0].T
+        sums = {
+            name: np.bincount(numbers, of_measure, len(classes)) * UNIT
+            for name, of_measure in zip(PRINTED, values, strict=True)
+        }
         return {
             name: [millionths(s / n) if n else None for s, n in zip(of_measure, counts, strict=True)]
             for name, of_measure in sums.items()
@@ -113,22 +114,21 @@ def ranked_cells(table: TableContent, artefacts: ArtefactReader) -> list[RankedC
     """Return the rows of a table that have scores, under each input, with the rankings that are stored."""
     poses: dict[str, dict[str, str]] = {}
     cells = []
-    for row in table.rows:
-        for input_, cell in row.cells.items():
-            if cell.scores:
-                galleries = []
-                for record in {record["gallery"]: dict(record) for record in reversed(cell.records)}.values():
-                    source = record["data"]["source"]
-                    if source not in poses:
-                        poses[source] = _poses(record, artefacts)
-                    galleries.append(RankedGallery(record, poses[source], _ranking(record, artefacts)))
-                cells.append(RankedCell(row, input_, cell, galleries[::-1]))
+    for line in table.lines:
+        if line.scores:
+            galleries = []
+            for record in {record["gallery"]: dict(record) for record in reversed(line.records)}.values():
+                source = record["data"]["source"]
+                if source not in poses:
+                    poses[source] = _poses(record, artefacts)
+                galleries.append(RankedGallery(record, poses[source], _ranking(record, artefacts)))
+            cells.append(RankedCell(line, galleries[::-1]))
     return cells
 
 
 def classes_of(cells: Sequence[RankedCell]) -> list[str]:
     """Return the names of all classes."""
-    return list(dict.fromkeys(label for each in cells for record in each.cell.records for label in record["labels"]))
+    return list(dict.fromkeys(label for each in cells for record in each.line.records for label in record["labels"]))
 
 
 def poses_of(cells: Sequence[RankedCell]) -> list[str]:

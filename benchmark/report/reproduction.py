@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import CLAIMS, MEASURES, NUMERALS, Claim, is_learned, rows
-from benchmark.report.cell import Cell
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TableContent
 from benchmark.report.escaping import markdown_line, markdown_table, markdown_text
 from benchmark.report.rounding import BLANK, millionths, number
-from benchmark.report.significance import ALPHA, class_permutation_test, holm, paired_gains
+from benchmark.report.significance import ALPHA, class_permutation_test, holm, queries_of
+from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -124,12 +124,11 @@ def _ours(content: TableContent | None, method: str, input_: Input, measure: str
     if content is None:
         return {}
     chance: dict[str, float | str] = {"chance": content.chance[measure]}
-    row = next((row for row in content.rows if row.method == method), None)
-    cell = row.cells.get(input_, Cell()) if row is not None else Cell()
-    if row is None or not cell.scores:
+    line = content.line(method, input_)
+    if line is None or not line.scores:
         return chance
-    differs = "other data" if content.data["stand_in_for"] else "other training" if row.models else "unexplained"
-    return chance | {"ours": cell.scores[measure], "differs": differs}
+    differs = "other data" if content.data["stand_in_for"] else "other training" if line.models else "unexplained"
+    return chance | {"ours": line.scores[measure], "differs": differs}
 
 
 def _outcomes(column: DataFrame) -> dict[int, Outcome]:
@@ -203,17 +202,17 @@ def assess_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] 
     claims
         What to decide.
     """
-    return [_assess(claim, contents[claim.table].rows if claim.table in contents else ()) for claim in claims]
+    return [_assess(claim, contents[claim.table].lines if claim.table in contents else ()) for claim in claims]
 
 
-def _assess(claim: Claim, rows: Iterable[Row]) -> AssessedClaim:
-    cells = {row.method: row.cells[claim.input] for row in rows if claim.input in row.cells}
-    missing = tuple(name for name in (claim.better, *claim.others) if name not in cells or not cells[name].records)
-    if missing:
+def _assess(claim: Claim, lines: Iterable[Any]) -> AssessedClaim:
+    records = {line.method: line.records for line in lines if line.input == claim.input and line.records}
+    names = (claim.better, *claim.others)
+    if missing := tuple(name for name in names if name not in records):
         return AssessedClaim(claim, "not comparable", missing=missing)
-    columns = ["label", *claim.measures]
-    better = cells[claim.better].queries[columns]
-    parts = [paired_gains(better, cells[name].queries[columns]) for name in claim.others]
+    queries, columns = queries_of([records[name] for name in names]), [PRINTED.index(name) for name in claim.measures]
+    gains = [queries.gains(0, place) for place in range(1, len(names))]
+    parts = [(of_pair[:, columns], labels) for of_pair, labels in gains]
     totals = -np.concatenate([gains.sum(axis=0) for gains, _ in parts])
     certain = np.array(holm(np.concatenate([class_permutation_test(*part) for part in parts]))) < ALPHA
     decision: Decision = "undecided"

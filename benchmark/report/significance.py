@@ -16,9 +16,9 @@ Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Jo
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,11 +26,6 @@ from numpy.typing import ArrayLike, NDArray
 from benchmark.api.contracts import Input
 from benchmark.report.rounding import millionths
 from retrieval.measures import PRINTED
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-    from benchmark.report.content import Row
 
 #: Records keep six decimals. Sums of whole numbers are the same in any order, so on every machine.
 UNIT = 1e-6
@@ -52,42 +47,53 @@ CONTROL = "control"
 _AT_A_TIME = 4_000_000
 
 
-def queries_of(records: Sequence[Mapping[str, Any]]) -> DataFrame:
-    """Collect the queries of some records: those of several galleries, the mean over several trainings on one.
-
-    A query without a relevant shape counts in no mean and is left out.
+@dataclass(frozen=True, eq=False)
+class Queries:
+    """Measures of the queries of several rows.
 
     Parameters
     ----------
-    records
-        Records with scores, of one method under one input.
-
-    Returns
-    -------
-    pandas.DataFrame
-        By gallery and shape: ``label``, and the printed measures in units of 1e-6, whole numbers in double precision.
+    values
+        Shape (N, M, R): N queries, M printed measures, R rows; whole numbers in units of 1e-6, 0 without a result.
+    has
+        Shape (N, R): whether the row has the query.
+    labels
+        Class of each query.
     """
-    from pandas import DataFrame
 
-    names = [*PRINTED]
-    columns = [[value for record in records for value in record["per_query"][name]] for name in names]
-    queries = DataFrame(np.array(columns, dtype=np.float64).T, columns=names)
-    queries["gallery"] = [record["gallery"] for record in records for _ in record["shapes"]]
-    queries["shape"] = [shape for record in records for shape in record["shapes"]]
-    queries["label"] = [label for record in records for label in record["labels"]]
-    queries = queries.dropna(subset=names).set_index(["gallery", "shape"])
-    if not queries.index.is_unique:
-        grouped = queries.groupby(level=[0, 1], sort=False)
-        queries = grouped[names].mean().join(grouped[["label"]].last())
-    queries[names] = np.rint(queries[names] / UNIT)
-    return queries
+    values: NDArray[np.float64]
+    has: NDArray[np.bool_]
+    labels: list[str]
+
+    def gains(self, first: int, second: int) -> tuple[NDArray[np.float64], list[str]]:
+        """Return how much better the second row is for each query of both, a column a measure, and the classes."""
+        both = np.flatnonzero(self.has[:, first] & self.has[:, second])
+        gains = self.values[both, :, second] - self.values[both, :, first]
+        return gains, [self.labels[place] for place in both]
 
 
-def paired_gains(first: DataFrame, second: DataFrame) -> tuple[NDArray[np.float64], list[str]]:
-    """Return how much better the second is for each query of both, a column for each measure, and the classes."""
-    first = first.loc[first.index.isin(second.index)]
-    gains = second.loc[first.index].drop(columns="label") - first.drop(columns="label")
-    return gains.to_numpy(), first["label"].tolist()
+def queries_of(rows: Sequence[Sequence[Mapping[str, Any]]]) -> Queries:
+    """Collect the queries of each row from its records with scores: of several trainings on a gallery, the mean.
+
+    A query without a relevant shape counts in no mean and is left out.
+    """
+    labels: dict[tuple[str, str], str] = {}
+    parts = []
+    for row, records in enumerate(rows):
+        for record in records:
+            values = np.array([record["per_query"][name] for name in PRINTED], dtype=np.float64).T
+            known = np.flatnonzero(~np.isnan(values).any(axis=1))
+            names = [(record["gallery"], record["shapes"][place]) for place in known]
+            labels |= zip(names, (record["labels"][place] for place in known), strict=True)
+            parts.append((row, names, values[known]))
+    place_of = {name: place for place, name in enumerate(labels)}
+    sums, counts = np.zeros((len(labels), len(PRINTED), len(rows))), np.zeros((len(labels), len(rows)))
+    for row, names, values in parts:
+        places = [place_of[name] for name in names]
+        sums[places, :, row] += values
+        counts[places, row] += 1
+    means = sums / np.maximum(counts, 1)[:, None]
+    return Queries(np.rint(means / UNIT), counts > 0, [*labels.values()])
 
 
 def intervals(values: NDArray[np.float64], labels: Sequence[Hashable]) -> NDArray[np.float64]:
@@ -220,7 +226,7 @@ class FigureSignificance:
         Of so large a difference from the best row if there were none, adjusted for the number of rows; None for the
         best row itself and for controls.
     is_tied
-        Whether first ranks of the row tie, see :attr:`benchmark.report.cell.Cell.n_tied`.
+        Whether first ranks of the row tie.
     """
 
     low: float
@@ -244,37 +250,30 @@ class FigureSignificance:
 TableSignificance = dict[tuple[str, Input, str], FigureSignificance]
 
 
-def table_significance(rows: Sequence[Row], inputs: Sequence[Input]) -> TableSignificance:
-    """Judge all our figures of a table."""
-    judged: TableSignificance = {}
-    for input_ in inputs:
-        judged |= _of_input([row for row in rows if input_ in row.cells and row.cells[input_].records], input_)
-    return judged
+def table_significance(lines: Iterable[Any]) -> TableSignificance:
+    """Judge all our figures of a table, see :attr:`benchmark.report.content.TableContent.lines`."""
+    by_input: dict[Input, list[Any]] = {}
+    for line in lines:
+        if line.records:
+            by_input.setdefault(line.input, []).append(line)
+    return {place: judged for of_input in by_input.values() for place, judged in _of_input(of_input).items()}
 
 
-def _of_input(rows: Sequence[Row], input_: Input) -> TableSignificance:
-    if not rows:
-        return {}
-    from pandas import MultiIndex
-
-    cells = [row.cells[input_] for row in rows]
-    of_rows = [cell.queries for cell in cells]
-    labels = {name: label for queries in of_rows for name, label in queries["label"].items()}
-    index = MultiIndex.from_tuples(labels) if labels else of_rows[0].index
-    # Queries, measures, rows; a query without a result finds nothing.
-    values = np.stack([queries[[*PRINTED]].reindex(index, fill_value=0.0) for queries in of_rows], axis=-1)
-    ends = intervals(values.reshape(len(labels), -1), [*labels.values()]).reshape(*values.shape[1:], 2)
-    contest = [k for k, row in enumerate(rows) if row.family != CONTROL and cells[k].is_complete]
-    scores = [[millionths((cell.scores or {})[name]) for cell in cells] for name in PRINTED]
-    best = [max(contest, key=lambda k: (of_rows[k], -k), default=None) for of_rows in scores]
+def _of_input(lines: Sequence[Any]) -> TableSignificance:
+    queries = queries_of([line.records for line in lines])
+    values = queries.values
+    ends = intervals(values.reshape(len(values), -1), queries.labels).reshape(*values.shape[1:], 2)
+    contest = [k for k, line in enumerate(lines) if line.family != CONTROL and line.coverage >= 1]
+    scores = [[millionths(line.scores[name]) for line in lines] for name in PRINTED]
+    best = [max(contest, key=lambda k: (of_lines[k], -k), default=None) for of_lines in scores]
     others = [[k for k in contest if k != first] for first in best]
     gains = [values[:, m, others[m]] - values[:, m, [first]] for m, first in enumerate(best) if first is not None]
     tested = permutation_test(np.hstack(gains)).reshape(len(PRINTED), -1) if gains else np.zeros((len(PRINTED), 0))
     probabilities = [dict(zip(others[m], holm(tested[m]), strict=True)) for m in range(len(PRINTED))]
     return {
-        (row.method, input_, measure): FigureSignificance(
-            float(ends[m, k, 0]), float(ends[m, k, 1]), k == best[m], probabilities[m].get(k), cells[k].n_tied > 0
+        (line.method, line.input, measure): FigureSignificance(
+            float(ends[m, k, 0]), float(ends[m, k, 1]), k == best[m], probabilities[m].get(k), line.n_tied > 0
         )
         for m, measure in enumerate(PRINTED)
-        for k, row in enumerate(rows)
+        for k, line in enumerate(lines)
     }

@@ -6,11 +6,11 @@ import re
 import pytest
 
 from benchmark.report import frame
-from benchmark.report.cell import cell_of
 from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.html.pages import ENVIRONMENT
 from benchmark.report.latex import latex
+from benchmark.report.lines import line_of
 from benchmark.report.notes import notes
 from benchmark.report.results import Result
 from tests.records import failed, record
@@ -43,25 +43,30 @@ def test_means_and_deviation_by_hand():
         of_fold(1, 0.6, digest="b", cost={"seconds_per_shape": {"canonicalise": 2.5, "features": 1.0}}, peak_mib=120),
         of_fold(2, 0.1, digest="c", shapes=shapes, cost={"seconds_per_shape": {"canonicalise": 9.0}}),
     )
-    cell = cell_of(found, 3)
-    assert cell.scores["NN"] == pytest.approx(0.4)
+    line = line_of(found, 3)
+    assert line["scores"]["NN"] == pytest.approx(0.4)
     # Deviations .1, .2 and -.3 from the mean: (.01 + .04 + .09) / 2.
-    assert cell.deviation["NN"] == pytest.approx(0.07**0.5)
-    assert cell.deviation["FT"] == 0
-    assert (cell.status, cell.n_averaged, cell.n_wanted, len(cell.models)) == ("ok", 3, 3, 3)
-    assert (cell.record["n_shapes"], cell.record["n_classes"]) == (5, 2)
-    assert cell.record["cost"]["seconds_per_shape"] == {"canonicalise": 2.5, "features": 1.0}
-    assert cell.record["peak_mib"] == 120
+    assert line["deviation"]["NN"] == pytest.approx(0.07**0.5)
+    assert line["deviation"]["FT"] == 0
+    assert (line["status"], line["n_averaged"], line["n_wanted"], len(line["models"])) == ("ok", 3, 3, 3)
+    assert (line["n_shapes"], line["n_classes"]) == (5, 2)
+    assert line["phases"] == {"canonicalise": 2.5, "features": 1.0}
+    assert line["peak_mib"] == 120
 
 
 def test_a_job_that_failed_counts_zero_and_is_told():
-    cell = cell_of(results(of_fold(0, 0.5), of_fold(1, 0, make=failed, reason="ate memory"), of_fold(2, 0.7)), 3)
-    assert cell.scores["NN"] == pytest.approx(0.4)
-    assert (cell.coverage, cell.is_complete) == (pytest.approx(2 / 3), False)
-    assert (cell.n_averaged, cell.n_wanted) == (2, 3)
-    assert cell.record["reason"] == "humans fold 1: ate memory"
-    assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).status == "crashed"
-    assert cell_of(results(of_fold(0, 0, make=failed, status="crashed")), 3).scores is None
+    line = line_of(results(of_fold(0, 0.5), of_fold(1, 0, make=failed, reason="ate memory"), of_fold(2, 0.7)), 3)
+    assert line["scores"]["NN"] == pytest.approx(0.4)
+    assert line["coverage"] == pytest.approx(2 / 3)
+    assert (line["n_averaged"], line["n_wanted"]) == (2, 3)
+    assert line["reason"] == "humans fold 1: ate memory"
+    crashed = line_of(results(of_fold(0, 0, make=failed, status="crashed")), 3)
+    assert (crashed["status"], crashed["scores"]) == ("crashed", None)
+
+
+def test_of_one_gallery_whose_second_training_failed_no_deviation_is_known():
+    line = line_of(results(of_fold(0, 0.5), of_fold(0, 0, training_seed=1, make=failed)), 1)
+    assert (line["scores"]["NN"], line["deviation"]) == (0.25, None)
 
 
 def of_draw(draw, nn, training=""):
@@ -79,12 +84,12 @@ def test_a_row_of_people_drawn_at_random_is_the_mean_over_models_and_draws():
     made = [of_draw(draw, 0.1 * draw + 0.01 * k, fold) for draw in range(3) for k, fold in enumerate(folds)]
     (table,) = contents(results(*made))
     (row,) = table.rows
-    assert row.cells["view"].scores["NN"] == pytest.approx(0.11)
-    assert row.cells["view"].deviation["NN"] == pytest.approx(0.1)
+    assert row.scores["NN"] == pytest.approx(0.11)
+    assert row.deviation["NN"] == pytest.approx(0.1)
     assert (row.label, table.data["name"]) == ("Learned (3 models)", "humans-random")
     assert table.caption.endswith("mean over three draws")
     (one,) = contents(results(of_draw(1, 0.5)))
-    assert one.rows[0].cells["view"].scores["NN"] == 0.5
+    assert one.rows[0].scores["NN"] == 0.5
     assert "mean" not in one.caption
 
 
@@ -103,7 +108,7 @@ FOUR = (
 def test_table_one_is_the_mean_of_the_folds_and_table_four_of_the_trainings_as_well():
     found = tables_of(*FOUR)
     assert list(found) == ["I", "IV"]
-    one, four = (next(r for r in found[name].rows if r.method == "learned").cells["view"] for name in found)
+    one, four = (found[name].line("learned", "view") for name in found)
     assert (one.scores["NN"], one.n_averaged) == (pytest.approx(0.5), 3)
     assert (four.scores["NN"], four.n_averaged) == (pytest.approx(1.7 / 3), 4)  # the first fold has .7 on average
     assert found["I"].n_galleries == 3

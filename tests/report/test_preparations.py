@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from benchmark.report.cell import cell_of
 from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, as_json, markdown
+from benchmark.report.lines import line_of
 from benchmark.report.results import Result
 from tests.records import record
 
@@ -31,10 +31,10 @@ def of_rows(*results):
 
 
 def test_spread_by_hand():
-    cell = cell_of([with_repeats("gps", 0.75, 0.5, 0.6, 0.7)], 1)
-    assert cell.scores["NN"] == 0.75
-    assert cell.preparation_sd["NN"] == pytest.approx(0.1)  # deviations -.1, 0, .1: .02 / 2
-    assert cell.preparation_sd["FT"] == 0
+    line = line_of([with_repeats("gps", 0.75, 0.5, 0.6, 0.7)], 1)
+    assert line["scores"]["NN"] == 0.75
+    assert line["preparation_sd"]["NN"] == pytest.approx(0.1)  # deviations -.1, 0, .1: .02 / 2
+    assert line["preparation_sd"]["FT"] == 0
 
 
 def test_a_row_of_several_galleries_is_repeated_as_a_whole():
@@ -43,9 +43,10 @@ def test_a_row_of_several_galleries_is_repeated_as_a_whole():
         made = [record("gps", gallery=f"humans[jitter={k}] fold {number}", nn=v) for k, v in enumerate(repeats, 1)]
         return Result(record("gps", gallery=name, nn=nn), repeats=dict(enumerate(made, 1)))
 
-    cell = cell_of([fold(0, 0.5, 0.4, 0.6), fold(1, 0.5, 0.6, 0.8)], 2)
-    assert [each["NN"] for each in cell.repeats] == pytest.approx([0.5, 0.7])
-    assert cell_of([fold(0, 0.5, 0.4, 0.6), fold(1, 0.5, 0.6)], 2).preparation_sd is None  # one is no spread
+    line = line_of([fold(0, 0.5, 0.4, 0.6), fold(1, 0.5, 0.6, 0.8)], 2)
+    assert line["n_repeats"] == 2
+    assert line["preparation_sd"]["NN"] == pytest.approx(0.02**0.5)  # .5 and .7
+    assert line_of([fold(0, 0.5, 0.4, 0.6), fold(1, 0.5, 0.6)], 2)["preparation_sd"] is None  # one is no spread
 
 
 def test_json_csv_and_notes_have_the_spread_of_rows_that_were_repeated():

@@ -5,36 +5,38 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmark.protocols.tables import Table
 from benchmark.report import html
-from benchmark.report.cell import Cell
 from benchmark.report.comparison import compare_folders, lines
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TableContent
 from benchmark.report.formats import render
 from benchmark.report.frame import figures
+from benchmark.report.lines import line_of
 from benchmark.report.notes import notes
 from benchmark.report.paper.document import leads
+from benchmark.report.results import Result
 from benchmark.report.robustness import half_at
 from benchmark.report.rounding import number
 from tests.records import MEASURES, record
+from tests.report.tables import frame, line
 
 HALVES = [k / 1000 for k in range(5, 1000, 10)]
 
 
-def table(*cells: Cell) -> TableContent:
-    """A row of each cell, by mesh alone."""
-    rows = tuple(Row(f"m{k}", f"M{k}", "extended", None, {"mesh": cell}) for k, cell in enumerate(cells))
+def table(*results: Result) -> TableContent:
+    """A row of each result, by mesh alone."""
+    lines = frame(line(f"m{k}", "mesh", result) for k, result in enumerate(results))
     data = {"name": "rods", "title": "Rods", "stand_in_for": "", "quick": False, "n_shapes": 4, "n_classes": 2}
-    return TableContent(Table("rods", "Rods", "rods"), data, ("mesh",), rows, dict.fromkeys(MEASURES, 0.25), 1)
+    return TableContent(Table("rods", "Rods", "rods"), data, ("mesh",), lines, dict.fromkeys(MEASURES, 0.25), 1)
 
 
-def cell(nn: float = 0.5, **more: object) -> Cell:
-    made = record(nn=nn, **more)
-    return Cell("ok", made, n_averaged=1, records=(made,))
+def result(nn: float = 0.5, **more: object) -> Result:
+    return Result(record(nn=nn, **more))
 
 
 @pytest.mark.parametrize("value", HALVES)
@@ -53,7 +55,7 @@ def test_further_decimals_signs_and_gaps():
 
 def test_both_sides_of_a_half_are_one_figure_and_both_are_best_in_every_format():
     above, below = 0.575, float(np.nextafter(0.575, 0))
-    content = table(cell(above), cell(below))
+    content = table(result(above), result(below))
     files = render([content], ("latex", "markdown"))
     assert files["table-rods.md"].count("**0.58**") == 2
     assert files["table-rods.tex"].count(r"\textbf{0.58}") == 2
@@ -64,7 +66,7 @@ def test_both_sides_of_a_half_are_one_figure_and_both_are_best_in_every_format()
 
 def test_the_best_row_is_the_first_of_those_that_print_alike():
     above, below = 0.575, float(np.nextafter(0.575, 0))
-    judged = table(cell(below), cell(above)).significance
+    judged = table(result(below), result(above)).significance
     assert [judged[name, "mesh", "NN"].is_best for name in ("m0", "m1")] == [True, False]
 
 
@@ -77,23 +79,27 @@ def test_half_of_the_clean_value_is_not_below_half():
 NN = [1.0, 0.5, 1.0, 0.0]
 
 
-def tied(values: list[float], codebooks: int = 1, **more: object) -> Cell:
+def tied(values: list[float], codebooks: int = 1, **more: object) -> Result:
     per_query = {name: values if name == "NN" else [0.5] * 4 for name in MEASURES}
     made = record(nn=float(np.mean(values)), per_query=per_query, **more)
     made["recipe"] |= {"scorer": {"codebooks": list(range(codebooks))}}
-    return Cell("ok", made, n_averaged=1, records=(made,))
+    return Result(made)
+
+
+def n_tied(*arguments: Any, **more: Any) -> int:
+    return int(line_of([tied(*arguments, **more)], 1)["n_tied"])
 
 
 def test_first_ranks_tie_where_nn_is_no_share_of_the_draws():
-    assert tied(NN, tied_queries=1).n_tied == 1
-    assert tied(NN, codebooks=2, tied_queries=1).n_tied == 0
-    assert tied([0.666667, 0.333333, 1.0, 0.0], codebooks=3, tied_queries=4).n_tied == 0  # six decimals
-    assert tied([0.666667, 0.166667, 1.0, 0.0], codebooks=3, tied_queries=4).n_tied == 1
-    assert tied(NN).n_tied == 0  # of made-up or older records nobody knows
+    assert n_tied(NN, tied_queries=1) == 1
+    assert n_tied(NN, codebooks=2, tied_queries=1) == 0
+    assert n_tied([0.666667, 0.333333, 1.0, 0.0], codebooks=3, tied_queries=4) == 0  # six decimals
+    assert n_tied([0.666667, 0.166667, 1.0, 0.0], codebooks=3, tied_queries=4) == 1
+    assert n_tied(NN) == 0  # of made-up or older records nobody knows
 
 
 def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
-    best = cell(0.75)
+    best = result(0.75)
     without, having = (table(best, tied(NN, tied_queries=count)) for count in (0, 1))
     marks = [figures(each).query("measure == 'NN'")["mark"].tolist()[:2] for each in (without, having)]
     assert marks == [["best", "inseparable"], ["best", ""]]
@@ -109,7 +115,7 @@ def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
 
 
 def test_a_paper_does_not_say_that_the_best_row_is_better_than_one_whose_first_ranks_tie():
-    (lead,) = leads(table(cell(0.75), tied(NN, tied_queries=1), tied(NN, tied_queries=0)), "NN")
+    (lead,) = leads(table(result(0.75), tied(NN, tied_queries=1), tied(NN, tied_queries=0)), "NN")
     assert (lead["title"], lead["n_others"], lead["inseparable"]) == ("M0", 1, ["M2"])
 
 

@@ -3,48 +3,43 @@
 from dataclasses import replace
 
 import pytest
+from pandas import concat
 
 from benchmark.errors import ConfigurationError
 from benchmark.execution.plan import difference
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import Table
-from benchmark.report.cell import Cell
-from benchmark.report.content import Row, TableContent, departs_of
+from benchmark.report.content import TableContent, departs_of
 from benchmark.report.formats import as_csv, markdown, render, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
 from benchmark.report.output import Folder
+from benchmark.report.results import Result
 from retrieval.chance import chance_levels
-from tests.records import record
+from tests.records import failed, record
+from tests.report.tables import frame, line
 
 
-def cell(nn, unsupported=(), **more):
-    return Cell("ok", record(nn=nn, unsupported=list(unsupported)), n_averaged=1, **more)
+def result(nn, unsupported=()):
+    return Result(record(nn=nn, unsupported=list(unsupported)))
 
 
 def table(quick=False, stand_in="tosca"):
     chance = chance_levels(["cat", "cat", "dog", "dog"])
     data = {"name": "beasts", "title": "Beasts & Co", "stand_in_for": stand_in, "quick": quick}
     paper = {"NN": 0.74, "FT": 0.54, "ST": 0.80, "DCG": 0.80}
-    rows = (
-        Row(
-            "classic-mds",
-            "Classic MDS",
-            "paper",
-            paper,
-            {"mesh": cell(0.7449), "view": cell(0.2, [("cat1", "two parts; join them")])},
-        ),
-        Row("fast-mds", "Fast MDS", "paper", paper, {"mesh": Cell(), "view": Cell()}),
-        Row(
-            "mine",
-            "50 % of_mine",
-            "extended",
-            None,
-            {"mesh": cell(0.7401), "view": Cell("timeout", {"reason": "stopped"})},
-        ),
+    classic = {"title": "Classic MDS", "family": "paper", "paper": paper}
+    fast, mine = classic | {"title": "Fast MDS"}, {"title": "50 % of_mine"}
+    lines = (
+        line("classic-mds", "mesh", result(0.7449), **classic),
+        line("classic-mds", "view", result(0.2, [("cat1", "two parts; join them")]), **classic),
+        line("fast-mds", "mesh", **fast),
+        line("fast-mds", "view", **fast),
+        line("mine", "mesh", result(0.7401), **mine),
+        line("mine", "view", Result(failed()), **mine),
     )
     data |= {"n_shapes": 4, "n_classes": 2, "chance": chance}
-    return TableContent(Table("III", "Animals", "tosca", "beasts"), data, ("mesh", "view"), rows, chance, 1)
+    return TableContent(Table("III", "Animals", "tosca", "beasts"), data, ("mesh", "view"), frame(lines), chance, 1)
 
 
 def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
@@ -76,19 +71,20 @@ def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
 
 def test_what_was_not_run_is_one_note():
     content = table()
-    rows = tuple(replace(row, cells={"mesh": Cell()}) for row in content.rows)
-    lines = markdown(replace(content, rows=rows, inputs=("mesh",))).splitlines()
+    blank = frame(line(row.method, "mesh", title=row.title) for row in content.rows)
+    lines = markdown(replace(content, frame=blank, inputs=("mesh",))).splitlines()
     assert [line for line in lines if line.startswith("- ")] == ["- Not run: Classic MDS, Fast MDS, 50 % of_mine."]
 
 
 def test_a_table_of_one_input_says_what_was_run_on_the_other_alone():
-    content = table()
-    seen, blank, *others = content.rows
-    rows = (
-        replace(seen, cells={**seen.cells, "mesh": Cell()}),
-        replace(blank, cells=dict.fromkeys(blank.cells, Cell())),
+    paper = {"family": "paper", "paper": dict.fromkeys(("NN", "FT", "ST", "DCG"), 0.5)}
+    lines = (
+        line("classic-mds", "mesh", title="Classic MDS", run_under=("view",), **paper),
+        line("classic-mds", "view", result(0.5), title="Classic MDS", run_under=("view",), **paper),
+        line("fast-mds", "mesh", title="Fast MDS", **paper),
+        line("fast-mds", "view", title="Fast MDS", **paper),
     )
-    complete = replace(content, rows=(*rows, *others)).of("mesh")
+    complete = replace(table(), frame=frame(lines)).of("mesh")
     assert "Run only on the view input: Classic MDS." in notes(complete)
     assert [line for line in notes(complete) if line.startswith("Not run")] == ["Not run: Fast MDS."]
 
@@ -104,8 +100,8 @@ def test_latex_is_booktabs_escaped_and_stable():
     assert r"50 \% of\_mine & -- & -- & -- & -- & \textbf{0.74}" in text
     assert "generated stand-in 'beasts', not TOSCA" in text
     assert r"Chance & 0.33 & 0.33 & 0.67 & 0.88" in text
-    for line in text.splitlines():
-        assert line.startswith("%") or "%" not in line.replace(r"\%", "")
+    for words in text.splitlines():
+        assert words.startswith("%") or "%" not in words.replace(r"\%", "")
     body = text[text.index(r"\midrule") : text.index(r"\bottomrule")]
     cells = [line.replace(r"\multicolumn{4}{c}", " &  &  & ") for line in body.splitlines() if line.endswith(r"\\")]
     assert all(line.count(" & ") == 12 for line in cells)
@@ -174,9 +170,7 @@ def test_a_stale_job_says_what_changed(before, now, said):
 
 def test_an_outdated_row_has_a_mark_and_a_note_that_says_what_changed():
     content = table()
-    first, *others = content.rows
-    marked = replace(first, cells={"mesh": cell(0.7449, outdated="libigl 2.6.2 -> 2.6.3"), "view": first.cells["view"]})
-    content = replace(content, rows=(marked, *others))
+    content.frame.at[0, "outdated"] = "libigl 2.6.2 -> 2.6.3"
     text = markdown(content)
     assert "| Classic MDS (view: coverage 0.80) † " in text
     assert text.count("†") == 2
@@ -189,14 +183,15 @@ def test_an_outdated_row_has_a_mark_and_a_note_that_says_what_changed():
 
 def test_departures_from_sources_are_numbered_below_rows_with_scores():
     content = table()
-    classic, fast, mine = content.rows
-    rows = (
-        replace(classic, departs="Fewer steps than in the source."),
-        replace(fast, departs="Not run, so not told."),
-        replace(mine, departs="Three axes_of many."),
-        replace(mine, method="mine[a=1]", departs="Fewer steps than in the source."),
-    )
-    departing = replace(content, rows=rows)
+    more = content.frame[content.frame["method"] == "mine"].assign(method="mine[a=1]")
+    departs = {
+        "classic-mds": "Fewer steps than in the source.",
+        "fast-mds": "Not run, so not told.",
+        "mine": "Three axes_of many.",
+        "mine[a=1]": "Fewer steps than in the source.",
+    }
+    lines = concat([content.frame, more])
+    departing = replace(content, frame=lines.assign(departs=lines["method"].map(departs)))
     assert notes(departing)[-2:] == ["¹ Fewer steps than in the source.", "² Three axes_of many."]
     labels = [line.split("|")[1].strip() for line in markdown(departing).splitlines() if line.startswith("| ")]
     assert [label[-1] for label in labels[2:6]] == ["¹", "S", "²", "¹"]
@@ -204,7 +199,7 @@ def test_departures_from_sources_are_numbered_below_rows_with_scores():
     assert r"50 \% of\_mine \textsuperscript{2}" in text
     assert r"\textsuperscript{2} Three axes\_of many." in text
     told = [row.get("departs") for row in rows_as_json([departing]) if row["input"] == "mesh"]
-    assert told == [row.departs for row in rows]
+    assert told == [*departs.values()]
 
 
 def test_methods_of_the_suite_say_how_they_depart_from_what_they_cite():

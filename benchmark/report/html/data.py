@@ -38,17 +38,18 @@ def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, An
         row.method: {"method": row.method, "title": row.label, "family": row.family, "inputs": {}} for row in table.rows
     }
     for each in cells:
-        method, input_, cell = each.row.method, each.input, each.cell
+        line = each.line
+        method, input_ = line.method, line.input
         judged = {name: table.significance.get((method, input_, name)) for name in PRINTED}
         attraction, by_chance = each.attraction() or (None, None)
         if by_chance is not None:
             at_random.setdefault(input_, by_chance)
         rows[method]["inputs"][input_] = {
-            "scores": {name: (cell.scores or {})[name] for name in PRINTED},
+            "scores": {name: line.scores[name] for name in PRINTED},
             "intervals": {name: [one.low, one.high] for name, one in judged.items() if one is not None},
-            "phases": cell.record.get("cost", {}).get("seconds_per_shape", {}),
-            "seconds": cell.seconds,
-            "peak": cell.record.get("peak_mib"),
+            "phases": line.phases,
+            "seconds": line.seconds,
+            "peak": line.peak_mib,
             "precision": each.precision(),
             "attraction": attraction,
             "classes": each.by_class(names[CLASSES]) if names[CLASSES] else {},
@@ -73,12 +74,11 @@ def _numbered(counts: Counter[tuple[str, str]], names: Sequence[str]) -> list[li
 
 def _fronts(cells: Sequence[RankedCell], input_: str, measure: str) -> dict[str, list[str]]:
     """Methods than which none is both cheaper and better, controls aside, and among all rows."""
-    timed = {each.row.method: each for each in cells if each.input == input_ and each.cell.seconds is not None}
-    points = {
-        method: (each.cell.seconds or 0.0, millionths((each.cell.scores or {})[measure]))
-        for method, each in timed.items()
+    timed = {
+        each.line.method: each.line for each in cells if each.line.input == input_ and each.line.seconds is not None
     }
-    methods = {name: point for name, point in points.items() if timed[name].row.family != CONTROL}
+    points = {method: (line.seconds, millionths(line.scores[measure])) for method, line in timed.items()}
+    methods = {name: point for name, point in points.items() if timed[name].family != CONTROL}
     return {"methods": pareto_front(methods), "all": pareto_front(points)}
 
 
@@ -89,7 +89,7 @@ def write_queries(
     places: dict[tuple[str, Input], list[tuple[RankedCell, RankedGallery]]] = {}
     for each in cells:
         for gallery in each.galleries:
-            places.setdefault((gallery.record["gallery"], each.input), []).append((each, gallery))
+            places.setdefault((gallery.record["gallery"], each.line.input), []).append((each, gallery))
     room = max(_PART, int(_MOST_BYTES / max(len(places), 1) / max(len(table.rows), 1) / _EACH))
     galleries: list[dict[str, Any]] = []
     for number, ((name, input_), here) in enumerate(places.items()):
@@ -100,7 +100,7 @@ def write_queries(
         chosen = spread(range(len(names)), room)
         for part in range(0, len(chosen), _PART):
             queries = [names[k] for k in chosen[part : part + _PART]]
-            answers = {each.row.method: _answers(gallery, names, queries) for each, gallery in here}
+            answers = {each.line.method: _answers(gallery, names, queries) for each, gallery in here}
             add_script(files, f"queries-{stem}-{number}-{part // _PART}", answers)
         sheets = pictures.get(input_) or Sheets("", {})
         galleries.append(
@@ -116,21 +116,20 @@ def write_queries(
                 "queries": chosen if len(chosen) < len(names) else None,
                 "methods": [
                     {
-                        "name": each.row.method,
-                        "title": each.row.label,
-                        "sheet": sheets.numbers.get(each.row.method, 0),
+                        "name": each.line.method,
+                        "title": each.line.label,
+                        "sheet": sheets.numbers.get(each.line.method, 0),
                         "is_ranked": gallery.ranking is not None,
-                        "missing": _missing(gallery, names, sheets.reasons.get(each.row.method, {})),
+                        "missing": _missing(gallery, names, sheets.reasons.get(each.line.method, {})),
                     }
                     for each, gallery in here
                 ],
             }
         )
     failed = [
-        {"input": input_, "title": row.label, "why": f"{cell.status}: {brief(cell.record.get('reason', ''))}"}
-        for row in table.rows
-        for input_, cell in row.cells.items()
-        if not cell.scores and cell.status != "missing"
+        {"input": line.input, "title": line.label, "why": f"{line.status}: {brief(line.reason)}"}
+        for line in table.lines
+        if not line.scores and line.status != "missing"
     ]
     shared = {"part": _PART, "measures": PRINTED, "galleries": galleries, "failed": failed}
     add_script(files, f"{stem}-queries", shared)

@@ -108,9 +108,9 @@ class TablePages:
     def best(self) -> list[tuple[str, str, float]]:
         """Input, method and score of the highest DCG under each input, controls aside."""
         contest = [
-            (each.input, each.row.label, (each.cell.scores or {})["DCG"])
+            (each.line.input, each.line.label, each.line.scores["DCG"])
             for each in self.cells
-            if each.row.family != CONTROL
+            if each.line.family != CONTROL
         ]
         of_inputs = ([one for one in contest if one[0] == input_] for input_ in self.table.inputs)
         return [max(rows, key=lambda one: millionths(one[2])) for rows in of_inputs if rows]
@@ -125,7 +125,7 @@ class TablePages:
         chosen += ["--quick"] * table.quick
         chosen += ["--scorer", table.scorer] if table.scorer else []
         chosen += ["--seed", str(table.seed)] if table.seed else []
-        methods = dict.fromkeys(each.row.method for each in self.cells if each.row.family != EXTERNAL)
+        methods = dict.fromkeys(each.line.method for each in self.cells if each.line.family != EXTERNAL)
         words = (word for method in methods for word in ("-m", method))
         return shlex.join(["python", "-m", "benchmark", "run", *chosen, *words, *self.options])
 
@@ -138,12 +138,12 @@ class TablePages:
 
     def costs(self) -> tuple[list[str], list[list[object]]]:
         """Headings and rows of the table of costs: method, input, seconds by phase, their sum, peak memory."""
-        by_phase = [each.cell.record.get("cost", {}).get("seconds_per_shape", {}) for each in self.cells]
+        by_phase = [each.line.phases for each in self.cells]
         phases = list(dict.fromkeys(phase for seconds in by_phase for phase in seconds))
         rows = [
             [
-                each.row.label, each.input, *map(_seconds, [*map(seconds.get, phases), each.cell.seconds]),
-                each.cell.record.get("peak_mib") or "",
+                each.line.label, each.line.input, *map(_seconds, [*map(seconds.get, phases), each.line.seconds]),
+                each.line.peak_mib or "",
             ]
             for each, seconds in zip(self.cells, by_phase, strict=True)
         ]  # fmt: skip
@@ -197,7 +197,7 @@ def write_report(
     files = _assets()
     sets: dict[str, dict[str, Record]] = {}  # tables share data sets, and records
     for table in tables:
-        records = (record for row in table.rows for cell in row.cells.values() for record in cell.records)
+        records = (record for line in table.lines for record in line.records)
         sets.setdefault(set_stem(table), {}).update((record["key"], dict(record)) for record in records)
     n_columns = max(1, sum(len({(r["input"], r["method"]) for r in of_set.values()}) for of_set in sets.values()))
     room = max(2, min(_MOST_SHAPES, _MOST_FORMS // n_columns)), max(1, _MOST_SMALL_FORMS // n_columns)
@@ -245,21 +245,12 @@ def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, st
 
 def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Board] = ()) -> str:
     """Return the first page: the tables, rows of bundles, what failed, and the commands that made all of it."""
-    cells = [
-        (pages.short, row.title, input_, cell)
-        for pages in tables
-        for row in pages.table.rows
-        for input_, cell in row.cells.items()
-    ]
+    placed = [((pages.short, line.title, line.input), line) for pages in tables for line in pages.table.lines]
     failures = [
-        [*place, cell.status, brief(cell.record.get("reason", ""))]
-        for *place, cell in cells
-        if cell.status not in ("ok", "missing")
+        [*place, line.status, brief(line.reason)] for place, line in placed if line.status not in ("ok", "missing")
     ]
-    left_out = [
-        [*place, str(shape), brief(why)] for *place, cell in cells for shape, why in cell.record.get("unsupported", ())
-    ]
-    records = {record["key"]: record for *_, cell in cells for record in cell.records}
+    left_out = [[*place, str(shape), brief(why)] for place, line in placed for shape, why in line.unsupported]
+    records = {record["key"]: record for _, line in placed for record in line.records}
     environments: Counter[str] = Counter()
     for record in records.values():
         for part in record.get("environments", ()):

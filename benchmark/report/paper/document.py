@@ -122,12 +122,11 @@ def _stem(table: TableContent) -> Latex:
 
 def _table(table: TableContent, *, has_figure: bool) -> dict[str, Any]:
     """Facts about one table."""
-    cells = [(row, input_, cell) for row in table.rows for input_, cell in row.cells.items()]
-    cells = [(row, input_, cell) for row, input_, cell in cells if cell.status != "missing"]
+    lines = [line for line in table.lines if line.status != "missing"]
     lacking = [
-        (row.title, input_, f"none ({cell.status})" if cell.scores is None else f"{cell.coverage:.1%} of the shapes")
-        for row, input_, cell in cells
-        if not cell.is_complete
+        (line.title, line.input, f"{line.coverage:.1%} of the shapes" if line.scores else f"none ({line.status})")
+        for line in lines
+        if line.coverage < 1
     ]
     own = table.is_own or table.identifier == table.data["name"]
     return {
@@ -138,8 +137,8 @@ def _table(table: TableContent, *, has_figure: bool) -> dict[str, Any]:
         "source": Latex(data_source(table)),
         "figure": Latex(f"scores-{_stem(table)}.pdf" if has_figure else ""),
         "leads": leads(table, MEASURE),
-        "n_cells": len(cells),
-        "n_complete": len(cells) - len(lacking),
+        "n_cells": len(lines),
+        "n_complete": len(lines) - len(lacking),
         "lacking": lacking,
     }
 
@@ -156,14 +155,15 @@ def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
     """
     found = []
     for input_ in table.inputs:
-        judged = [(row, one) for row in table.rows if (one := table.significance.get((row.method, input_, measure)))]
+        lines = [line for line in table.lines if line.input == input_ and line.scores]
+        judged = [(line, table.significance[line.method, input_, measure]) for line in lines]
         others = [(row, one) for row, one in judged if one.probability is not None and not one.is_tied]
         for row, best in [(row, one) for row, one in judged if one.is_best][:1]:
             found.append(
                 {
                     "input": input_,
                     "title": row.title,
-                    "score": (row.cells[input_].scores or {})[measure],
+                    "score": row.scores[measure],
                     "low": best.low,
                     "high": best.high,
                     "n_others": len(others),
@@ -175,9 +175,8 @@ def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
 
 def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
     """Facts about the jobs of all tables together."""
-    rows = [row for table in tables for row in table.rows]
-    cells = [cell for row in rows for cell in row.cells.values()]
-    records = list({record["key"]: record for cell in cells for record in cell.records}.values())
+    lines = [line for table in tables for line in table.lines]
+    records = list({record["key"]: record for line in lines for record in line.records}.values())
     dates = sorted(str(record.get("finished", ""))[:10] for record in records) or [""]
     scorers = dict.fromkeys(scorer_cited(t) or latex_prose(t.scorer_title) for t in tables)
     return {
@@ -187,17 +186,17 @@ def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
         "in_paper": any(table.has_paper for table in tables),
         "n_methods": len({record["method"] for record in records}),
         "n_jobs": len(records),
-        "repeats": any(cell.repeats for cell in cells),
+        "repeats": any(line.n_repeats for line in lines),
         "scorers": [Latex(text) for text in scorers],
         "seeds": sorted({str(table.seed) for table in tables}),
-        "own": list(dict.fromkeys(row.title for row in rows if row.method.partition("[")[0] not in BUILT_IN)),
+        "own": list(dict.fromkeys(line.title for line in lines if line.method.partition("[")[0] not in BUILT_IN)),
         "n_departing": len({text for table in tables for text in table.departures.values()}),
         "n_models": len({model["digest"] for record in records for model in record.get("models", ())}),
         "most": _MOST_NAMED,
         "dates": (dates[0], dates[-1]),
         "versions": _versions(records),
         "suite": __version__,
-        "outdated": sum(bool(cell.outdated) for cell in cells),
+        "outdated": sum(bool(line.outdated) for line in lines),
         "draws": DRAWS,
         "resamples": RESAMPLES,
         "tolerance": TOLERANCE,
@@ -234,8 +233,8 @@ def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[Latex, TableCon
     for table in tables:
         caption = f"{table.table.caption}, with intervals"
         for input_ in table.inputs:
-            cells = [(row, replace(row.cells[input_], deviation=None)) for row in table.rows if input_ in row.cells]
-            rows = tuple(replace(row, paper=None, departs="", cells={input_: c}) for row, c in cells if c.scores)
-            if rows:
-                shown = replace(table, table=replace(table.table, caption=caption), inputs=(input_,), rows=rows)
+            frame = table.frame[(table.frame["input"] == input_) & table.frame["scores"].notna()]
+            if len(frame):
+                frame = frame.assign(deviation=None, paper=None, departs="")
+                shown = replace(table, table=replace(table.table, caption=caption), inputs=(input_,), frame=frame)
                 yield Latex(f"intervals-{_stem(table)}-{input_}"), shown

@@ -17,7 +17,7 @@ from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.errors import ConfigurationError
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.content import Row, TableContent
+from benchmark.report.content import TableContent
 from benchmark.report.pictures.forms import WIDTH
 from benchmark.report.pictures.painting import save
 from benchmark.report.ranked import CLASSES, RankedCell, classes_of, ranked_cells
@@ -77,11 +77,10 @@ def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
 
 def _points(table: TableContent, input_: Input, measure: str) -> dict[str, tuple[float, float]]:
     """Seconds and score of each row that has both, by method."""
-    cells = {row.method: row.cells[input_] for row in table.rows if input_ in row.cells}
     return {
-        name: (cell.seconds, millionths(cell.scores[measure]))
-        for name, cell in cells.items()
-        if cell.scores and cell.seconds
+        line.method: (line.seconds, millionths(line.scores[measure]))
+        for line in table.lines
+        if line.input == input_ and line.scores and line.seconds
     }
 
 
@@ -135,14 +134,15 @@ def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> 
     measure
         What is shown.
     """
-    rows = [row for row in table.rows if any(cell.scores for cell in row.cells.values())]
+    scored = {line.method for line in table.lines if line.scores}
+    rows = [row for row in table.rows if row.method in scored]
     if not rows:
         return None
     figure = Figure(figsize=(width, min(_FRAME + _LINE * len(rows), _TALLEST)), dpi=300, layout="constrained")
     axes = figure.subplots(1, len(table.inputs) + 1, sharey=True, squeeze=False)[0]
     for place, input_ in zip(axes, table.inputs, strict=False):
         _scores_panel(place, table, rows, input_, measure)
-    _costs_panel(axes[-1], rows, table.inputs)
+    _costs_panel(axes[-1], table, rows)
     axes[0].set_yticks(range(len(rows)), [_shortened(clean(row.label), 44) for row in rows], parse_math=False)
     axes[0].set_ylim(len(rows) - 0.4, -0.6)
     for place in axes:
@@ -151,16 +151,16 @@ def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> 
     return figure
 
 
-def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Row], input_: Input, measure: str) -> None:
-    for line, row in enumerate(rows):
-        cell, judged = row.cells.get(input_), table.significance.get((row.method, input_, measure))
-        if cell is None or not cell.scores:
+def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Any], input_: Input, measure: str) -> None:
+    for height, row in enumerate(rows):
+        line, judged = table.line(row.method, input_), table.significance.get((row.method, input_, measure))
+        if line is None or not line.scores:
             continue
         colour = _FAMILIES.get(row.family, _FAMILIES["extended"])[0]
         leads = judged is not None and (judged.is_best or judged.is_inseparable)
         if judged is not None:
-            place.plot([judged.low, judged.high], [line, line], color=colour, lw=1, alpha=0.6)
-        place.plot(cell.scores[measure], line, "o", ms=4, color=colour, mfc=colour if leads else "white", mew=0.9)
+            place.plot([judged.low, judged.high], [height, height], color=colour, lw=1, alpha=0.6)
+        place.plot(line.scores[measure], height, "o", ms=4, color=colour, mfc=colour if leads else "white", mew=0.9)
     place.axvline(table.chance[measure], color="0.6", lw=0.8, ls=(0, (4, 3)), zorder=0)
     place.set_xlim(0, 1.02)
     place.set_xticks([0, 0.5, 1], ["0", "0.5", "1"])
@@ -168,11 +168,12 @@ def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Row], input_:
     place.set_xlabel(measure, fontsize=_SIZE)
 
 
-def _costs_panel(place: Axes, rows: Sequence[Row], inputs: Sequence[Input]) -> None:
+def _costs_panel(place: Axes, table: TableContent, rows: Sequence[Any]) -> None:
     known: list[float] = []
+    inputs = table.inputs
     for input_ in inputs:
-        costs = [(row.cells[input_].seconds, line) for line, row in enumerate(rows) if input_ in row.cells]
-        points = [(seconds, line) for seconds, line in costs if seconds]
+        lines = [(table.line(row.method, input_), height) for height, row in enumerate(rows)]
+        points = [(line.seconds, height) for line, height in lines if line is not None and line.seconds]
         known += [seconds for seconds, _ in points]
         place.plot([seconds for seconds, _ in points], [k for _, k in points], _INPUT_MARKS[input_][0], ms=3, c="0.3")
     place.set_xscale("log")
@@ -234,15 +235,15 @@ def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> F
     """
     curves = [(each, precision) for each in ranked_cells(table, artefacts) if (precision := each.precision())]
     inputs = _inputs(each for each, _ in curves)
-    methods = dict.fromkeys(each.row.method for each, _ in curves)
+    methods = dict.fromkeys(each.line.method for each, _ in curves)
     looks = dict(zip(methods, _looks(), strict=False))
     n_lines = -(-len(methods) // len(inputs) // 2)
     figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1] + 0.14 * n_lines), dpi=300, layout="constrained")
     axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
     for place, input_ in zip(axes, inputs, strict=True):
         for each, precision in curves:
-            if each.input == input_:
-                place.plot(RECALLS, precision, lw=1, ms=2.5, label=each.row.method, **looks[each.row.method])
+            if each.line.input == input_:
+                place.plot(RECALLS, precision, lw=1, ms=2.5, label=each.line.method, **looks[each.line.method])
         place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, **_TEXT)
         place.set_xlabel("recall", fontsize=8)
         place.set_xlim(0, 1.02)
@@ -250,7 +251,7 @@ def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> F
         _plain_frame(place, "top", "right")
     axes[0].set_ylabel("precision", fontsize=8)
     handles = {label: line for place in axes for line, label in zip(*place.get_legend_handles_labels(), strict=True)}
-    names = {each.row.method: _shortened(clean(each.row.title), 34).replace("$", r"\$") for each, _ in curves}
+    names = {each.line.method: _shortened(clean(each.line.title), 34).replace("$", r"\$") for each, _ in curves}
     figure.legend(
         [handles[name] for name in methods], [names[name] for name in methods],
         loc="outside lower center", ncols=2 * len(inputs), fontsize=5.5, frameon=False,
@@ -262,14 +263,14 @@ def classes_figure(table: TableContent, artefacts: ArtefactReader, measure: str 
     """Draw a panel for each input of a table: the mean of a measure over the queries of each class, by method."""
     cells = ranked_cells(table, artefacts)
     inputs, classes = _inputs(cells), classes_of(cells)
-    counts = [sum(each.input == input_ for each in cells) for input_ in inputs]
+    counts = [sum(each.line.input == input_ for each in cells) for input_ in inputs]
     size = (WIDTH, min(0.8 * len(inputs) + 0.14 * sum(counts), _TALLEST))
     figure = Figure(figsize=size, dpi=300, layout="constrained")
     axes = figure.subplots(len(inputs), 1, squeeze=False, height_ratios=counts)[:, 0]
     for place, input_ in zip(axes, inputs, strict=True):
-        shown = [each for each in cells if each.input == input_]
+        shown = [each for each in cells if each.line.input == input_]
         values = np.array([each.by_class(classes)[measure] for each in shown], dtype=float)
-        image = _heat_map(place, values, classes, [_shortened(clean(each.row.title), 34) for each in shown])
+        image = _heat_map(place, values, classes, [_shortened(clean(each.line.title), 34) for each in shown])
         place.set_title(f"{measure}, {input_}", fontsize=_SIZE + 1)
         if len(classes) <= _MOST_NAMES // 2:
             for line, column in np.argwhere(np.isfinite(values)):
@@ -305,7 +306,7 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
             values[place_of[query], place_of[match]] = n_queries
         values /= np.maximum(values.sum(axis=1, keepdims=True), 1)
         image = _heat_map(place, values, names, names if order % columns == 0 else [])
-        place.set_title(f"{_shortened(clean(each.row.title), 20)}, {each.input}", fontsize=_SIZE, **_TEXT)
+        place.set_title(f"{_shortened(clean(each.line.title), 20)}, {each.line.input}", fontsize=_SIZE, **_TEXT)
     bar = figure.colorbar(image, ax=axes, fraction=0.02, pad=0.01, format=PercentFormatter(1))
     bar.ax.tick_params(labelsize=_SIZE - 1)
     figure.supylabel("query", fontsize=_SIZE)
@@ -315,7 +316,7 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
 
 def _inputs(cells: Iterable[RankedCell]) -> list[Input]:
     """Inputs of some rows; raises ``ConfigurationError`` if there are none."""
-    inputs = list(dict.fromkeys(each.input for each in cells))
+    inputs = list(dict.fromkeys(each.line.input for each in cells))
     if not inputs:
         raise ConfigurationError("no distances of the table are stored here", "run its methods here")
     return inputs

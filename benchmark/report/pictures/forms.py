@@ -150,8 +150,8 @@ def effect_figure(
 def stored_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figure | None:
     """Draw the first subject of a table in a few poses, and the stored forms of its methods; None without any."""
     for input_ in table.inputs:
-        rows = [row for row in table.rows if row.family != CONTROL and input_ in row.cells]
-        records = {row.method: dict(row.cells[input_].records[0]) for row in rows if row.cells[input_].records}
+        lines = [line for line in table.lines if line.input == input_ and line.family != CONTROL and line.records]
+        records = {line.method: dict(line.records[0]) for line in lines}
         if not records:
             continue
         try:
