@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
@@ -63,8 +65,8 @@ stand-in an equal figure is an equal effect, not an equal experiment."""
 _TESTS = (
     "- Leads: in how many comparisons (rows times measures) the row is ahead. Certain: how many, either way, are more "
     "than chance for other subjects (permutation test over the classes of all folds, Holm's correction over the "
-    "claim's comparisons, 5 %; few classes can reach nothing). Supported: all are. Contradicted: some certain "
-    "comparison points the other way. Other trainings may decide otherwise."
+    "claim's comparisons, 5 %; few classes can reach nothing), with each training of a network that has several. "
+    "Supported: all are. Contradicted: some certain comparison points the other way."
 )
 
 _INPUTS = (
@@ -210,17 +212,47 @@ def _assess(claim: Claim, lines: Iterable[Any]) -> AssessedClaim:
     names = (claim.better, *claim.others)
     if missing := tuple(name for name in names if name not in records):
         return AssessedClaim(claim, "not comparable", missing=missing)
-    queries, columns = queries_of([records[name] for name in names]), [PRINTED.index(name) for name in claim.measures]
-    gains = [queries.gains(0, place) for place in range(1, len(names))]
-    parts = [(of_pair[:, columns], labels) for of_pair, labels in gains]
-    totals = -np.concatenate([gains.sum(axis=0) for gains, _ in parts])
-    certain = np.array(holm(np.concatenate([class_permutation_test(*part) for part in parts]))) < ALPHA
+    columns = [PRINTED.index(name) for name in claim.measures]
+    pairs = [over_trainings(records[claim.better], records[name]) for name in claim.others]
+    totals = np.concatenate([leads[columns] for leads, _ in pairs])
+    certain = np.array(holm(np.concatenate([probabilities[columns] for _, probabilities in pairs]))) < ALPHA
     decision: Decision = "undecided"
     if np.any(certain & (totals < 0)):
         decision = "contradicted"
     elif np.all(certain & (totals > 0)):
         decision = "supported"
     return AssessedClaim(claim, decision, int((totals > 0).sum()), len(totals), int(certain.sum()))
+
+
+def over_trainings(
+    better: Sequence[Mapping[str, Any]], other: Sequence[Mapping[str, Any]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compare two rows, whose networks may have several trainings on a gallery.
+
+    Parameters
+    ----------
+    better, other
+        Records with scores of each row.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        By printed measure: how much the first row leads in all, on the mean of its trainings; and the largest
+        probability of :func:`class_permutation_test` over pairs of trainings, 1 if one of them leads the other way.
+    """
+    leads = queries_of([other, better]).gains(0, 1)[0].sum(axis=0)
+    pairs = [queries_of(pair).gains(0, 1) for pair in product(_trainings(other), _trainings(better))]
+    agrees = [np.sign(gains.sum(axis=0)) == np.sign(leads) for gains, _ in pairs]
+    return leads, np.where(agrees, [class_permutation_test(*pair) for pair in pairs], 1.0).max(axis=0)
+
+
+def _trainings(records: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
+    """Return the records of each training; a gallery with fewer trainings than another has some of them again."""
+    galleries: dict[str, list[Mapping[str, Any]]] = {}
+    for record in records:
+        galleries.setdefault(record["gallery"], []).append(record)
+    count = max(map(len, galleries.values()))
+    return [[of[k % len(of)] for of in galleries.values()] for k in range(count)]
 
 
 def reproduction_markdown(tables: Sequence[TableContent]) -> str:

@@ -16,6 +16,7 @@ from benchmark.report.reproduction import (
     AssessedClaim,
     assess_claims,
     keeps_order,
+    over_trainings,
     paper_tables,
     reproduced_figures,
     reproduction_markdown,
@@ -133,6 +134,15 @@ def test_a_claim_that_all_queries_carry_is_supported_and_its_opposite_contradict
     assert decided(*few).decision == "undecided"
     opposite = Claim("GPS is behind.", "III", "fast-mds", ("gps",), measures=("NN", "DCG"))
     assert decided(*rows, claim=opposite) == AssessedClaim(opposite, "contradicted", 0, 2, 2)
+
+
+def test_a_lead_is_certain_only_if_each_training_has_it() -> None:
+    better, same, behind, other = (queries("learned", hits).record for hits in (35, 34, 2, 5))
+    _, probabilities = over_trainings([better, same], [other])
+    assert probabilities.max() < 0.001
+    leads, probabilities = over_trainings([better, behind], [other])
+    assert leads.min() > 0
+    assert probabilities.min() == 1
 
 
 def test_the_claims_hold_in_the_papers_own_figures() -> None:
