@@ -395,7 +395,7 @@ def main() -> None:
         for row in GROUPS[group]():
             rows.append(row.cells())
             print(" | ".join(rows[-1]), file=sys.stderr, flush=True)
-    print("\n".join(markdown_table(HEADER, rows, n_left=len(HEADER))))
+    print(markdown_table(HEADER, rows, n_left=len(HEADER)))
     processor = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
     print(f"\nMeasured on {platform.platform()} ({processor and processor[1]}), {psutil.cpu_count()} cores.")
 

@@ -204,8 +204,8 @@ def _markdown(title: str, evaluation: Evaluation) -> str:
     cells = [[markdown_text(row[0]), *row[1:]] for row in _rows(title, evaluation)]
     notes = [f"- {markdown_line(note)}" for note in evaluation.notes]
     head = [f"{len(evaluation.queries)} queries", *evaluation.scores.index]
-    lines = markdown_table(head, cells, aligned=True)
-    return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"
+    table = markdown_table(head, cells, aligned=True)
+    return "\n".join([table, *([""] if notes else []), *notes]) + "\n"
 
 
 def _latex(title: str, evaluation: Evaluation) -> str:

@@ -272,4 +272,4 @@ def agreement_markdown(rows: Sequence[Sequence[str]], first: str, second: str) -
         "random orders with a tau as far from 0."
     )
     table = markdown_table(["table", "data", "input", "methods", *PRINTED], rows, 3)
-    return "\n".join([heading, "", *table]) + "\n"
+    return f"{heading}\n\n{table}\n"

@@ -11,8 +11,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from benchmark.report.rounding import number
 from benchmark.text import clean
 
 #: Marks of Markdown that mean something anywhere; an underscore means nothing within a word, an ampersand only before a
@@ -98,8 +100,8 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:
 
 def markdown_table(
     head: Sequence[str], rows: Iterable[Sequence[str]], n_left: int = 1, *, aligned: bool = False
-) -> list[str]:
-    """Lines of a Markdown table, of cells that are Markdown already.
+) -> Markup:
+    """A Markdown table of cells that are Markdown already.
 
     Parameters
     ----------
@@ -114,7 +116,25 @@ def markdown_table(
     widths = [max(len(line[k]) for line in lines) if aligned else 0 for k in range(len(head))]
     rule = ["-" * (width or 3) if k < n_left else "-" * ((width or 4) - 1) + ":" for k, width in enumerate(widths)]
     signs = ["<" if k < n_left else ">" for k in range(len(head))]
-    return [
-        f"| {' | '.join(f'{cell:{sign}{width}}' for cell, sign, width in zip(line, signs, widths, strict=True))} |"
+    padded = (
+        [f"{cell:{sign}{width}}" for cell, sign, width in zip(line, signs, widths, strict=True)]
         for line in [head, rule, *lines[1:]]
-    ]
+    )
+    return Markup("\n".join(f"| {' | '.join(cells)} |" for cells in padded))  # noqa: S704
+
+
+def markdown_document(template: str, **content: object) -> str:
+    """Render a template of Markdown: what it prints is escaped as text, but for tables and lines."""
+    return _DOCUMENTS.get_template(f"{template}.md").render(content)
+
+
+_DOCUMENTS = Environment(
+    loader=PackageLoader("benchmark.report"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    finalize=lambda value: value if isinstance(value, Markup) else Markup(markdown_text(value)),  # noqa: S704
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
+_DOCUMENTS.filters |= {"line": lambda text: Markup(markdown_line(text)), "number": number}  # noqa: S704

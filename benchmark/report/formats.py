@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import TIED, TableContent
-from benchmark.report.escaping import csv_text, markdown_line, markdown_table, markdown_text
+from benchmark.report.escaping import csv_text, markdown_document, markdown_table, markdown_text
 from benchmark.report.frame import Style, figures, labels, printed
 from benchmark.report.latex import Notes, latex_files, latex_rows
 from benchmark.report.lines import Figures
@@ -24,16 +24,6 @@ _STYLE = Style("**{}**", "*{}*")
 #: First line of the BibTeX file, by which it is told from the list of somebody's paper.
 _BIBLIOGRAPHY = (
     "% Sources of the canonical forms benchmark, written by 'tables'; keep entries of your own elsewhere.\n\n"
-)
-
-_OF_INTERVALS = (
-    f"- In brackets: 95 % of {DRAWS} means over classes drawn anew with replacement; with few classes rather too "
-    "narrow.",
-    "- Codebooks NN: standard deviation of NN over the codebooks of the scorer, the mean over the jobs of the row; "
-    "0 for a descriptor, which has none.",
-    "- p: probability of so large a difference from the best row of the column if there were none "
-    f"({RESAMPLES + 1} exchanges of the two methods, query by query; Holm's correction over the rows). Best: the "
-    "best row itself. Controls take no part.",
 )
 
 
@@ -83,11 +73,8 @@ def markdown(table: TableContent) -> str:
     *names, chance = labels(table)
     names = [*map(markdown_text, names), f"*{chance}*"]
     body = [[name, *row] for name, row in zip(names, wide.to_numpy().tolist(), strict=True)]
-    caption = f"Table {table.identifier}. {table.caption}: {table.data_title} ({table.size})."
-    lines = [f"**{markdown_text(caption)}**", ""]
-    lines += markdown_table(["Method", *map(" ".join, wide.columns)], body, aligned=True)
-    below = [f"- {markdown_line(note)}" for note in notes(table)]
-    return "\n".join([*lines, *([""] if below else []), *below]) + "\n"
+    rows = markdown_table(["Method", *map(" ".join, wide.columns)], body, aligned=True)
+    return markdown_document("table", table=table, rows=rows, notes=notes(table))
 
 
 def overview(tables: Sequence[TableContent]) -> str:
@@ -101,12 +88,11 @@ def overview(tables: Sequence[TableContent]) -> str:
         scores = [(line.scores or {}) if line else {} for line in shown]
         where = map(markdown_text, (table.identifier, table.data["name"], row.label))
         body.append([*where, *(number(of_input.get(measure)) for of_input in scores for measure in PRINTED)])
-    return "\n".join(markdown_table(head, body, n_left=3, aligned=True)) + "\n"
+    return f"{markdown_table(head, body, n_left=3, aligned=True)}\n"
 
 
 def intervals_markdown(table: TableContent) -> str:
     """Each figure of ours with its interval, its spread over codebooks, and its test against the best, as Markdown."""
-    title = f"How sure the figures of table {markdown_text(table.identifier)} are: {markdown_text(table.data_title)}"
     body = []
     for line in (line for input_ in table.inputs for line in table.of(input_).lines):
         if judged := _judged(table, line):
@@ -121,8 +107,8 @@ def intervals_markdown(table: TableContent) -> str:
             ])  # fmt: skip
     head = ["Method", "input", *PRINTED, "codebooks NN", *(f"p {measure}" for measure in PRINTED)]
     has_ties = any(judged.is_tied for judged in table.significance.values())
-    below = [*_OF_INTERVALS, *([f"- {TIED}: results tie at the first rank."] if has_ties else [])]
-    return "\n".join([f"**{title} ({table.size}).**", "", *markdown_table(head, body, 2), "", *below]) + "\n"
+    more = {"has_ties": has_ties, "tied": TIED, "draws": DRAWS, "exchanges": RESAMPLES + 1}
+    return markdown_document("intervals", table=table, rows=markdown_table(head, body, 2), **more)
 
 
 def splits_markdown(table: TableContent) -> str:
@@ -134,15 +120,12 @@ def splits_markdown(table: TableContent) -> str:
         return ""
     counts = rows[0][-1]
     names = [name for name in PRINTED if all(name in splits["quantiles"] for *_, splits in rows)]
-    title = (
-        f"**All {counts['count']} ways to take {counts['size']} of {table.data['n_classes']} subjects for testing: "
-        f"{markdown_text(table.data_title)}. Median (5 % to 95 %).**"
-    )
     body = []
     for label, input_, splits in rows:
         ends = [[number(value) for value in splits["quantiles"][name]] for name in names]
         body.append([markdown_text(label), input_, *(f"{median} ({low} to {high})" for low, median, high in ends)])
-    return "\n".join([title, "", *markdown_table(["Method", "input", *names], body, 2)]) + "\n"
+    shown = markdown_table(["Method", "input", *names], body, 2)
+    return markdown_document("splits", table=table, rows=shown, count=counts["count"], size=counts["size"])
 
 
 def as_json(tables: Sequence[TableContent]) -> str:

@@ -12,13 +12,14 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import CLAIMS, MEASURES, NUMERALS, Claim, is_learned, rows
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import markdown_line, markdown_table, markdown_text
+from benchmark.report.escaping import markdown_document, markdown_line, markdown_table, markdown_text
 from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.report.significance import ALPHA, class_permutation_test, holm, queries_of
 from retrieval.measures import PRINTED
@@ -49,30 +50,6 @@ FEWEST = 3
 
 #: Scores carry six decimals: a distance within half of the last is no distance.
 _SLACK = 5e-7
-
-_RULES = f"""\
-- Reproduced (`=`): at most {TOLERANCE:.2f} from the paper. At chance, as in the paper (`c`): so is ours, and so is a \
-random order.
-- Same order (`~`): further away, and at least {AGREEING:.0%} of the comparisons with the table's other rows ({FEWEST} \
-at least) point the paper's way.
-- All others differ, and beside the figure something else does: the data are a generated stand-in (other data, `d`), \
-or a network was trained less than the paper's (other training, `t`). That it is the reason is not shown. Unexplained \
-(`x`): nothing else that is known differs.
-- Not comparable: there is no figure of ours.
-- Both inputs are judged, since the paper does not say which its classical forms had; networks see views alone. On a \
-stand-in an equal figure is an equal effect, not an equal experiment."""
-
-_TESTS = (
-    "- Leads: in how many comparisons (rows times measures) the row is ahead. Certain: how many, either way, are more "
-    "than chance for other subjects (permutation test over the classes of all folds, Holm's correction over the "
-    "claim's comparisons, 5 %; few classes can reach nothing), with each training of a network that has several. "
-    "Supported: all are. Contradicted: some certain comparison points the other way."
-)
-
-_INPUTS = (
-    "**Which input comes nearer?** Mean absolute difference to the paper's classical rows, and of the chance level of "
-    "our gallery to them: what a random order would reproduce, too, tells little."
-)
 
 
 def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
@@ -258,16 +235,14 @@ def _trainings(records: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, A
 def reproduction_markdown(tables: Sequence[TableContent]) -> str:
     """Return what holds up of the paper's figures and claims, as Markdown: counts, claims, inputs, and every figure."""
     contents, figures = paper_tables(tables), reproduced_figures(tables)
-    blocks = ["**What of the paper's tables holds up.**", _counts(figures), _RULES]
-    blocks += ["**Its claims.**", _claims(assess_claims(contents)), _TESTS, _INPUTS, _distances(figures)]
-    for numeral, of_table in figures.groupby("table"):
-        table = contents.get(str(numeral))
-        where = f"{table.data_title} ({table.size})" if table is not None else "not run"
-        blocks += [f"**Table {numeral}: {markdown_text(where)}.**", _figures(of_table)]
-    return "\n\n".join(blocks) + "\n"
+    of_tables = [(numeral, contents.get(str(numeral)), _figures(part)) for numeral, part in figures.groupby("table")]
+    return markdown_document(
+        "reproduction", counts=_counts(figures), claims=_claims(assess_claims(contents)), distances=_distances(figures),
+        tables=of_tables, tolerance=TOLERANCE, agreeing=AGREEING, fewest=FEWEST,
+    )  # fmt: skip
 
 
-def _counts(figures: DataFrame) -> str:
+def _counts(figures: DataFrame) -> Markup:
     """How many figures of each table got which outcome, by input."""
     body = []
     for input_ in INPUTS:
@@ -275,10 +250,10 @@ def _counts(figures: DataFrame) -> str:
         for numeral, of_table in [*of_input.groupby("table"), ("all", of_input)]:
             outcomes = of_table["outcome"].value_counts().reindex(OUTCOMES, fill_value=0)
             body.append([str(numeral), input_, *map(str, (len(of_table), *outcomes))])
-    return "\n".join(markdown_table(["Table", "input", "figures", *OUTCOMES], body, 2))
+    return markdown_table(["Table", "input", "figures", *OUTCOMES], body, 2)
 
 
-def _claims(assessed: Sequence[AssessedClaim]) -> str:
+def _claims(assessed: Sequence[AssessedClaim]) -> Markup:
     """Each claim with its decision."""
     body = []
     for one in assessed:
@@ -288,10 +263,10 @@ def _claims(assessed: Sequence[AssessedClaim]) -> str:
         counts = (f"{one.leads} of {one.n_comparisons}", str(one.certain)) if one.n_comparisons else (BLANK, BLANK)
         words = (one.claim.words, f"{one.claim.table}, {one.claim.input}", decision)
         body.append([*map(markdown_line, words), *counts])
-    return "\n".join(markdown_table(["Claim of the paper", "table", "decision", "leads", "certain"], body, 3))
+    return markdown_table(["Claim of the paper", "table", "decision", "leads", "certain"], body, 3)
 
 
-def _distances(figures: DataFrame) -> str:
+def _distances(figures: DataFrame) -> Markup:
     """How far our classical rows by input, and the chance level, are from the paper's."""
     body = []
     known = figures[figures["ours"].notna() & ~figures["method"].map(is_learned)]
@@ -305,17 +280,17 @@ def _distances(figures: DataFrame) -> str:
                 near = int((distances <= TOLERANCE + _SLACK).sum())
                 body.append([str(numeral), name, str(len(chosen)), *(number(mean, 3) for mean in means), str(near)])
     head = ["Table", "input", "figures", "all measures", "without NN", f"within {TOLERANCE:.2f}"]
-    return "\n".join(markdown_table(head, body, 2))
+    return markdown_table(head, body, 2)
 
 
-def _figures(of_table: DataFrame) -> str:
+def _figures(of_table: DataFrame) -> Markup:
     """The paper's figure, ours and the mark of the outcome, a row for each method and input."""
     body = []
     for (_, title, input_), of_row in of_table.groupby(["method", "title", "input"], sort=False):
         cells = zip(of_row["paper"], of_row["ours"], of_row["outcome"], strict=True)
         texts = [f"{number(theirs)} {_number(ours)} {_MARKS[outcome]}".rstrip() for theirs, ours, outcome in cells]
         body.append([markdown_text(title), str(input_), *texts])
-    return "\n".join(markdown_table(["Method", "input", *MEASURES], body, 2))
+    return markdown_table(["Method", "input", *MEASURES], body, 2)
 
 
 def _number(value: float) -> str:

@@ -11,7 +11,7 @@ from benchmark.pipeline.storage.records import Record, chance_of, coverage_of
 from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
-from benchmark.report.escaping import csv_text, latex_text, markdown_table, markdown_text
+from benchmark.report.escaping import csv_text, latex_text, markdown_document, markdown_table, markdown_text
 from benchmark.report.latex import Columns, float_of
 from benchmark.report.results import Result
 from benchmark.report.rounding import BLANK, millionths, number
@@ -167,8 +167,7 @@ def markdown(frame: DataFrame) -> str:
     """The amounts at which each method fails, then NN at each strength."""
     titled, halves = titles(frame), _halves(frame)
     rows = zip(map(markdown_text, titled.values()), *halves.values(), strict=True)
-    lines = [f"**What breaks the methods: {markdown_text(_title(frame))}.**", "", _LEGEND, ""]
-    lines += markdown_table(["Method", *halves], map(list, rows))
+    parts = []
     for perturbation, part in frame.groupby("perturbation", sort=False):
         known = PERTURBATIONS[str(perturbation)]
         body = [
@@ -178,8 +177,9 @@ def markdown(frame: DataFrame) -> str:
         lost = part.fillna({"unsupported": 0}).groupby("strength")["unsupported"].max()
         body += [["*Shapes destroyed, at most*", "0", *map(str, lost)]] if any(lost) else []
         head = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
-        lines += ["", f"NN under {known.title} ({known.unit}):", "", *markdown_table(head, body)]
-    return "\n".join(lines) + "\n"
+        parts.append((known, markdown_table(head, body)))
+    shown = markdown_table(["Method", *halves], map(list, rows))
+    return markdown_document("robustness", title=_title(frame), legend=_LEGEND, halves=shown, parts=parts)
 
 
 def latex(frame: DataFrame) -> str:
