@@ -171,7 +171,7 @@ class ResultsFolder:
         """Descriptors, one row for each shape; errors as of :meth:`forms`."""
         from pandas import DataFrame
 
-        from benchmark.pipeline.preparation import require_arrays
+        from benchmark.pipeline.method_run import require_arrays
 
         record = self._scored(key)
         method_run = self._artefacts.method_run(record)

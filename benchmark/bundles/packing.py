@@ -21,8 +21,7 @@ from benchmark.datasets.base import Entry as Shape
 from benchmark.datasets.catalogue import CATALOGUE, catalogued, is_path
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import require_arrays
+from benchmark.pipeline.method_run import MethodRun, require_arrays
 from benchmark.pipeline.ranking import matrices_of
 from benchmark.pipeline.recipes import distances_recipe, draws_of, source_data
 from benchmark.pipeline.storage.environment import environment

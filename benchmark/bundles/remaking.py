@@ -15,8 +15,7 @@ from benchmark.arrays import Arrays, load_arrays
 from benchmark.bundles.reading import FACES, Entry, form_of
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.process import ForeignError
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import require_arrays
+from benchmark.pipeline.method_run import MethodRun, require_arrays
 from benchmark.pipeline.ranking import in_shuffled_order
 from benchmark.pipeline.recipes import method_components
 from benchmark.pipeline.storage.lock import versions_of

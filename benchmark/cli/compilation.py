@@ -25,8 +25,7 @@ from benchmark.execution.processes.process import INTERVAL, ForeignError, Proces
 from benchmark.geometry.io import write_mesh
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import available_cores
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import MethodRun, Preparation
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.conformance.shapes import BENDS, figure
 from benchmark.plugins.output_checks import form_distances, signature_of

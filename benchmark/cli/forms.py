@@ -43,8 +43,7 @@ from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import Preparation, shape_of
+from benchmark.pipeline.method_run import MethodRun, Preparation, shape_of
 from benchmark.pipeline.retrieval import Found, input_for, search
 from benchmark.pipeline.stages.complete import N_VERTICES, complete
 from benchmark.pipeline.stages.view import half_width_of, seen

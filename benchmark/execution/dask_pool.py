@@ -353,8 +353,8 @@ def do(description: str, run: str, name: str, share: int) -> tuple[bool, int | N
             pool.end(running)
         _stopped.discard(name)
     code = running.exit_code if running.has_ended else LOST
-    found = (Store.open(task.jobs[0].results).records.read(job.key) for job in task.jobs)
-    return running.is_finished, code, astuple(running.status), running.trace, list(filter(None, found))
+    records = (Store.open(task.jobs[0].results).records.read(job.key) for job in task.jobs)
+    return running.is_finished, code, astuple(running.status), running.trace, list(filter(None, records))
 
 
 def _pool(run: str, share: int) -> LocalPool:
@@ -392,12 +392,12 @@ def inspect(question: str) -> str:
     """
     guard = Guard("the inspection of this machine", "look at the log of the worker")
     try:
-        found = call_apart(_inventory, json.loads(question), guard=guard)
-        if found["code"] != _IN_MEMORY:
+        inventory = call_apart(_inventory, json.loads(question), guard=guard)
+        if inventory["code"] != _IN_MEMORY:
             raise ConfigurationError("its code has changed since it started", "start the worker again")
     except BenchmarkError as error:
-        found = {"problem": error.problem, "hint": error.hint}
-    return json.dumps(found)
+        inventory = {"problem": error.problem, "hint": error.hint}
+    return json.dumps(inventory)
 
 
 def _inventory(question: Mapping[str, Any]) -> dict[str, Any]:
@@ -408,12 +408,14 @@ def _inventory(question: Mapping[str, Any]) -> dict[str, Any]:
             "mount the folder there under the same path, or run parts with --shard and merge them",
         )
     close_to_plugins()
-    found = suite() | {"plugin": {}, "models": {}}
+    inventory = suite() | {"plugin": {}, "models": {}}
     for job in map(job_of, question["jobs"]):
         dataset = open_dataset(job.dataset, job.data_root)
-        found["plugin"] |= recipes.job_plugins(dataset, job.method, job.scorer).get("plugin", {})
-        found["models"] |= {str(model.folder): card_digest(read_card(model.folder)) for model in job.models.values()}
-    return found
+        inventory["plugin"] |= recipes.job_plugins(dataset, job.method, job.scorer).get("plugin", {})
+        inventory["models"] |= {
+            str(model.folder): card_digest(read_card(model.folder)) for model in job.models.values()
+        }
+    return inventory
 
 
 def suite() -> dict[str, Any]:

@@ -17,8 +17,7 @@ from benchmark.execution.job_specs import Job, Status, Task, job_of
 from benchmark.execution.plan import CHANGED, UNSAVED, difference
 from benchmark.execution.processes.process import ForeignError, is_child
 from benchmark.pipeline import recipes
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import MethodRun, Preparation
 from benchmark.pipeline.ranking import GalleryRanking
 from benchmark.pipeline.storage import keys, lock
 from benchmark.pipeline.storage.environment import commit
@@ -101,7 +100,7 @@ def _treat(task: Task, tell: Callable[[Status], object]) -> None:
     store = Store.open(task.jobs[0].results)
     preparation: Preparation | None = None
     runs: dict[str, MethodRun] = {}
-    made: dict[str, list[str]] = {job.key: [] for job in task.jobs}
+    computed: dict[str, list[str]] = {job.key: [] for job in task.jobs}
     for job in task.jobs:
         tell(Status(job.key))
         with _guarded(job, store):
@@ -119,7 +118,7 @@ def _treat(task: Task, tell: Callable[[Status], object]) -> None:
             tell(Status(job.key, done, identifier))
             with _guarded(job, store, identifier), suppress(ShapeError):  # ranking finds the reason in the store
                 result = runs[job.key].treat(entries[identifier])
-                made[job.key] += [artefact.key for artefact in result.artefacts if not artefact.was_cached]
+                computed[job.key] += [artefact.key for artefact in result.artefacts if not artefact.was_cached]
     lock.forget()
     for job in task.jobs:
         if job.key in store.records:
@@ -129,7 +128,7 @@ def _treat(task: Task, tell: Callable[[Status], object]) -> None:
             try:
                 _require_same_code(job, preparation.dataset)
             except _CodeChanged:
-                for key in made[job.key]:
+                for key in computed[job.key]:
                     store.discard(key)  # nobody knows which of the two codes made it
                 raise
 

@@ -23,7 +23,7 @@ from benchmark.external.files import Labels
 from benchmark.external.scoring import Task
 from benchmark.geometry.io import read_mesh
 from benchmark.pipeline import recipes
-from benchmark.pipeline.preparation import attempted
+from benchmark.pipeline.method_run import attempted
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage.keys import digest, plain
 from benchmark.pipeline.storage.lock import key_of, versions_of

@@ -21,8 +21,7 @@ from benchmark.arrays import ABOUT, Arrays
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.execution.processes.opened_files import with_files
-from benchmark.pipeline.method_run import MethodRun, ShapeResult
-from benchmark.pipeline.preparation import files_of
+from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of
 from benchmark.pipeline.recipes import Recipe, distances_recipe, draws_of
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage import keys
@@ -118,21 +117,19 @@ class GalleryRanking:
 
     def compare(self, draw: int | None, start: int) -> None:
         """Make a block of rows, which starts at a shape: all that is to the left of the diagonal, and on it."""
-        starts = self._starts(draw) if self.results else ()
-        for column in starts:
-            if column <= start and start in starts:
-                self._block(draw, start, column)
+        for row, column in self._blocks(draw) if self.results else ():
+            if row == start:
+                self._block(draw, row, column)
 
     @property
     def keys(self) -> list[str]:
         """Names of all blocks of distances in the store."""
-        return [
-            key_of(self._recipe(draw, row, column))
-            for draw in self.recipes
-            for row in self._starts(draw)
-            for column in self._starts(draw)
-            if column <= row
-        ]
+        return [key_of(self._recipe(draw, *block)) for draw in self.recipes for block in self._blocks(draw)]
+
+    def _blocks(self, draw: int | None) -> Iterator[tuple[int, int]]:
+        """First row and column of each block, on the diagonal or below it."""
+        starts = self._starts(draw)
+        return ((row, column) for row in starts for column in starts if column <= row)
 
     def _starts(self, draw: int | None) -> range:
         """First shapes of the blocks: one where code of a plugin compares, or where a whole matrix is kept."""

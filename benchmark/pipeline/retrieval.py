@@ -22,8 +22,7 @@ from benchmark.depth.reading import READERS
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import require_arrays, shape_of
+from benchmark.pipeline.method_run import MethodRun, require_arrays, shape_of
 from benchmark.pipeline.recipes import draws_of
 from benchmark.pipeline.stages import form
 from benchmark.pipeline.stages.complete import complete

@@ -17,8 +17,7 @@ from benchmark.datasets.own import is_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError, one_line
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.pipeline.method_run import MethodRun
-from benchmark.pipeline.preparation import Preparation, require_arrays
+from benchmark.pipeline.method_run import MethodRun, Preparation, require_arrays
 from benchmark.pipeline.ranking import matrices_of
 from benchmark.pipeline.stages.form import form_mesh
 from benchmark.pipeline.storage.records import Record, place

@@ -10,7 +10,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check
 from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import Preparation
 from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off
 

@@ -10,7 +10,7 @@ from benchmark.cli.main import cli
 from benchmark.datasets.folder import folder_dataset
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.preparation import Preparation, require_arrays
+from benchmark.pipeline.method_run import Preparation, require_arrays
 from tests.geometry.mutations import valid_files
 from tests.toy import rod, write_off, write_rods
 

@@ -5,7 +5,7 @@ import mmap
 import numpy as np
 import pytest
 
-from benchmark.pipeline.preparation import SharedStages
+from benchmark.pipeline.method_run import SharedStages
 from benchmark.pipeline.storage.costs import _RESET, _STATUS, Meter
 
 MIB = 2**20

@@ -13,7 +13,7 @@ from benchmark.cli.main import cli
 from benchmark.execution.claims import Claims
 from benchmark.files import write_text
 from benchmark.pipeline.storage.merging import publish
-from benchmark.pipeline.storage.record_lines import KINDS
+from benchmark.pipeline.storage.record_schema import KINDS
 from benchmark.pipeline.storage.records import Records, as_text
 from benchmark.pipeline.storage.store import Store
 from tests.pipeline.test_records import put_aliens

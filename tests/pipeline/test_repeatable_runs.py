@@ -3,8 +3,7 @@
 import pytest
 
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.pipeline.method_run import RUNS_DIFFER, MethodRun
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import RUNS_DIFFER, MethodRun, Preparation
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import plugin_methods
 from tests.toy import write_rods

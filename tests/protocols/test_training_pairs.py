@@ -11,7 +11,7 @@ from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import Preparation
 from benchmark.pipeline.storage.store import Store
 from benchmark.protocols.pairs import synthetic, training_data
 from benchmark.protocols.trainings import TRAININGS

@@ -78,8 +78,8 @@ def _answer_all(channel: Channel) -> None:
 def _answer(serve: Serve, facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
     """Facts and arrays of the answer, or what was raised."""
     try:
-        answer, found = serve(facts, arrays, requester)
-        return {**answer, KIND: ANSWER}, found
+        answer, results = serve(facts, arrays, requester)
+        return {**answer, KIND: ANSWER}, results
     except BenchmarkError as error:
         return {**as_facts(error), KIND: ERROR}, {}
     except MemoryError:

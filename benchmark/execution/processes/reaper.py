@@ -26,11 +26,11 @@ _ROUNDS = 20
 def kill_marked(mark: str, pipe: str = "") -> None:
     """Kill every process whose mark begins like this, or that holds a pipe, and those that they start meanwhile."""
     for _ in range(_ROUNDS):
-        found = list(_marked(mark, pipe))
-        for process in found:
+        marked = list(_marked(mark, pipe))
+        for process in marked:
             with suppress(OSError):
                 os.kill(process, signal.SIGKILL)
-        if not found:
+        if not marked:
             return
         time.sleep(0.01)
 

@@ -21,13 +21,13 @@ PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "to
 @cache
 def environment() -> dict[str, str]:
     """Versions and machine; the packages that are not installed are left out."""
-    found = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    versions = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
     for name in PACKAGES:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except ImportError:
             continue
-    return found | _linear_algebra()
+    return versions | _linear_algebra()
 
 
 @cache
@@ -95,7 +95,7 @@ def commit() -> str:
     """Return the first ten digits of the commit, with ``+`` where files differ from it; "" outside of a repository."""
     if not (ROOT / ".git").exists():  # an installed suite may lie inside of somebody else's repository
         return ""
-    found = git(ROOT, "rev-parse", "--short=10", "HEAD")
-    if not found:
+    digest = git(ROOT, "rev-parse", "--short=10", "HEAD")
+    if not digest:
         return ""
-    return f"{found}+" if git(ROOT, "status", "--porcelain", "--untracked-files=no", "--", *FIRST_PARTY) else found
+    return f"{digest}+" if git(ROOT, "status", "--porcelain", "--untracked-files=no", "--", *FIRST_PARTY) else digest

@@ -35,12 +35,12 @@ def records_under(results: Store) -> list[Record]:
         If there is no such folder, or it holds no record.
     """
     places = (results.published, results.records)
-    found = list({record["key"]: record for records in places for record in records}.values())
-    if not found:
+    records = list({record["key"]: record for folder in places for record in folder}.values())
+    if not records:
         raise StorageError(
             f"{results.root.parent} holds no records", "name a results folder: DIR/runs/records or DIR/records"
         )
-    return found
+    return records
 
 
 def merge_records(records: Iterable[Record], target: Records) -> Merged:

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmark.files import locked, write_atomically, write_text
+from benchmark.pipeline.storage import record_schema as schema
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.lock import EDITED
-from benchmark.pipeline.storage.record_lines import KINDS, SharedParts, as_line, unpacked
-from benchmark.pipeline.storage.record_schema import chance_of_labels, fault_of, read_json
+from benchmark.pipeline.storage.record_schema import SharedParts
 from benchmark.text import LONGEST_NAME
 
 Record = dict[str, Any]
@@ -182,7 +182,7 @@ class Records:
         if self._gathered is None:
             parts, self._gathered = SharedParts(), {}
             tables = {path.name: self._bytes(path, LARGEST_GATHERED) for path in sorted(self.folder.glob("*.jsonl"))}
-            for kind in KINDS if tables else ():
+            for kind in schema.KINDS if tables else ():
                 parts.read(kind, self._bytes(self.folder / _PARTS / f"{kind}.jsonl", LARGEST_GATHERED) or b"")
             for name, text in tables.items():
                 for number, line in enumerate((text or b"").splitlines(), 1):
@@ -209,7 +209,7 @@ class Records:
                 tables[source.name.partition(":")[0]]["", "", "", 0, "", source.key, source.text] = source.text
             elif source.key not in done:
                 done.add(source.key)
-                tables.setdefault(_table_of(record), {})[*place(record), source.key] = as_line(record, parts)
+                tables.setdefault(_table_of(record), {})[*place(record), source.key] = schema.as_line(record, parts)
         before.update(parts)  # until the last line is written, both those of before and those of now are needed
         self._write_parts(before)
         for name in sorted(tables):
@@ -257,14 +257,14 @@ class Records:
 def _parsed(source: _Source) -> tuple[Any, str]:
     """Return the record that a text holds, or why it holds none."""
     try:
-        content = read_json(source.text)
+        content = schema.read_json(source.text)
     except (ValueError, RecursionError):
         return None, "it is not JSON"
     try:
-        record = content if source.parts is None else unpacked(content, source.parts)
+        record = content if source.parts is None else schema.unpacked(content, source.parts)
     except (LookupError, TypeError, AttributeError, ValueError):
         return None, f"it names what is not in {_PARTS}"
-    fault = fault_of(record)
+    fault = schema.fault_of(record)
     return record, fault or ("" if record["key"] == source.key else "it has the name of another job")
 
 
@@ -317,7 +317,7 @@ def coverage_of(record: Mapping[str, Any]) -> float:
 
 def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
     """Return what a random ranking of the gallery of a record with scores reaches, by measure."""
-    return dict(chance_of_labels(tuple(record["labels"])))
+    return dict(schema.chance_of_labels(tuple(record["labels"])))
 
 
 def models_proven_by(record: Mapping[str, Any]) -> frozenset[str]:
@@ -343,8 +343,8 @@ def place(record: Mapping[str, Any]) -> Place:
 
 def scorer_name(record: Mapping[str, Any]) -> str:
     """Name of the scorer of a record; "" for a descriptor, whose record says that there is none."""
-    found = str(record.get("scorer", DEFAULT_SCORER))
-    return "" if found == NO_SCORER else found
+    name = str(record.get("scorer", DEFAULT_SCORER))
+    return "" if name == NO_SCORER else name
 
 
 def by_place(records: Iterable[Record]) -> dict[Place, list[Record]]:

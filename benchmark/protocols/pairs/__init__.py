@@ -17,7 +17,7 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.human_subjects import SUBJECTS, Subject, clearances
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import Preparation
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.store import Store
 from benchmark.protocols.pairs.synthetic import sampled_data, varied_data

@@ -29,7 +29,7 @@ from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import SIZE, camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import Preparation
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.lock import versions_of
 from benchmark.protocols.trainings import ANIMAL_POSES, SAMPLED, SAMPLED_POSES, Training

@@ -17,7 +17,7 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.method_run import Preparation
 from benchmark.pipeline.recipes import sensor_of
 from benchmark.report.pictures.painting import SUPERSAMPLING, depth_picture, shaded
 from benchmark.report.pictures.posing import select
