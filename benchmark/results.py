@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.merging import told
-from benchmark.pipeline.storage.records import Record, answered_shapes, by_place, chance_of, coverage_of, scorer_name
+from benchmark.pipeline.storage.records import Record, answered_shapes, by_place, scorer_name
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.inspection import inspect
 from benchmark.plugins.registry import methods
@@ -309,8 +309,8 @@ def frame_of(results: Iterable[Result]) -> DataFrame:
 
 
 def _row(result: Result) -> dict[str, Any]:
-    record = result.record
-    data, cost = record["data"], record.get("cost", {}).get("seconds_per_shape", {})
+    record, line = result.record, line_of([result], 1)
+    data = record["data"]
     return {
         "gallery": record["gallery"],
         "dataset": data["name"],
@@ -321,23 +321,17 @@ def _row(result: Result) -> dict[str, Any]:
         "seed": int(record["recipe"].get("seed", 0)),
         "status": record["status"],
         "reason": record.get("reason", ""),
-        **record.get("scores", {}),
-        **{f"chance_{name}": value for name, value in (chance_of(record) if cost else data["chance"]).items()},
-        "n_shapes": record.get("n_shapes", data["n_shapes"]),
-        "n_classes": record.get("n_classes", data["n_classes"]),
+        **(line["scores"] or {}),
+        **{f"chance_{name}": value for name, value in (line["chance"] or data["chance"]).items()},
+        "n_shapes": line["n_shapes"] or data["n_shapes"],
+        "n_classes": line["n_classes"] or data["n_classes"],
         "unsupported": len(record.get("unsupported", ())),
-        "coverage": coverage_of(record),
-        **{f"{name}_supported": value for name, value in record.get("supported", {}).items()},
-        **_preparations(result),
-        "seconds": sum(cost.values()) if cost else np.nan,
+        "coverage": line["coverage"],
+        **{f"{name}_supported": value for name, value in line["supported"].items()},
+        **{f"{name}_preparation_sd": value for name, value in (line["preparation_sd"] or {}).items()},
+        "seconds": np.nan if line["seconds"] is None else line["seconds"],
         "peak_mib": record.get("peak_mib"),
         "finished": record.get("finished", ""),
         "origin": result.origin,
-        "outdated": result.outdated,
+        "outdated": line["outdated"] or result.outdated,
     }
-
-
-def _preparations(result: Result) -> dict[str, float]:
-    """Standard deviation of a record over its jittered preparations by measure; nothing where there are none."""
-    deviation = line_of([result], 1)["preparation_sd"] or {}
-    return {f"{name}_preparation_sd": value for name, value in deviation.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -72,6 +72,8 @@ class TableContent:
         Name of what compared the forms, and its title; "" for the default scorer.
     seed
         Base seed of the runs.
+    whole
+        The table that has these rows under other inputs, too; None for that table itself.
     """
 
     table: Table
@@ -83,11 +85,15 @@ class TableContent:
     scorer: str = ""
     scorer_title: str = ""
     seed: int = 0
+    whole: TableContent | None = field(default=None, repr=False)
 
     @cached_property
     def lines(self) -> list[Any]:
         """The rows of the frame as named tuples, with ``label``: the title as printed, with marks."""
-        labels = {method: _label(of_method) for method, of_method in self.frame.groupby("method", sort=False)}
+        by_method: dict[str, list[Any]] = {}
+        for line in self.frame.itertuples(index=False):
+            by_method.setdefault(line.method, []).append(line)
+        labels = {method: _label(lines) for method, lines in by_method.items()}
         return [*self.frame.assign(label=self.frame["method"].map(labels)).itertuples(index=False, name="Line")]
 
     @cached_property
@@ -106,7 +112,9 @@ class TableContent:
     @cached_property
     def significance(self) -> TableSignificance:
         """Return how sure each of our figures is, and which rows differ from the best."""
-        return table_significance(self.lines)
+        if self.whole is None:
+            return table_significance(self.lines)
+        return {place: judged for place, judged in self.whole.significance.items() if place[1] in self.inputs}
 
     @cached_property
     def departures(self) -> Mapping[str, str]:
@@ -170,12 +178,11 @@ class TableContent:
         """The same for one input: the rows of the paper, and if wanted those others that were run under it."""
         frame = self.frame[self.frame["input"] == input_]
         shown = frame["paper"].notna() | ((frame["status"] != MISSING) & (not paper_only))
-        return replace(self, inputs=(input_,), frame=frame[shown])
+        return replace(self, inputs=(input_,), frame=frame[shown], whole=None if paper_only else self)
 
 
-def _label(of_method: DataFrame) -> str:
+def _label(lines: Sequence[Any]) -> str:
     """Title with training data beyond the paper's, number of models, coverage, marks of ties and old records."""
-    lines = [*of_method.itertuples()]
     first, models = lines[0], [model for line in lines for model in line.models]
     extra = "extra training data"
     facts = [extra] if any(model["extra_data"] for model in models) and extra not in first.title else []

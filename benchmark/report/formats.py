@@ -189,7 +189,7 @@ def _json_row(table: TableContent, line: Any) -> dict[str, Any]:
         "peak_mib": line.peak_mib,
         "spread": _rounded(line.deviation),
         "interval": {name: [round(one.low, 6), round(one.high, 6)] for name, one in judged.items()} or None,
-        "p_best": {name: one.rounded_probability for name, one in judged.items()} or None,
+        "p_best": {name: one.probability and round(one.probability, 4) for name, one in judged.items()} or None,
         "codebook_deviation": line.codebook_deviation,
         "n_models": len(line.models) or None,
         "n_galleries": table.n_galleries,

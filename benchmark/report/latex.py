@@ -72,14 +72,6 @@ class Columns:
     width: int
 
 
-@dataclass(frozen=True)
-class Tabular:
-    """Columns beside each other, and their rows as LaTeX."""
-
-    columns: Sequence[Columns]
-    rows: Sequence[str]
-
-
 def latex_files(tables: Sequence[TableContent], where: Notes = "table", *, has_variants: bool = True) -> dict[str, str]:
     """Write of each table all inputs and, with variants, each input alone, and the paper's rows beside ours.
 
@@ -168,13 +160,13 @@ def float_of(
     """
     breakable = [title.replace("=", r"=\allowbreak{}").replace(r"~\cite", r" \cite") for title in titles]
     parts = _packed(((group.width, group) for group in columns), _MOST_FIGURES)
-    tabulars = []
+    tabulars: list[tuple[float, Any]] = []
     for part in parts:
         is_wide = sum(group.width for group in part) > 2 * _OF_COLUMN
         heights = [math.ceil(len(title.partition("~")[0]) / _TITLE) if is_wide else 1 for title in titles]
         for lines in _even(heights):
             rows = _rows(part, breakable, range(len(titles))[lines], rules)
-            tabulars.append((_FRAME + sum(heights[lines]), Tabular(part, rows)))
+            tabulars.append((_FRAME + sum(heights[lines]), {"columns": part, "rows": rows}))
     sentences = ((len(note) / _LINE, _sentence(note)) for note in notes)
     floats = _packed(chain(tabulars, sentences), _PAGE - _CONTINUED, math.ceil(len(caption) / _LINE))
     width = max(sum(group.width for group in part) for part in parts)

@@ -236,11 +236,6 @@ class FigureSignificance:
     is_tied: bool = False
 
     @property
-    def rounded_probability(self) -> float | None:
-        """The probability with the four decimals that its resamples carry."""
-        return None if self.probability is None else round(self.probability, 4)
-
-    @property
     def is_inseparable(self) -> bool:
         """Return whether the row cannot be told from the best one, and ties are not the reason."""
         return self.probability is not None and millionths(self.probability) >= ALPHA and not self.is_tied
