@@ -47,7 +47,7 @@ TIED = "‡"
 _LONGEST_NAME = 60
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TableContent:
     """One table on one data set.
 

@@ -99,14 +99,11 @@ class RankedCell:
         place = {name: number for number, name in enumerate(classes)}
         numbers = np.array([place[label] for label in queries.labels], dtype=np.intp)
         counts = np.bincount(numbers, minlength=len(classes))
-        values = queries.values[:, :, 0].T
-        sums = {
-            name: np.bincount(numbers, of_measure, len(classes)) * UNIT
-            for name, of_measure in zip(PRINTED, values, strict=True)
-        }
+        sums = np.zeros((len(classes), len(PRINTED)))
+        np.add.at(sums, numbers, queries.values[:, :, 0])
         return {
-            name: [millionths(s / n) if n else None for s, n in zip(of_measure, counts, strict=True)]
-            for name, of_measure in sums.items()
+            name: [millionths(total / n) if n else None for total, n in zip(of_measure * UNIT, counts, strict=True)]
+            for name, of_measure in zip(PRINTED, sums.T, strict=True)
         }
 
 
