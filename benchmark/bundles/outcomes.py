@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from benchmark.bundles.reading import BundleError, Status
+from benchmark.bundles.archive import Fault, Status
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.pipeline.storage.record_schema import read_json
@@ -17,30 +17,6 @@ from benchmark.report.rounding import number
 from retrieval.measures import PRINTED
 
 _COMPARED = {"data": "labels and inputs compared with the data", "records": "labels and inputs as in records"}
-
-
-class Fault(msgspec.Struct, frozen=True):
-    """A reason why a record, or a bundle, is not verified.
-
-    Parameters
-    ----------
-    name
-        By which it is listed.
-    problem, hint
-        What is wrong, and what to do.
-    status
-        What the record is by it: ``"claimed"`` where nobody can tell, ``"false"`` where it is not so.
-    """
-
-    name: str
-    problem: str
-    hint: str
-    status: Status
-
-    @classmethod
-    def of(cls, error: BundleError) -> Fault:
-        """The same from an error."""
-        return cls(error.name, error.problem, error.hint, error.status)
 
 
 class RowOutcome(msgspec.Struct, frozen=True, kw_only=True):

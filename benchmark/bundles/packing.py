@@ -7,7 +7,7 @@ import io
 import json
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ import msgspec
 
 from benchmark import __version__
 from benchmark.arrays import Arrays, save_arrays
-from benchmark.bundles.reading import FACES, LONGEST, MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
+from benchmark.bundles.archive import FACES, LONGEST, MANIFEST, NAMES, Entry, Holds, Manifest, Plugin
 from benchmark.datasets.base import Entry as Shape
 from benchmark.datasets.catalogue import CATALOGUE, catalogued, is_path
 from benchmark.errors import BenchmarkError, ConfigurationError
@@ -32,7 +32,7 @@ from benchmark.pipeline.storage.records import Record, answered_shapes, as_text,
 from benchmark.pipeline.storage.store import StorageError
 from benchmark.plugins.modules import helpers_of
 from benchmark.plugins.registry import MethodSpec
-from benchmark.plugins.scorers import BUILT_IN, ScorerSpec, scorer_of, scorers
+from benchmark.plugins.scorers import BUILT_IN, DEFAULT, scorer_of, scorers
 from benchmark.plugins.serving import folded
 from benchmark.report.artefact_reader import ArtefactReader
 
@@ -45,42 +45,12 @@ _DATE = (1980, 1, 1, 0, 0, 0)
 _AGAIN = "run it again here"
 
 
-@dataclass(frozen=True)
-class Offer:
-    """Words of whoever makes a bundle.
+class Packed(NamedTuple):
+    """What went into a bundle: its entries by the names of their records, its licence; why anything is omitted."""
 
-    Parameters
-    ----------
-    author, licence
-        Who it is, and under which licence the bundle is passed on.
-    with_forms
-        Whether forms of data of one's own may be passed on.
-    """
-
-    author: str = ""
-    licence: str = ""
-    with_forms: bool = False
-
-
-class Written(NamedTuple):
-    """A bundle that was written.
-
-    Parameters
-    ----------
-    size
-        Its bytes.
-    entries
-        What each of its records is called, what it holds, and why it holds no forms.
-    omitted
-        Why other records, or files of the plugin, are not in it.
-    licence
-        Under which it is passed on.
-    """
-
-    size: int
-    entries: list[tuple[str, Holds, str]]
-    omitted: list[str]
+    entries: dict[str, Entry]
     licence: str
+    omitted: list[str]
 
 
 def write_bundle(
@@ -88,27 +58,16 @@ def write_bundle(
     records: Sequence[Record],
     spec: MethodSpec,
     artefacts: ArtefactReader,
-    offer: Offer,
-    say: Callable[[str], object] = lambda line: None,
-) -> Written:
+    *,
+    author: str = "",
+    licence: str = "",
+    with_forms: bool = False,
+    say: Callable[[str], object],
+) -> Packed:
     """Write the records of a method with all from which their scores can be computed again.
 
-    Of a set whose terms do not let it be passed on there are signatures and distances, no form.
-
-    Parameters
-    ----------
-    path
-        The file.
-    records
-        Records of jobs; those without scores, or whose forms are not kept here, are omitted.
-    spec
-        The method.
-    artefacts
-        Where the forms are.
-    offer
-        Author, licence, and whether forms of data of one's own go along.
-    say
-        Told what is being done.
+    Of a set whose terms do not let it be passed on there are signatures and distances, no form; of data of one's own
+    there are forms if ``with_forms``. Records without scores, or whose forms are not kept here, are omitted.
 
     Raises
     ------
@@ -117,7 +76,7 @@ def write_bundle(
     BenchmarkError
         If the file cannot be written.
     """
-    if max(len(offer.author), len(offer.licence)) > LONGEST:
+    if max(len(author), len(licence)) > LONGEST:
         raise ConfigurationError(f"--author or --licence has more than {LONGEST} characters", "shorten it")
     files: dict[str, bytes] = {}
     entries: dict[str, Entry] = {}
@@ -126,19 +85,19 @@ def write_bundle(
         name = told(record)
         say(f"packing {name}")
         try:
-            entries[name], packed = _packed(record, artefacts, offer)
-            files |= packed
+            entries[name], contents = _packed(record, artefacts, with_forms=with_forms)
+            files.update(zip(entries[name].files, contents, strict=True))
         except BenchmarkError as error:
             faults[name] = error
     if not entries:
         name, fault = next(iter(faults.items()))
         raise ConfigurationError(f"no record of '{spec.name}' can be shared: {name}: {fault.problem}", fault.hint)
-    sources, elsewhere = _sources(spec, records)
+    sources, omitted = _sources(spec, records)
     digests = {name: hashlib.sha256(text).hexdigest() for name, text in sources.items()}
     plugin = Plugin(next(iter(sources)), spec.target.rpartition(":")[2], digests) if sources else None
-    licence = offer.licence or ("" if spec.is_foreign else "MIT") or _stated(sources)
+    licence = licence or ("" if spec.is_foreign else "MIT") or _stated(sources)
     manifest = Manifest(
-        spec.name, spec.base_name, spec.title, offer.author, licence,
+        spec.name, spec.base_name, spec.title, author, licence,
         {"suite": __version__, **environment(), **_package(spec)}, plugin, tuple(entries.values()),
         "canonical-forms bundle 1",
     )  # fmt: skip
@@ -148,45 +107,36 @@ def write_bundle(
         write_atomically(path, lambda file: file.write(content))
     except OSError as error:
         raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another file with -o") from error
-    shared = [(name, entry.holds, entry.withheld) for name, entry in entries.items()]
-    return Written(len(content), shared, [*(f"{name}: {fault}" for name, fault in faults.items()), *elsewhere], licence)
+    return Packed(entries, licence, [*(f"{name}: {fault}" for name, fault in faults.items()), *omitted])
 
 
-def _packed(record: Record, artefacts: ArtefactReader, offer: Offer) -> tuple[Entry, dict[str, bytes]]:
-    """Return the entry of a record and its files by name; raises ``BenchmarkError`` where something is not here."""
+def _packed(record: Record, artefacts: ArtefactReader, *, with_forms: bool) -> tuple[Entry, tuple[bytes, ...]]:
+    """Return the entry of a record and its files; raises ``BenchmarkError`` where something is not here."""
     if record["status"] != "ok":
         raise StorageError(f"it has no scores ({record['status']})", "only finished jobs can be shared")
-    scorer = scorer_of(scorer_name(record) or ScorerSpec().name, scorers())
+    scorer = scorer_of(scorer_name(record) or DEFAULT, scorers())
     if scorer.base_name not in BUILT_IN:
         raise ConfigurationError(f"scorer '{scorer.name}' is not in the suite", "nobody else could compare its scores")
     run = replace(artefacts.method_run(record), scorer_spec=scorer)
     dataset = run.preparation.dataset
-    shapes = {entry.identifier: entry for entry in dataset.entries}
-    if not set(record["shapes"]) <= shapes.keys():
+    shapes = {entry.identifier: entry for entry in dataset.entries if entry.identifier in record["shapes"]}
+    sources = {name: str(source_data(dataset, shapes[name])) for name in record["shapes"] if name in shapes}
+    gallery = [(name, shapes[name].subject, source) for name, source in sources.items()]
+    if digest(gallery) != record["recipe"]["gallery"]:
         raise StorageError("its data changed", _AGAIN)
-    sources = {name: str(source_data(dataset, shapes[name])) for name in record["shapes"]}
-    if (
-        digest([(name, shapes[name].subject, source) for name, source in sources.items()])
-        != record["recipe"]["gallery"]
-    ):
-        raise StorageError("its data changed", _AGAIN)
-    withheld = "" if run.describes else _withheld(record, artefacts.data_root, offer)
-    answered = answered_shapes(record)
-    forms = {name: _form(run, shapes[name], has_form=not withheld) for name in answered}
-    recipes = [run.recipe(shapes[name]) for name in answered]
+    withheld = "" if run.describes else _withheld(record, artefacts.data_root, with_forms=with_forms)
+    answered = [shapes[name] for name in answered_shapes(record)]
+    forms = {entry.identifier: _form(run, entry, has_form=not withheld) for entry in answered}
+    recipes = list(map(run.recipe, answered))
     keys = [bare_key(key_of(distances_recipe(recipes, run.spec, scorer, draw))) for draw in draws_of(run.spec, scorer)]
     matrices = dict(matrices_of(record, run.store))
     if not set(keys) <= matrices.keys():
         raise StorageError("its distances are not stored here", _AGAIN)
     holds: Holds = "descriptors" if run.describes else "signatures" if withheld else "forms"
-    prepared = {name: digest for name, (_, digest) in forms.items()}
-    inputs = {name: (source, prepared.get(name, "")) for name, source in sources.items()}
-    entry = Entry(record["key"], holds, withheld, inputs)
-    return entry, {
-        entry.record: as_text(_without_places(record)).encode(),
-        entry.arrays: _as_file(entry.key, [arrays for arrays, _ in forms.values()]),
-        entry.distances: _as_file(entry.key, [{"distances": matrices[key]} for key in keys]),
-    }
+    inputs = {name: (source, forms[name][1] if name in forms else "") for name, source in sources.items()}
+    text = as_text(_without_places(record)).encode()
+    arrays = ([arrays for arrays, _ in forms.values()], [{"distances": matrices[key]} for key in keys])
+    return Entry(record["key"], holds, withheld, inputs), (text, *(_as_file(record["key"], items) for items in arrays))
 
 
 def _form(run: MethodRun, entry: Shape, *, has_form: bool) -> tuple[Arrays, str]:
@@ -196,14 +146,14 @@ def _form(run: MethodRun, entry: Shape, *, has_form: bool) -> tuple[Arrays, str]
     if shape is None or answer is None:
         raise StorageError("its forms are not stored here, as today's code makes them", _AGAIN)
     arrays = require_arrays(answer)
-    if not (run.describes or has_form):
-        arrays = run.signature_arrays(entry)
-    elif not run.describes:
-        arrays = {**arrays, FACES: arrays.get("faces", shape.arrays["faces"])}
-    return arrays, shape.digest
+    if run.describes:
+        return arrays, shape.digest
+    if not has_form:
+        return run.signature_arrays(entry), shape.digest
+    return {**arrays, FACES: arrays.get("faces", shape.arrays["faces"])}, shape.digest
 
 
-def _withheld(record: Record, data_root: Path | None, offer: Offer) -> str:
+def _withheld(record: Record, data_root: Path | None, *, with_forms: bool) -> str:
     """Return why the forms of a record are not passed on; "" if they may be."""
     data = record["data"]
     name = catalogued(str(data["name"]))
@@ -214,7 +164,7 @@ def _withheld(record: Record, data_root: Path | None, offer: Offer) -> str:
     source = str(data["source"])
     if data_root is not None and is_path(source) and Path(source).resolve().is_relative_to(data_root.resolve()):
         return f"{data['name']} lies among the official sets, whose terms do not say that it may be passed on"
-    return "" if offer.with_forms else f"{data['name']}: nobody has said that what is made of it may be passed on"
+    return "" if with_forms else f"{data['name']}: nobody has said that what is made of it may be passed on"
 
 
 def _without_places(record: Record) -> Record:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.arrays import Arrays, load_arrays
-from benchmark.bundles.reading import FACES, Entry, form_of
+from benchmark.bundles.archive import FACES, Entry, form_of
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.process import ForeignError
 from benchmark.pipeline.method_run import MethodRun, require_arrays
@@ -24,43 +24,34 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import MethodSpec, methods, variant
 from benchmark.plugins.remote import close_to_plugins
-from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
+from benchmark.plugins.scorers import DEFAULT, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
 from benchmark.report.artefact_reader import ArtefactReader
 
 
-class Remaking(NamedTuple):
-    """Forms to make again.
+def remake(
+    record: Record,
+    entry: Entry,
+    content: bytes,
+    shapes: Sequence[str],
+    target: str,
+    data: tuple[str, Path | None],
+    folders: tuple[Path, Path],
+) -> dict[str, Any]:
+    """Make forms of a record again.
 
     Parameters
     ----------
-    record, entry, arrays
-        Of which record, and the file of its forms.
+    record, entry, content
+        The record, and the file of its forms.
     shapes
         Names of the shapes.
-    source, data_root
-        Its data set, as it is opened here; "" where it is not here.
-    models
-        Folder of the models that were trained here.
     target
         The method of the plugin; "" for one of the suite.
-    folder
-        An empty folder.
-    """
-
-    record: Record
-    entry: Entry
-    arrays: bytes
-    shapes: tuple[str, ...]
-    source: str
-    data_root: Path | None
-    models: Path
-    target: str
-    folder: Path
-
-
-def remake(remaking: Remaking) -> dict[str, Any]:
-    """Make forms again.
+    data
+        The data set as it is opened here, "" where it is not here; and the folder of the official data sets.
+    folders
+        A results folder, which is empty, and that of the models that were trained here.
 
     Returns
     -------
@@ -68,68 +59,61 @@ def remake(remaking: Remaking) -> dict[str, Any]:
         ``apart``: largest distance from those of the bundle, relative to their size; ``distances`` of all pairs of
         descriptors of a plugin, else None; ``is_same_code``: whether the method is the one of the record.
     """
-    try:
-        return _remake(remaking)
-    except ForeignError as error:
-        raise ConfigurationError(f"method '{remaking.record['method']}' raises {error}", "ask its author") from error
-
-
-def _remake(remaking: Remaking) -> dict[str, Any]:
-    record, entry, target = remaking.record, remaking.entry, remaking.target
-    base = str(record["recipe"]["method"])
     if target:
         close_to_plugins()
+    base = str(record["recipe"]["method"])
     known = {base: MethodSpec(base, target)} if target else methods()
     spec = variant(record["method"], known)
     if target and spec.learns:
         raise ConfigurationError("its trained model is not in the bundle", "train it yourself, and submit")
-    forms = unfolded(load_arrays(io.BytesIO(remaking.arrays), entry.key))
+    forms = unfolded(load_arrays(io.BytesIO(content), entry.key))
     items = dict(zip(answered_shapes(record), forms, strict=True))
     apart, distances = 0.0, None
-    if remaking.source:
-        run = _method_run(remaking, known)
-        entries = {each.identifier: each for each in run.preparation.dataset.entries}
-        for name in remaking.shapes:
-            arrays = dict(require_arrays(run.answer(entries[name])))
-            if entry.holds != "descriptors":
-                arrays.setdefault(FACES, arrays.get("faces", run.preparation.shape(entries[name]).mesh.faces))
-            apart = max(apart, _apart(arrays, name, items, run))
-    if target and entry.holds == "descriptors":
-        method: Any = spec.create()
-        vectors = [arrays["descriptor"] for arrays in items.values()]
-        distances = in_shuffled_order(vectors, lambda items: distances_of(method, items)).tolist()
-    versions = versions_of(method_components(spec))
-    is_same = bool(target) or versions.items() <= record["recipe"].get("versions", {}).items()
+    try:
+        if data[0]:
+            run = _method_run(record, known, data, folders)
+            apart = max((_apart(run, name, items) for name in shapes), default=0.0)
+        if target and entry.holds == "descriptors":
+            method: Any = spec.create()
+            vectors = [arrays["descriptor"] for arrays in items.values()]
+            distances = in_shuffled_order(vectors, lambda vectors: distances_of(method, vectors)).tolist()
+    except ForeignError as error:
+        raise ConfigurationError(f"method '{record['method']}' raises {error}", "ask its author") from error
+    is_same = (
+        bool(target) or versions_of(method_components(spec)).items() <= record["recipe"].get("versions", {}).items()
+    )
     return {"apart": min(apart, 1e9), "distances": distances, "is_same_code": is_same}
 
 
-def _method_run(remaking: Remaking, known: Mapping[str, MethodSpec]) -> MethodRun:
-    record = remaking.record
-    store = Store.open(remaking.folder / "results")
-    reader = ArtefactReader(store, known, remaking.data_root, remaking.models)
-    run = reader.method_run({**record, "data": record["data"] | {"source": remaking.source}})
+def _method_run(
+    record: Record, known: Mapping[str, MethodSpec], data: tuple[str, Path | None], folders: tuple[Path, Path]
+) -> MethodRun:
+    reader = ArtefactReader(Store.open(folders[0]), known, data[1], folders[1])
+    run = reader.method_run({**record, "data": record["data"] | {"source": data[0]}})
     if {model.training: model.digest for model in run.models.values()} != record["recipe"].get("models", {}):
         raise ConfigurationError("its trained model is not here", "pass the results folder that has it as --results")
-    return replace(run, scorer_spec=scorer_of(scorer_name(record) or ScorerSpec().name, scorers()))
+    return replace(run, scorer_spec=scorer_of(scorer_name(record) or DEFAULT, scorers()))
 
 
-def _apart(arrays: Arrays, name: str, items: Mapping[str, Arrays], run: MethodRun) -> float:
-    """Return the distance of what was made again of a shape from what the bundle holds, relative to its size."""
-    told = items[name]
-    if "descriptor" in arrays:
-        if arrays["descriptor"].shape != told["descriptor"].shape:
+def _apart(run: MethodRun, name: str, items: Mapping[str, Arrays]) -> float:
+    """Make the form of a shape again, and return its distance from that of the bundle, relative to its size."""
+    item = items[name]
+    entry = next(entry for entry in run.preparation.dataset.entries if entry.identifier == name)
+    arrays = require_arrays(run.answer(entry))
+    if "descriptor" in item:
+        one, other = arrays["descriptor"], item["descriptor"]
+        if one.shape != other.shape:
             return np.inf
-        size = np.abs(told["descriptor"]).max(initial=1e-300)
-        return float(np.abs(arrays["descriptor"] - told["descriptor"]).max(initial=0.0) / size)
-    faces = arrays.get("faces", arrays[FACES])
-    if "vertices" in told:
-        is_same = arrays["vertices"].shape == told["vertices"].shape
-        if not (is_same and np.array_equal(faces, told.get("faces", told[FACES]))):
+        return float(np.abs(one - other).max(initial=0.0) / np.abs(other).max(initial=1e-300))
+    faces = arrays["faces"] if "faces" in arrays else run.preparation.shape(entry).mesh.faces
+    if "vertices" in item:
+        is_same = arrays["vertices"].shape == item["vertices"].shape
+        if not (is_same and np.array_equal(faces, item.get("faces", item[FACES]))):
             return np.inf
-        return rigid_distance(arrays["vertices"], told["vertices"])
-    signature = signature_of(run.scorer, form_of(arrays))
-    others = [item for other, item in items.items() if other != name][:10]
-    distances = form_distances(run.scorer, [signature, told, *others], 0)
+        return rigid_distance(arrays["vertices"], item["vertices"])
+    signature = signature_of(run.scorer, form_of({**arrays, "faces": faces}))
+    others = [arrays for other, arrays in items.items() if other != name][:10]
+    distances = form_distances(run.scorer, [signature, item, *others], 0)
     return float(distances[0, 1] / max(distances[1, 2:].mean(), 1e-300))
 
 

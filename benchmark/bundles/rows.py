@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.arrays import Arrays, digest_of
-from benchmark.bundles.outcomes import Fault, RowOutcome
-from benchmark.bundles.reading import CHECKS, Archive, BundleError, Entry, Plugin, form_of
-from benchmark.bundles.remaking import Remaking, remake
+from benchmark.bundles.archive import Archive, BundleError, Entry, Fault, Plugin, check_arrays, form_of
+from benchmark.bundles.outcomes import RowOutcome
+from benchmark.bundles.remaking import remake
 from benchmark.datasets.catalogue import catalogued, is_present
-from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.execution.plan import data_recipe
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.pipeline.recipes import scorer_recipe
@@ -38,7 +38,7 @@ from benchmark.report.rounding import number
 from benchmark.report.significance import intervals, queries_of
 from retrieval.measures import PRINTED
 
-#: Largest difference between a score that is told and the one that is computed: half of a printed digit.
+#: Largest difference between a score of the record and the one that is computed: half of a printed digit.
 SCORE_TOLERANCE = 0.005
 
 #: The same of distances, relative to their mean.
@@ -85,9 +85,7 @@ class Request:
     def records(self) -> list[Record]:
         """Records with scores that are here."""
         store = Store(self.results / "runs")
-        return [
-            record for records in (store.published, store.records) for record in records if record["status"] == "ok"
-        ]
+        return [record for part in (store.published, store.records) for record in part if record["status"] == "ok"]
 
 
 @dataclass
@@ -109,7 +107,11 @@ class RowCheck:
     compared: str = ""
     again: tuple[str, ...] = ()
     apart: float = 0.0
-    _matrices: list[Matrix] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        record = self.record
+        self.name, self.answered = str(record["data"]["name"]), answered_shapes(record)
+        self.labels = dict(zip(record["shapes"], record["labels"], strict=True))
 
     def outcome(self) -> RowOutcome:
         """Return what the record is; raises :class:`BundleError` if arrays cannot be read, or are of another kind."""
@@ -119,16 +121,18 @@ class RowCheck:
         queries = queries_of([[{**record, "per_query": scored["per_query"]}]])
         ends = intervals(queries.values[:, :, 0], queries.labels)
         seconds = record["cost"]["seconds_per_shape"].values()
+        scores, told, chance = (
+            {name: float(part[name]) for name in PRINTED}
+            for part in (scored["scores"], record["scores"], record["chance"])
+        )
         return RowOutcome(
-            key=entry.key, gallery=record["gallery"], data=record["data"]["name"], data_title=record["data"]["title"],
+            key=entry.key, gallery=record["gallery"], data=self.name, data_title=record["data"]["title"],
             input=record["input"], scorer=scorer_name(record), seed=place(record).seed,
             gallery_digest=str(record["recipe"].get("gallery", "")), faults=tuple(self.faults),
-            scores={name: float(scored["scores"][name]) for name in PRINTED},
-            told={name: float(record["scores"][name]) for name in PRINTED},
+            scores=scores, told=told, chance=chance,
             intervals={name: (float(low), float(high)) for name, (low, high) in zip(PRINTED, ends, strict=True)},
-            chance={name: float(record["chance"][name]) for name in PRINTED},
             n_shapes=record["n_shapes"], n_classes=record["n_classes"],
-            coverage=len(answered_shapes(record)) / record["n_shapes"],
+            coverage=len(self.answered) / record["n_shapes"],
             seconds=float(sum(seconds)) if seconds else None, peak_mib=record.get("peak_mib"),
             trained_on=tuple(dict.fromkeys(model["data"] for model in record.get("models", ()))),
             holds=entry.holds, withheld=entry.withheld, compared=self.compared, again=self.again, apart=self.apart,
@@ -137,35 +141,35 @@ class RowCheck:
     def _scores(self) -> Mapping[str, Any] | None:
         """Compare the gallery, and compute distances and scores again; None where nobody can compute them here."""
         self._compare_gallery()
-        scored, scorer = None, None if self.entry.holds == "descriptors" else self._scorer()
-        if scorer or self.entry.holds == "descriptors":
+        is_descriptor, scored, matrices = self.entry.holds == "descriptors", None, list[Matrix]()
+        scorer = None if is_descriptor else self._scorer()
+        if scorer or is_descriptor:
             items = self._items(scorer)
-            self._matrices = self._distances(len(items))
-            matrices = self._computed(scorer, items) if items else None
-            scored = None if matrices is None else self._compare_scores(matrices)
+            matrices = self._distances(len(items))
+            computed = self._computed(scorer, items) if items else None
+            scored = None if computed is None else self._compare_scores(computed, matrices)
         if not self._is_false and (again := self._remade()) is not None:
-            scored = self._compare_scores([np.array(again)])
+            scored = self._compare_scores([np.array(again)], matrices)
         if scored is None and not self.faults:
             problem = "its distances are made by a package that is not of the suite"
             self._claim("not-run", problem, "ask its author for a plugin of one file")
         return scored
 
-    def _compare_scores(self, matrices: Sequence[Matrix]) -> Mapping[str, Any]:
-        """Return the scores of distances that were computed, after a comparison of both with what the bundle tells."""
-        record = self.record
-        if len(matrices) != len(self._matrices) or any(map(_differ, matrices, self._matrices)):
-            self._refute("distances-differ", f"its distances are not those of its {self.entry.holds}")
-        answered = set(answered_shapes(record))
+    def _compare_scores(self, computed: Sequence[Matrix], matrices: Sequence[Matrix]) -> Mapping[str, Any]:
+        """Return the scores of computed distances, and compare both with those of the bundle."""
+        record, holds = self.record, self.entry.holds
+        if len(computed) != len(matrices) or any(map(_differ, computed, matrices)):
+            self._refute("distances-differ", f"its distances are not those of its {holds}")
+        answered = set(self.answered)
         places = [number for number, name in enumerate(record["shapes"]) if name in answered]
-        scored = measures.scores(matrices, record["labels"], places if len(places) < len(record["shapes"]) else None)
-        for part in ("scores", "supported"):
-            for name, told in record.get(part, {}).items():
-                value = scored.get(part, {}).get(name)
-                if value is None or not abs(value - told) <= SCORE_TOLERANCE:
-                    computed = "none" if value is None else number(value, 3)
-                    holds = self.entry.holds
-                    self._refute("scores-differ", f"it says {name} {number(told, 3)}, and its {holds} give {computed}")
-                    return scored
+        scored = measures.scores(computed, record["labels"], places if len(places) < len(record["shapes"]) else None)
+        told = [(part, name, value) for part in ("scores", "supported") for name, value in record.get(part, {}).items()]
+        for part, name, value in told:
+            computed_value = scored.get(part, {}).get(name, np.nan)
+            if not abs(computed_value - value) <= SCORE_TOLERANCE:
+                problem = f"it says {name} {number(value, 3)}, and its {holds} give {number(computed_value, 3)}"
+                self._refute("scores-differ", problem)
+                break
         return scored
 
     @property
@@ -185,25 +189,25 @@ class RowCheck:
     # Gallery -----------------------------------------------------------------------------------------------------
 
     def _compare_gallery(self) -> None:
-        record, name = self.record, str(self.record["data"]["name"])
+        recipe = self.record["recipe"]
         self.gallery = self._gallery_here()
         if self.gallery is not None:
             self.compared = "data"
             labels = {entry.identifier: entry.subject for entry in self.gallery.entries}
-            self._compare_labels(labels, plain(data_recipe(self.gallery, record["input"])))
+            self._compare_labels(labels, plain(data_recipe(self.gallery, self.record["input"])))
         elif similar := self._record_of_gallery():
             self.compared = "records"
             self._compare_labels(dict(zip(similar["shapes"], similar["labels"], strict=True)), similar["recipe"])
-        elif catalogued(name) is not None:
-            problem = f"neither the data of '{name}' nor a record of it is here to compare labels and inputs with"
+        elif catalogued(self.name) is not None:
+            problem = f"neither the data of '{self.name}' nor a record of it is here to compare labels and inputs with"
             self._claim("gallery-unknown", problem, "pass --data-root, or --results with a record of it")
-        sources = [(shape, label, self.entry.inputs[shape][0]) for shape, label in self._labels.items()]
-        if not self._is_false and digest(sources) != record["recipe"].get("gallery"):
+        sources = [(shape, label, self.entry.inputs[shape][0]) for shape, label in self.labels.items()]
+        if not self._is_false and digest(sources) != recipe.get("gallery"):
             self._refute("inputs-differ", "its labels and inputs are not those that its record was made from")
 
     def _gallery_here(self) -> Gallery | None:
         """Return the gallery of the record; None where its data is not here. No path of the record is looked at."""
-        name, request = str(self.record["data"]["name"]), self.request
+        name, request = self.name, self.request
         if name in request.folders:
             name = str(request.folders[name])
         elif catalogued(name) is None or not is_present(name, request.data_root):
@@ -219,42 +223,33 @@ class RowCheck:
 
         Folders of two people may have one name.
         """
-        record = self.record
-        where = (record["gallery"], record["input"])
-        similar = [other for other in self.request.records if (other["gallery"], other["input"]) == where]
-        same = (other for other in similar if other["recipe"].get("gallery") == record["recipe"].get("gallery"))
-        is_known = catalogued(str(record["data"]["name"])) is not None
-        return next(same, similar[-1] if similar and is_known else None)
-
-    @property
-    def _labels(self) -> dict[str, str]:
-        return dict(zip(self.record["shapes"], self.record["labels"], strict=True))
+        similar = [other for other in self.request.records if place(other)[:2] == place(self.record)[:2]]
+        same = [other for other in similar if _gallery_digest(other) == _gallery_digest(self.record)]
+        return next(iter(same), similar[-1] if similar and catalogued(self.name) else None)
 
     def _compare_labels(self, labels: Mapping[str, str], recipe: Mapping[str, Any]) -> None:
         """Compare labels, and where they are the same the meshes and cameras that a recipe names."""
-        record, name = self.record, self.record["gallery"]
-        if list(labels) != record["shapes"]:
-            note = self._refute if catalogued(str(record["data"]["name"])) else self._claim
-            problem = f"its shapes are not those of '{name}' as they are known here"
-            note("shapes-differ", problem, "name the data that it was run on")
+        known_here = f"those of '{self.record['gallery']}' as they are known here"
+        wrong = next((shape for shape, label in self.labels.items() if labels.get(shape) != label), None)
+        parts = {"gallery": "meshes", "view": "cameras"}
+        others = [what for part, what in parts.items() if recipe.get(part) != self.record["recipe"].get(part)]
+        if list(labels) != [*self.labels]:
+            note = self._refute if catalogued(self.name) else self._claim
+            note("shapes-differ", f"its shapes are not {known_here}", "name the data that it was run on")
             self.gallery = None
-        elif wrong := [shape for shape, label in self._labels.items() if labels[shape] != label]:
-            shape = wrong[0]
-            self._refute("labels-differ", f"it calls '{shape}' a '{self._labels[shape]}', which is a '{labels[shape]}'")
-        elif others := [part for part in ("gallery", "view") if recipe.get(part) != record["recipe"].get(part)]:
-            what = "meshes" if others[0] == "gallery" else "cameras"
-            problem = f"its {what} are not those of '{name}' as they are known here"
-            self._claim("inputs-differ", problem, "compare the versions of the data set")
+        elif wrong is not None:
+            self._refute("labels-differ", f"it calls '{wrong}' a '{self.labels[wrong]}', which is a '{labels[wrong]}'")
+        elif others:
+            self._claim("inputs-differ", f"its {others[0]} are not {known_here}", "compare versions of the data set")
             self.gallery = None  # forms of other shapes say nothing
 
     # Arrays ------------------------------------------------------------------------------------------------------
 
     def _scorer(self) -> ScorerSpec | None:
         name, recipe = scorer_name(self.record), self.record["recipe"]
-        if name.partition("[")[0] not in SCORERS:
-            self._claim("scorer-unknown", f"scorer '{name:.60}' is not part of the suite", "compare by cm-bof")
-            return None
         try:
+            if name.partition("[")[0] not in SCORERS:
+                raise ConfigurationError(f"scorer '{name:.60}' is not part of the suite", "compare by cm-bof")
             scorer = scorer_of(name, scorers())
         except BenchmarkError as error:
             self._claim("scorer-unknown", error.problem, error.hint)
@@ -270,62 +265,56 @@ class RowCheck:
 
     def _items(self, scorer: ScorerSpec | None) -> Sequence[Arrays]:
         """Forms, signatures or descriptors of the shapes with a result; none where some are missing."""
-        what, names = self.entry.holds, answered_shapes(self.record)
-        items = self._unfolded(self.entry.arrays)
+        holds, names = self.entry.holds, self.answered
+        items = self._unfolded(self.entry.files[1])
         if len(items) != len(names):
-            problem = f"it has {what} of {len(items)} shapes, and its record names {len(names)}"
-            self._refute(f"{what}-missing", problem, "ask its author for the whole bundle")
+            problem = f"it has {holds} of {len(items)} shapes, and its record names {len(names)}"
+            self._refute(f"{holds}-missing", problem, "ask its author for the whole bundle")
             return []
         for name, arrays in zip(names, items, strict=True):
-            CHECKS[what](name, arrays, scorer)
-        stage = "signatures" if what == "signatures" else "forms"
-        self._compare_digest(stage, list(map(digest_of, items)), f"{what}-differ", f"its {what}")
-        prepared = [self.entry.inputs[name][1] for name in names]
-        self._compare_digest("shapes", prepared, "inputs-differ", "its prepared shapes")
+            check_arrays(holds, name, arrays, scorer)
+        stage = "signatures" if holds == "signatures" else "forms"
+        self._compare_digest(stage, map(digest_of, items), f"{holds}-differ", holds)
+        self._compare_digest("shapes", (self.entry.inputs[name][1] for name in names), "inputs-differ", "inputs")
         return items
 
     def _distances(self, count: int) -> list[Matrix]:
-        place, items = self.entry.distances, self._unfolded(self.entry.distances)
-        self._compare_digest("distances", list(map(digest_of, items)), "distances-differ", "its distances")
-        for arrays in items:
-            matrix = arrays.get("distances")
-            if matrix is None or matrix.dtype.kind != "f" or not np.isfinite(matrix).all():
-                raise BundleError(
-                    "no-arrays", f"'{place}' holds no distances, or some that are no finite numbers", _ASK
-                )
-            if count and matrix.shape != (count, count):
-                problem = f"'{place}' holds distances of shape {matrix.shape} for {count} shapes"
-                raise BundleError("no-arrays", problem, _ASK)
-        return [arrays["distances"] for arrays in items]
+        file = self.entry.files[2]
+        items = self._unfolded(file)
+        self._compare_digest("distances", map(digest_of, items), "distances-differ", "distances")
+        matrices: list[Matrix] = [arrays.get("distances", np.empty(0, int)) for arrays in items]
+        for matrix in matrices:
+            is_fine = matrix.dtype.kind == "f" and np.isfinite(matrix).all()
+            if not is_fine or (count and matrix.shape != (count, count)):
+                raise BundleError("no-arrays", f"'{file}' does not hold finite distances of {count} shapes", _ASK)
+        return matrices
 
-    def _unfolded(self, name: str) -> list[dict[str, Any]]:
+    def _unfolded(self, file: str) -> list[dict[str, Any]]:
         try:
-            return list(unfolded(self.archive.arrays(name, self.entry.key)))
+            return list(unfolded(self.archive.arrays(file, self.entry.key)))
         except ValueError as error:
-            raise BundleError("no-arrays", f"'{name}' holds arrays that belong to no shape", _ASK) from error
+            raise BundleError("no-arrays", f"'{file}' holds arrays that belong to no shape", _ASK) from error
 
-    def _compare_digest(self, stage: str, digests: list[str], fault: str, what: str) -> None:
-        if digest(digests)[:16] != self.record.get("digests", {}).get(stage):
-            self._refute(fault, f"{what} are not those whose digest its record tells")
+    def _compare_digest(self, stage: str, digests: Iterable[str], fault: str, what: str) -> None:
+        if digest(list(digests))[:16] != self.record.get("digests", {}).get(stage):
+            self._refute(fault, f"its {what} do not have the digest in its record")
 
-    def _computed(self, spec: ScorerSpec | None, items: Sequence[Arrays]) -> list[Matrix] | None:
+    def _computed(self, scorer_spec: ScorerSpec | None, items: Sequence[Arrays]) -> list[Matrix] | None:
         """Distances of all pairs under each draw of the scorer; None for a descriptor whose code is not ours."""
-        if spec is None:
-            base = str(self.record["recipe"].get("method"))
-            if base not in BUILT_IN or self.record["target"] != BUILT_IN[base]:
-                return None
-            method: Any = variant(self.record["method"], methods()).create()
-            vectors = [arrays["descriptor"] for arrays in items]
-            return [np.zeros((1, 1)) if len(items) == 1 else distances_of(method, vectors)]
+        if scorer_spec is None and BUILT_IN.get(str(self.record["recipe"].get("method"))) != self.record["target"]:
+            return None
         if len(items) == 1:
-            return [np.zeros((1, 1))] * spec.info.draws
-        scorer, signatures = spec.create(), items
+            return [np.zeros((1, 1))] * (scorer_spec.info.draws if scorer_spec else 1)
+        if scorer_spec is None:
+            method: Any = variant(self.record["method"], methods()).create()
+            return [distances_of(method, [arrays["descriptor"] for arrays in items])]
+        scorer, signatures = scorer_spec.create(), items
         if self.entry.holds == "forms":
             try:
                 signatures = [signature_of(scorer, form_of(arrays)) for arrays in items]
             except ShapeError as error:
                 raise BundleError("bad-form", error.problem, _ASK, "false") from error
-        return [form_distances(scorer, signatures, draw) for draw in range(spec.info.draws)]
+        return [form_distances(scorer, signatures, draw) for draw in range(scorer_spec.info.draws)]
 
     # Forms made again --------------------------------------------------------------------------------------------
 
@@ -336,7 +325,7 @@ class RowCheck:
         needs_code = self.plugin is not None and self.entry.holds == "descriptors"
         if (is_ours and self.gallery) or (self.plugin and self.may_run and (self.gallery or needs_code)):
             return self._remake()
-        if is_ours and not any(map(self._is_same, self.request.records)):
+        if is_ours and not any(_outcome(other) == _outcome(self.record) for other in self.request.records):
             problem = f"it bears the suite's name '{base}', and neither data nor a record here tells"
             self._claim("not-made-again", problem, "pass --data-root, -d FOLDER, or --results with its record")
         elif needs_code:
@@ -344,38 +333,25 @@ class RowCheck:
             self._claim("not-run", problem, "pass --run where you may run a stranger's program")
         return None
 
-    def _is_same(self, other: Record) -> bool:
-        """Return whether another record has the same scores in the same place, of the same shapes."""
-        record = self.record
-        return (
-            place(other) == place(record)
-            and all(other.get(part) == record[part] for part in ("scores", "labels", "shapes"))
-            and answered_shapes(other) == answered_shapes(record)
-            and other["recipe"].get("gallery") == record["recipe"].get("gallery")
-        )
-
     def _remake(self) -> list[list[float]] | None:
-        names, request, holds = answered_shapes(self.record) if self.gallery else [], self.request, self.entry.holds
-        count = min(max(request.n_again, FEWEST_AGAIN), len(names))
-        chosen = tuple(secrets.SystemRandom().sample(names, count))
-        self._say(f"making {count} forms again")
-        content = self.archive.read(self.entry.arrays)  # in no file that the plugin could read
+        names, request = self.answered if self.gallery else [], self.request
+        chosen = tuple(secrets.SystemRandom().sample(names, min(max(request.n_again, FEWEST_AGAIN), len(names))))
+        self._say(f"making {len(chosen)} forms again")
+        content = self.archive.read(self.entry.files[1])  # in no file that the plugin could read
+        hint = "ask its author, or pass a longer --timeout"
+        guard = Guard(f"method '{self.record['method']}'", hint, request.limit, quiet=True)
         with TemporaryDirectory(prefix="canonical-forms-") as folder:
             target = f"{self._unpack(self.plugin, Path(folder))}:{self.plugin.attribute}" if self.plugin else ""
-            source = self.gallery.source if self.gallery else ""
-            remaking = Remaking(
-                self.record, self.entry, content, chosen, source, request.data_root, request.results / "models", target,
-                Path(folder),
-            )  # fmt: skip
-            hint = "ask its author, or pass a longer --timeout"
-            guard = Guard(f"method '{self.record['method']}'", hint, request.limit, quiet=True)
+            data = (self.gallery.source if self.gallery else "", request.data_root)
+            folders = (Path(folder) / "results", request.results / "models")
+            arguments = (self.record, self.entry, content, chosen, target, data, folders)
             try:
-                remade = call_apart(remake, remaking, guard=guard)
+                remade = call_apart(remake, *arguments, guard=guard)
             except BenchmarkError as error:
                 self._claim("not-made-again", error.problem, error.hint)
                 return None
         self.again, self.apart = chosen, remade["apart"]
-        if self.apart > TOLERANCE[holds]:
+        if self.apart > TOLERANCE[self.entry.holds]:
             problem = f"forms made again are apart from those of the bundle, by {self.apart:.2g} of their size at most"
             if remade["is_same_code"]:
                 self._refute("not-made-again", problem, "take the forms for those of something else")
@@ -385,16 +361,25 @@ class RowCheck:
         return remade["distances"]  # type: ignore[no-any-return]
 
     def _unpack(self, plugin: Plugin, folder: Path) -> Path:
-        """Write the files of a plugin into an empty folder and return its path; names were looked at before."""
+        """Write the files of a plugin, whose names were checked, into an empty folder and return its path."""
         for name in plugin.digests:
-            path = folder / name
-            content = self.archive.read(name)
+            path, content = folder / name, self.archive.read(name)
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)
             except OSError as error:  # a file has the name of a folder
                 raise BundleError("damaged", f"'{name}' in it cannot be unpacked: {error.strerror}") from error
         return (folder / plugin.file).resolve()
+
+
+def _gallery_digest(record: Record) -> object:
+    return record["recipe"].get("gallery")
+
+
+def _outcome(record: Record) -> list[object]:
+    """The scores of a record in its place, and their shapes."""
+    parts = [record[part] for part in ("scores", "labels", "shapes")]
+    return [place(record), answered_shapes(record), _gallery_digest(record), *parts]
 
 
 def _differ(one: Matrix, other: Matrix) -> bool:

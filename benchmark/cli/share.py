@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from benchmark.bundles.outcomes import Outcome, RowOutcome, keep, worst
-from benchmark.bundles.packing import Offer, write_bundle
+from benchmark.bundles.packing import write_bundle
 from benchmark.bundles.rows import Request
 from benchmark.bundles.verification import verify as verify_bundle
 from benchmark.cli.declare import METHOD, NAME_OR_FOLDER, PATH, argument, flag, option, timeout_option
@@ -96,17 +96,19 @@ def submit(
     store = Store.open(options.results)
     records = [result.record for result in recorded(replace(options, methods=(spec.name,)), store)]
     artefacts = ArtefactReader(store, known, options.data_root)
-    offer = Offer(author, licence, with_forms)
-    written = write_bundle(path, records, spec, artefacts, offer, lambda line: say(line, err=True))
-    for line in written.omitted:
+    packed = write_bundle(
+        path, records, spec, artefacts, author=author, licence=licence, with_forms=with_forms,
+        say=lambda line: say(line, err=True),
+    )  # fmt: skip
+    for line in packed.omitted:
         say(f"omitted {line}", err=True)
-    for name, holds, withheld in written.entries:
-        say(f"{name}: {holds}{f' and distances alone; {withheld}' if withheld else ''}")
-    if any(withheld and "nobody has said" in withheld for *_, withheld in written.entries):
+    for name, entry in packed.entries.items():
+        say(f"{name}: {entry.holds}{f' and distances alone; {entry.withheld}' if entry.withheld else ''}")
+    if any("nobody has said" in entry.withheld for entry in packed.entries.values()):
         say("pass --forms if results of your own data may be shared", err=True)
-    if not written.licence:
+    if not packed.licence:
         say("without a licence nobody else may use the source; pass --licence", err=True)
-    say(f"{path}: {written.size / 2**20:.1f} MiB; 'verify {path}' shows what it proves")
+    say(f"{path}: {path.stat().st_size / 2**20:.1f} MiB; 'verify {path}' shows what it proves")
 
 
 @verb

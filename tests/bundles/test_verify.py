@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmark.bundles.archive import LARGEST_FILE, BundleError, check_arrays
 from benchmark.bundles.outcomes import Outcome
-from benchmark.bundles.packing import Offer, _withheld
-from benchmark.bundles.reading import LARGEST_FILE, BundleError, check_signature
+from benchmark.bundles.packing import _withheld
 from benchmark.bundles.remaking import rigid_distance
 from benchmark.bundles.rows import Request
 from benchmark.bundles.verification import verified
@@ -345,7 +345,7 @@ def test_what_is_no_bundle_is_told_so(tmp_path, content):
 def test_signatures_are_looked_at_before_compiled_code_is_given_them():
     fine = {"descriptors": np.zeros((5, 128), np.uint8), "view_offsets": np.full(67, 5, np.int32)}
     fine["view_offsets"][0] = 0
-    check_signature("a", fine, ScorerSpec())
+    check_arrays("signatures", "a", fine, ScorerSpec())
     for wrong in (
         {"view_offsets": fine["view_offsets"] + np.int32(1)},
         {"view_offsets": np.where(np.arange(67) == 3, -4, fine["view_offsets"]).astype(np.int32)},
@@ -355,7 +355,7 @@ def test_signatures_are_looked_at_before_compiled_code_is_given_them():
         {"further": np.zeros(3)},
     ):
         with pytest.raises(BundleError, match="signature"):
-            check_signature("a", {**fine, **wrong}, ScorerSpec())
+            check_arrays("signatures", "a", {**fine, **wrong}, ScorerSpec())
 
 
 def test_forms_are_compared_after_a_rotation_and_no_reflection():
@@ -386,7 +386,7 @@ def test_what_is_said_of_a_method_of_the_suite(ran, tmp_path):
 )
 def test_forms_of_official_sets_are_never_passed_on(name, is_withheld):
     record = {"data": {"name": name, "source": name}}
-    assert bool(_withheld(record, None, Offer(with_forms=True))) == is_withheld
+    assert bool(_withheld(record, None, with_forms=True)) == is_withheld
 
 
 def test_own_data_is_not_passed_on_unless_somebody_says_that_it_may_be(ran, tmp_path):

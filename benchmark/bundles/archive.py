@@ -1,0 +1,266 @@
+"""Bundles as files: their parts, and a reader for files of strangers that has limits and unpacks nothing to disk."""
+
+from __future__ import annotations
+
+import io
+import re
+import stat
+import zipfile
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from benchmark.arrays import PACKED, Arrays, UnsafeArrays, load_arrays
+from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.storage.record_schema import read_json
+from benchmark.plugins.scorers import DEFAULT, ScorerSpec
+from benchmark.text import clean
+
+MANIFEST = "bundle.json"
+
+#: Names of the files of a bundle; the data files of a plugin lie beside it.
+NAMES = re.compile(
+    r"bundle\.json|records/[0-9a-f]{32}\.json|(?:arrays|distances)/[0-9a-f]{32}\.npz"
+    r"|plugin/(?:\w[\w.-]*/)*\w[\w.-]*",
+    re.ASCII,
+)
+
+#: Bytes of the largest bundle, of all its files together, of one of them, of JSON, and of the arrays in one file.
+LARGEST_BUNDLE, LARGEST_TOTAL, LARGEST_FILE, LARGEST_JSON, LARGEST_ARRAYS = 2**30, 2**31, 2**29, 2**25, 2**30
+
+MOST_FILES, _MOST_VERTICES = 2000, 1_000_000
+
+#: Array of a form that holds its faces where they are those of the shape; no digest includes it.
+FACES = "about:faces"
+
+#: Characters of the longest text of a bundle.
+LONGEST = 500
+
+Text = Annotated[str, Meta(max_length=LONGEST)]
+#: Name of a mesh, which may be all parameters of a generator.
+Source = Annotated[str, Meta(max_length=10_000)]
+
+Format = Literal["canonical-forms bundle 1"]
+Holds = Literal["forms", "signatures", "descriptors"]
+Status = Literal["unreadable", "false", "claimed", "verified"]
+
+
+class Fault(msgspec.Struct, frozen=True):
+    """A named reason why a record or a bundle is not verified.
+
+    It is ``"claimed"`` where nobody can tell, ``"false"`` where it contradicts what was computed or is known.
+    """
+
+    name: str
+    problem: str
+    hint: str
+    status: Status
+
+
+class BundleError(BenchmarkError):
+    """A fault that ends the verification of a bundle."""
+
+    def __init__(
+        self,
+        name: str,
+        problem: str,
+        hint: str = "ask its author for the file that 'submit' wrote",
+        status: Status = "unreadable",
+    ) -> None:
+        super().__init__(problem, hint)
+        self.fault = Fault(name, problem, hint, status)
+
+
+class Plugin(msgspec.Struct, frozen=True):
+    """The plugin of a bundle: its file, its method in there, and the SHA-256 of its modules and data files."""
+
+    file: Text
+    attribute: Text
+    digests: dict[Text, Text]
+
+    def __post_init__(self) -> None:
+        if self.file not in self.digests or not self.attribute.isidentifier():
+            raise ValueError("its plugin is not among its files")
+        if not all(name.startswith("plugin/") for name in self.digests):
+            raise ValueError("a file of its plugin lies elsewhere")
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """A record of a bundle, and what it was made from.
+
+    Parameters
+    ----------
+    key
+        Of the record; its files have this name.
+    holds
+        What the scores can be computed from.
+    withheld
+        Why forms are not in the bundle; "" where they are, or there are none.
+    inputs
+        For each shape the name of its mesh, and the digest of the prepared shape, "" for one without a result.
+    """
+
+    key: Annotated[str, Meta(pattern=r"^[0-9a-f]{32}\Z")]
+    holds: Holds
+    withheld: Text
+    inputs: dict[Text, tuple[Source, Text]]
+
+    @property
+    def files(self) -> tuple[str, str, str]:
+        """Names of its record, arrays and distances among the files."""
+        return f"records/{self.key}.json", f"arrays/{self.key}.npz", f"distances/{self.key}.npz"
+
+
+class Manifest(msgspec.Struct, frozen=True):
+    """A bundle as it describes itself; ``base_name`` is that of the method without parameters."""
+
+    method: Text
+    base_name: Text
+    title: Text
+    author: Text
+    licence: Text
+    versions: dict[Text, Text]
+    plugin: Plugin | None
+    entries: tuple[Entry, ...]
+    format: Format
+
+
+class Archive:
+    """The files of a bundle, held in memory; raises :class:`BundleError` unless names and sizes are those of one."""
+
+    def __init__(self, path: Path) -> None:
+        with path.open("rb") as file:
+            content = file.read(LARGEST_BUNDLE + 1)
+        if len(content) > LARGEST_BUNDLE:
+            raise BundleError("too-large", f"{path.name} has more than {LARGEST_BUNDLE:,} bytes")
+        try:
+            self.zip = zipfile.ZipFile(io.BytesIO(content))
+        except Exception as error:
+            raise BundleError("no-zip", f"{path.name} is not a zip file, or is damaged") from error
+        parts = self.zip.infolist()
+        for part in parts:
+            _check_part(part)
+        (name, count), *_ = Counter(part.filename.casefold() for part in parts).most_common(1) or [("", 0)]
+        if count > 1:
+            raise BundleError("name-twice", f"two files in it are called '{name}'")
+        if len(parts) > MOST_FILES or sum(part.file_size for part in parts) > LARGEST_TOTAL:
+            raise BundleError("too-large", f"it unpacks to more than {LARGEST_TOTAL:,} bytes, or many files")
+        self.sizes = {part.filename: part.file_size for part in parts}
+
+    def read(self, name: str, largest: int = LARGEST_FILE) -> bytes:
+        """Return a file; raises :class:`BundleError` if it is not there, too large, or not as announced."""
+        if name not in self.sizes:
+            raise BundleError("file-missing", f"'{name}' is not in it")
+        if (size := self.sizes[name]) > largest:
+            raise BundleError("too-large", f"'{name}' in it unpacks to more than {largest:,} bytes")
+        try:
+            with self.zip.open(name) as file:
+                content = file.read(size)  # no more than was announced, whatever unfolds
+                is_whole = len(content) == size and not file.read(1)
+        except Exception as error:
+            raise BundleError("damaged", f"'{name}' in it cannot be read") from error
+        if not is_whole:
+            raise BundleError("too-large", f"'{name}' in it has another size than it announces")
+        return content
+
+    def json(self, name: str) -> Any:
+        """Return a file of JSON."""
+        try:
+            return read_json(self.read(name, LARGEST_JSON))
+        except (ValueError, RecursionError) as error:
+            raise BundleError("no-json", f"'{name}' in it is not JSON, or contains NaN or Infinity") from error
+
+    def arrays(self, name: str, key: str) -> dict[str, Any]:
+        """Return the arrays of a file, of plain numbers alone."""
+        content = self.read(name)
+        try:
+            return load_arrays(io.BytesIO(content), key, largest=LARGEST_ARRAYS)
+        except UnsafeArrays as error:
+            raise BundleError(error.name, f"'{name}' {error}") from error
+        except Exception as error:
+            raise BundleError("no-arrays", f"'{name}' holds no arrays, or those of another record") from error
+
+    def manifest(self) -> Manifest:
+        """Return what the bundle says of itself."""
+        try:
+            return msgspec.convert(self.json(MANIFEST), Manifest)
+        except msgspec.ValidationError as error:
+            problem = f"{MANIFEST} lacks a part, or holds something else in it ({clean(error)[:80]})"
+            raise BundleError("no-bundle", problem, "make it with 'submit', and edit nothing") from error
+
+    def require_files_of(self, manifest: Manifest) -> None:
+        """Raise :class:`BundleError` unless the files are those that the manifest names, each once."""
+        if not manifest.entries:
+            raise BundleError("no-records", "it holds no record")
+        if len({entry.key for entry in manifest.entries}) < len(manifest.entries):
+            raise BundleError("name-twice", "it lists a record twice")
+        names = {MANIFEST, *(manifest.plugin.digests if manifest.plugin else ())}
+        names.update(*(entry.files for entry in manifest.entries))
+        if missing := sorted(names - self.sizes.keys()):
+            raise BundleError("file-missing", f"'{missing[0]}' is not in it")
+        if further := sorted(self.sizes.keys() - names):
+            raise BundleError("unknown-file", f"'{further[0]}' is in it, but nothing refers to it")
+
+
+def _check_part(part: zipfile.ZipInfo) -> None:
+    """Raise :class:`BundleError` for a file that no bundle has."""
+    name = part.orig_filename
+    is_outside = name.startswith("/") or "\\" in name or ":" in name or ".." in name.split("/")
+    checks = (
+        (stat.S_IFMT(part.external_attr >> 16) not in (0, stat.S_IFREG), "link", "in it is a link or a device"),
+        (is_outside, "path-outside", "points outside the bundle"),
+        (not NAMES.fullmatch(name) or name != part.filename, "unknown-file", "does not belong in a bundle"),
+        (part.flag_bits & 1 or part.compress_type not in PACKED, "no-zip", "is encrypted, or packed in an unusual way"),
+        (part.file_size > LARGEST_FILE, "too-large", f"unpacks to {part.file_size:,} bytes"),
+    )
+    for is_wrong, fault, problem in checks:
+        if is_wrong:
+            raise BundleError(fault, f"'{ascii(name)[1:-1][:80]}' {problem}")
+
+
+# Arrays --------------------------------------------------------------------------------------------------------------
+
+
+def form_of(arrays: Arrays) -> Mesh:
+    """Return a form of a bundle; raises ``InvalidMesh`` if it is none."""
+    return Mesh(arrays["vertices"], arrays.get("faces", arrays[FACES]))
+
+
+def check_arrays(holds: Holds, name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
+    """Refuse what the compiled code of a scorer, which checks no bounds, must not be given."""
+    try:
+        if holds == "forms":
+            is_fine = len(arrays["vertices"]) <= _MOST_VERTICES and bool(form_of(arrays))
+        elif holds == "descriptors":
+            is_fine = _is_finite(arrays["descriptor"], np.float64) and arrays["descriptor"].ndim == 1
+        elif scorer and scorer.base_name == DEFAULT:
+            is_fine = len(arrays) == 2 and _are_views(scorer, arrays["descriptors"], arrays["view_offsets"])
+        else:
+            is_fine = len(arrays) == 1 and _is_finite(arrays["energies"], np.float64)
+    except ShapeError as error:
+        raise BundleError("bad-form", f"the form of '{name}': {error.problem}", "ask its author") from error
+    except (KeyError, TypeError):
+        is_fine = False
+    if not is_fine:
+        raise BundleError("no-arrays", f"the arrays of '{name}' are no {holds}", "ask its author")
+
+
+def _is_finite(array: NDArray[Any], dtype: type) -> bool:
+    return array.dtype == dtype and bool(np.isfinite(array).all())
+
+
+def _are_views(scorer: ScorerSpec, descriptors: NDArray[Any], offsets: NDArray[Any]) -> bool:
+    from retrieval.features import DESCRIPTOR_SIZE
+
+    created: Any = scorer.create()
+    return (
+        (descriptors.dtype == np.uint8 and descriptors.ndim == 2 and descriptors.shape[1] == DESCRIPTOR_SIZE)
+        and (offsets.dtype == np.int32 and offsets.shape == (created.n_views + 1,))
+        and bool(offsets[0] == 0 and offsets[-1] == len(descriptors) and (np.diff(offsets) >= 0).all())
+    )
