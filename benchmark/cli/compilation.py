@@ -13,11 +13,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-import click
-
 from benchmark.arrays import Arrays
-from benchmark.cli.declare import option
-from benchmark.cli.options import verb
+from benchmark.cli.options import Compile
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.errors import BenchmarkError, ShapeError
 from benchmark.execution.processes.channel import Facts, wait_for
@@ -36,20 +33,15 @@ from benchmark.source_code import ROOT
 from benchmark.text import say
 
 
-@verb
-def compile_(
-    jobs: int | None = option(
-        "-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="Processes; all cores by default."
-    ),
-) -> bool:
-    """Compile the kernels and build the body model in advance; otherwise the first run does."""
+def compile_(options: Compile) -> bool:
+    """Compile each part in a process of its own."""
     start = time.monotonic()
     drop_stale_kernels(ROOT)
     waiting, running, ok = list(PARTS), dict[str, Process](), True
     say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
     try:
         while waiting or running:
-            while waiting and len(running) < (jobs or available_cores()):
+            while waiting and len(running) < (options.processes or available_cores()):
                 name = waiting.pop(0)
                 running[name] = Process(_compile)
                 running[name].send({"part": name})

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import click
-
-from benchmark.cli.declare import NAME_OR_FOLDER, PATH, argument, complete_datasets, flag, option
 from benchmark.cli.methods import print_datasets
-from benchmark.cli.options import explained, shared, verb
+from benchmark.cli.options import CheckData, DataOptions, Export, ListData, Sheet, explained
 from benchmark.cli.terminal import counting
 from benchmark.datasets.camera_frames import CameraFrames
 from benchmark.datasets.catalogue import FRAME_SETS, open_dataset, sources
@@ -24,85 +21,46 @@ from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.text import say
 
-_NAME = argument("NAME|FOLDER", type=NAME_OR_FOLDER, shell_complete=complete_datasets)
+
+def list_(options: ListData) -> None:
+    """Print the data sets."""
+    print_datasets(options.plugins, options.data_root, as_json=options.as_json)
 
 
-@verb
-def list_(
-    as_json: bool = flag("--json", help="Print JSON."),
-    plugins: tuple[Path, ...] = shared("plugins"),
-    data_root: Path | None = shared("data_root"),
-) -> None:
-    """List the data sets: official or generated, present or absent."""
-    print_datasets(plugins, data_root, as_json=as_json)
-
-
-@verb
-def check(
-    name: str = _NAME, plugins: tuple[Path, ...] = shared("plugins"), data_root: Path | None = shared("data_root")
-) -> bool:
-    """Check a data set; exit 1 if it cannot be used."""
-    lines, is_usable = _on_data(_checked, name, plugins, data_root, name)
+def check(options: CheckData) -> bool:
+    """Print what a data set holds and lacks."""
+    lines, is_usable = _on_data(_checked, options, options.name)
     for line in lines:
         say(line)
     return bool(is_usable)
 
 
-@verb
-def export(
-    name: str = _NAME,
-    output: Path = option("-o", "--output", required=True, type=PATH, metavar="DIR", help="New or empty folder."),
-    layout: str | None = option(
-        "--layout", type=click.Choice(["shrec14", "tosca", "frames"]),
-        help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of camera"
-        " sets.",
-    ),
-    force: bool = flag("--force", help="Write into a non-empty folder, replacing files of the same name."),
-    plugins: tuple[Path, ...] = shared("plugins"),
-    data_root: Path | None = shared("data_root"),
-) -> None:  # fmt: skip
-    """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
-    layout = layout or ("frames" if name in FRAME_SETS else None)
+def export(options: Export) -> None:
+    """Write the files of a data set."""
+    layout = options.layout or ("frames" if options.name in FRAME_SETS else None)
     if layout is None:
         raise ConfigurationError("no layout is chosen", "pass --layout shrec14 or --layout tosca")
-    count = _on_data(_exported, name, plugins, data_root, name, output, layout, force)
-    say(f"wrote {count} files to {output}; use them with -d {output}")
+    count = _on_data(_exported, options, options.name, options.output, layout, options.force)
+    say(f"wrote {count} files to {options.output}; use them with -d {options.output}")
 
 
-@verb
-def sheet(
-    name: str = _NAME,
-    output: Path | None = option(
-        "-o", "--output", type=PATH, metavar="FILE.png", help="File to write. [sheet-NAME.png]"
-    ),
-    subjects: int | None = option("--subjects", type=click.IntRange(min=1), metavar="K", help="Rows. [all subjects]"),
-    poses: int = option("--poses", type=click.IntRange(min=1), default=8, metavar="K", help="Columns."),
-    perturbations: str | None = option(
-        "--perturbations", "--nuisances", metavar="SHAPE", help="Draw only this shape, under each perturbation."
-    ),
-    plugins: tuple[Path, ...] = shared("plugins"),
-    data_root: Path | None = shared("data_root"),
-) -> None:
-    """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
-    problems, target = _on_data(_drawn, name, plugins, data_root, output, subjects, poses, perturbations)
+def sheet(options: Sheet) -> None:
+    """Draw a contact sheet."""
+    drawing = (options.output, options.subjects, options.poses, options.perturbations)
+    problems, target = _on_data(_drawn, options, *drawing)
     for problem in problems:
         say(f"not drawn: {problem}", err=True)
     say(f"wrote {target}")
 
 
-data = click.Group("data", help="List, check, draw or export data sets.", commands=[list_, check, export, sheet])
-
-
-def _on_data(
-    work: Callable[..., Any], name: str, plugins: Iterable[Path], data_root: Path | None, *arguments: Any
-) -> Any:
+def _on_data(work: Callable[..., Any], options: DataOptions, *arguments: Any) -> Any:
     """Do something to a data set: here, or in a process of its own where it comes from a plugin file."""
-    with explained(name, "data set"):
-        (source,) = sources([name], plugins)
+    with explained(options.name, "data set"):
+        (source,) = sources([options.name], options.plugins)
     if not is_own(source):
-        return work(source, data_root, *arguments)
-    guard = Guard(f"data set '{name}'", "correct the file: 'check' says more")
-    return call_apart(work, source, data_root, *arguments, guard=guard)
+        return work(source, options.data_root, *arguments)
+    guard = Guard(f"data set '{options.name}'", "correct the file: 'check' says more")
+    return call_apart(work, source, options.data_root, *arguments, guard=guard)
 
 
 def _checked(source: str, data_root: Path | None, name: str) -> tuple[list[str], bool]:

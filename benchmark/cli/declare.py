@@ -1,10 +1,11 @@
-"""Options and arguments, each declared as the default of a parameter of a verb; nothing heavy is imported for them."""
+"""Options and arguments as fields of dataclasses, their types, and the names that a shell completes."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,10 @@ _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
 
 def option(*words: str, **attributes: Any) -> Any:
-    """Declare an option as the default of a parameter of a verb; its default is shown unless it is nothing."""
-    attributes.setdefault("show_default", attributes.get("default") not in (None, ""))
-    return lambda name: [click.Option([*words, name], **attributes)]
+    """Declare an option as a field of a dataclass; its default is shown unless it is nothing."""
+    default = () if attributes.get("multiple") else attributes.get("default")
+    attributes.setdefault("show_default", default not in ((), None, ""))
+    return _declared(lambda name: click.Option([*words, name], **attributes), default)
 
 
 def flag(*words: str, **attributes: Any) -> Any:
@@ -34,8 +36,12 @@ def flag(*words: str, **attributes: Any) -> Any:
 
 
 def argument(metavar: str | None = None, **attributes: Any) -> Any:
-    """Declare an argument as the default of a parameter of a verb."""
-    return lambda name: [click.Argument([name], metavar=metavar, **attributes)]
+    """Declare an argument as a field of a dataclass."""
+    return _declared(lambda name: click.Argument([name], metavar=metavar, **attributes), None)
+
+
+def _declared(make: Callable[[str], click.Parameter], default: object) -> Any:
+    return field(default=default, metadata={"parameter": make})
 
 
 def timeout_option(what: str, default: str = "10m") -> Any:
@@ -140,6 +146,3 @@ def complete_scorers(_: click.Context, __: click.Parameter, begun: str) -> list[
 
 def _items(names: Iterable[str], begun: str) -> list[CompletionItem]:
     return [CompletionItem(name) for name in names if name.startswith(begun)]
-
-
-METHOD = argument("METHOD", shell_complete=complete_methods)

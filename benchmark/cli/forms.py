@@ -7,27 +7,16 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import click
 import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
-from benchmark.cli.declare import (
-    NAME_OR_FOLDER,
-    PATH,
-    argument,
-    complete_datasets,
-    complete_methods,
-    option,
-    timeout_option,
-    vertex_count,
-)
 from benchmark.cli.methods import trained_on_people
-from benchmark.cli.options import RunOptions, explained, shared, verb
+from benchmark.cli.options import Canonicalise, Retrieve, explained
 from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.depth_folder import DepthFolder
@@ -63,19 +52,6 @@ Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
 #: Characters of a method with its parameters that do not belong into the name of a file.
 _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
 
-_METHOD = option(
-    "-m", "--method", required=True, metavar="METHOD", help="Method; see 'list methods'.",
-    shell_complete=complete_methods,
-)  # fmt: skip
-_INTRINSICS = option(
-    "--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]"
-)
-_MASK = option("--mask", type=PATH, metavar="FILE", help="Object in a depth image. [found automatically]")
-_SCALE = option(
-    "--depth-scale", type=float, metavar="N", help="Depth units per metre. [1000 for integers, 1 for floats]"
-)
-_SEED = option("--seed", type=int, default=0)
-
 
 @dataclass(frozen=True)
 class FormRequest:
@@ -100,46 +76,23 @@ class FrameJob:
     picture: Path | None = None
 
 
-@verb
-def canonicalise(
-    method: str = _METHOD,
-    paths: tuple[Path, ...] = argument("IN...", type=PATH, nargs=-1, required=True),
-    output: Path | None = option(
-        "-o", "--output", type=PATH, metavar="OUT",
-        help="Mesh file [IN-METHOD.off in the current folder], or folder for several images [forms].",
-    ),
-    plugins: tuple[Path, ...] = shared("plugins"),
-    timeout: float = timeout_option("the form"),
-    seed: int = _SEED,
-    vertices: int | str | None = option(
-        "--vertices", type=vertex_count, metavar="N|all", help="Number of vertices, or all of the file. [2000]"
-    ),
-    intrinsics: str = _INTRINSICS,
-    mask: Path | None = _MASK,
-    depth_scale: float | None = _SCALE,
-    picture: Path | None = option(
-        "--picture", type=PATH, metavar="OUT.png", help="Draw depth and form; for several images, a folder."
-    ),
-) -> bool:  # fmt: skip
-    """Write the canonical form of a mesh, or of depth images.
-
-    A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
-    """
+def canonicalise(options: Canonicalise) -> bool:
+    """Write the form of a mesh, or those of depth images."""
+    method, paths, vertices = options.method, options.paths, options.vertices
     if nameless := [path for path in paths if not path.name]:
         raise ConfigurationError(f"{nameless[0]} is not a file", "name a mesh or a depth image")
-    if warning := trained_on_people(variant(method, methods(plugins))):
+    if warning := trained_on_people(variant(method, methods(options.plugins))):
         say(f"{method}: {warning}", err=True)
-    request = FormRequest(method, plugins, seed, timeout)
+    request = FormRequest(method, options.plugins, options.seed, options.timeout)
     if len(paths) > 1 or paths[0].suffix.lower() in READERS or paths[0].is_dir() or _is_pattern(paths[0]):
         if vertices is not None:
             raise ConfigurationError("a depth image has no vertices", "omit --vertices")
-        files = _frame_files(intrinsics, mask, depth_scale)
-        return _canonicalise_frames(_frame_jobs(paths, files, output, picture, method), request)
-    if intrinsics or mask or depth_scale or picture:
+        return _canonicalise_frames(_frame_jobs(options), request)
+    if options.intrinsics or options.mask or options.depth_scale or options.picture:
         raise ConfigurationError(
             f"{paths[0]} is not a depth image", "omit --intrinsics, --mask, --depth-scale and --picture"
         )
-    target = _mesh_target(output, paths[0], method)
+    target = _mesh_target(options.output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
     points, faces, notes = call_apart(
@@ -253,9 +206,9 @@ def _with_vertices(maker: Method, mesh: Mesh, name: str, seed: int, vertices: in
 # Depth images --------------------------------------------------------------------------------------------------------
 
 
-def _frame_files(intrinsics: str, mask: Path | None, scale: float | None) -> Callable[[Path], FrameFiles]:
-    camera = intrinsics_of(intrinsics) if intrinsics else None
-    return partial(FrameFiles, intrinsics=camera, mask=mask, scale=scale)
+def _frame_files(options: Canonicalise | Retrieve) -> Callable[[Path], FrameFiles]:
+    camera = intrinsics_of(options.intrinsics) if options.intrinsics else None
+    return partial(FrameFiles, intrinsics=camera, mask=options.mask, scale=options.depth_scale)
 
 
 def _is_pattern(path: Path) -> bool:
@@ -278,17 +231,16 @@ def frames_under(source: Path) -> list[Path]:
     return frames
 
 
-def _frame_jobs(
-    paths: Sequence[Path], files: Callable[[Path], FrameFiles], output: Path | None, picture: Path | None, method: str
-) -> list[FrameJob]:
+def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
     """Return the images that are meant, each with the file of its form, and of its picture if one is wanted."""
+    paths, output, picture, files = list(options.paths), options.output, options.picture, _frame_files(options)
     if len(paths) > 1:  # a pattern that the shell has replaced matches masks and colours, too
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
     frames = [frame for path in paths for frame in frames_under(path)]
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
-    if frames == list(paths[:1]):
-        return [FrameJob(files(frames[0]), _mesh_target(output, frames[0], method), picture)]
+    if frames == paths[:1]:
+        return [FrameJob(files(frames[0]), _mesh_target(output, frames[0], options.method), picture)]
     above = os.path.commonpath([path.absolute().parent for path in frames])
     jobs = []
     for frame in frames:
@@ -335,50 +287,31 @@ def write_forms(jobs: Sequence[FrameJob], request: FormRequest, report: Callable
 # Retrieval -----------------------------------------------------------------------------------------------------------
 
 
-@verb
-def retrieve(
-    method: str = _METHOD,
-    gallery: str = option(
-        "-d", "--dataset", required=True, type=NAME_OR_FOLDER, metavar="DATASET|FOLDER",
-        shell_complete=complete_datasets, help="Data set or folder that was run.",
-    ),
-    query: Path = argument("QUERY", type=PATH),
-    k: int = option("-k", type=click.IntRange(min=1), default=5, help="Number of shapes to show."),
-    picture: Path | None = option("--picture", type=PATH, metavar="OUT.png", help="Draw the forms that were found."),
-    intrinsics: str = _INTRINSICS,
-    mask: Path | None = _MASK,
-    depth_scale: float | None = _SCALE,
-    options: RunOptions = shared("scorer", "plugins", "results", "data_root"),
-    timeout: float = timeout_option("the search"),
-    seed: int = _SEED,
-) -> None:  # fmt: skip
-    """Show the shapes of a gallery that are nearest to a depth image or a mesh."""
-    with explained(gallery, "data set"):
-        datasets = tuple(sources([gallery], options.plugins))
-    options = replace(options, methods=(method,), datasets=datasets)
-    files = _frame_files(intrinsics, mask, depth_scale)
-    guard = FormRequest(method, limit=timeout).guard(str(query), "shape")
-    for line in call_apart(_retrieved, query, k, picture, files, options, guard=guard):
+def retrieve(options: Retrieve) -> None:
+    """Print the nearest shapes."""
+    with explained(options.gallery, "data set"):
+        (source,) = sources([options.gallery], options.plugins)
+    guard = FormRequest(options.method, limit=options.timeout).guard(str(options.query), "shape")
+    for line in call_apart(_retrieved, source, options, guard=guard):
         say(line)
 
 
-def _retrieved(
-    query: Path, k: int, picture: Path | None, files: Callable[[Path], FrameFiles], options: RunOptions
-) -> Iterable[str]:
+def _retrieved(source: str, options: Retrieve) -> Iterable[str]:
     """Search a gallery, in a process of its own; returns the lines that show the nearest shapes."""
     start = time.perf_counter()
-    (name,), (source,) = options.methods, options.datasets
-    spec, dataset = variant(name, methods(options.plugins)), open_dataset(source, options.data_root)
+    query, picture = options.query, options.picture
+    spec, dataset = variant(options.method, methods(options.plugins)), open_dataset(source, options.data_root)
     store = Store.open(options.results)
     gallery = Gallery(own_table(dataset.name), source, dataset, dataset.entries, data_root=options.data_root)
     models = find_models(spec, gallery, store.models)
     preparation = Preparation(dataset, input_for(query, dataset, spec), store)
     run = MethodRun(preparation, store, spec, options.seed, models, scorer_spec(options))
-    nearest = search(run, query, files(query) if query.suffix.lower() in READERS else None, source)
+    frame = _frame_files(options)(query) if query.suffix.lower() in READERS else None
+    nearest = search(run, query, frame, source)
     seconds = time.perf_counter() - start
     rows = [("rank", "name", "class", "distance")]
     panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or nearest.query.mesh)]
-    for rank, hit in enumerate(nearest.hits[:k], 1):
+    for rank, hit in enumerate(nearest.hits[: options.k], 1):
         identifier, subject, distance = hit.entry.identifier, hit.entry.subject, f"{hit.distance:.4g}"
         rows.append((str(rank), identifier, subject, distance))
         if picture:

@@ -13,8 +13,7 @@ from typing import Any
 import click
 
 from benchmark.api.parameters import format_value
-from benchmark.cli.declare import METHOD, argument, flag
-from benchmark.cli.options import explained, name_unusable, shared, verb
+from benchmark.cli.options import Describe, List, explained, name_unusable
 from benchmark.errors import ConfigurationError
 from benchmark.plugins import registry
 from benchmark.plugins.registry import MethodSpec, variant
@@ -31,38 +30,21 @@ _PEOPLE = ("humans", "shrec14-synthetic")
 
 _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
-#: Kinds of plugins that ``new`` writes.
-_NEW = {
-    "method": "a method that makes canonical forms",
-    "external": "a method that calls a program with mesh files",
-    "descriptor": "a descriptor that compares shapes without a form",
-    "learner": "a method that is trained",
-    "scorer": "a scorer that compares forms",
-    "dataset": "a data set",
-}
 
-
-@verb
-def list_(
-    what: str = argument(type=click.Choice(["methods", "scorers", "datasets", "tables", "models"])),
-    as_json: bool = flag("--json", help="Print JSON."),
-    plugins: tuple[Path, ...] = shared("plugins"),
-    results: Path = shared("results"),
-    data_root: Path | None = shared("data_root"),
-) -> None:
-    """List methods, scorers, data sets, tables or models."""
-    if what == "datasets":
-        print_datasets(plugins, data_root, as_json=as_json)
+def list_(options: List) -> None:
+    """Print what can be named."""
+    if options.what == "datasets":
+        print_datasets(options.plugins, options.data_root, as_json=options.as_json)
         return
-    rows: Callable[[], Rows] = {
-        "methods": lambda: _methods(plugins),
-        "scorers": lambda: _scorers(plugins),
-        "tables": lambda: _tables(data_root),
-        "models": lambda: _models(results),
-    }[what]
-    _print(rows(), as_json=as_json)
-    if what in ("methods", "scorers"):
-        name_unusable(what)
+    rows: dict[str, Callable[[], Rows]] = {
+        "methods": lambda: _methods(options.plugins),
+        "scorers": lambda: _scorers(options.plugins),
+        "tables": lambda: _tables(options.data_root),
+        "models": lambda: _models(options.results),
+    }
+    _print(rows[options.what](), as_json=options.as_json)
+    if options.what in ("methods", "scorers"):
+        name_unusable(options.what)
 
 
 def print_datasets(plugins: Iterable[Path], data_root: Path | None, *, as_json: bool) -> None:
@@ -177,17 +159,12 @@ def _models(results: Path) -> Rows:
     return rows
 
 
-@verb
-def describe(
-    method: str = METHOD,
-    as_json: bool = flag("--json", help="Print JSON."),
-    plugins: tuple[Path, ...] = shared("plugins"),
-) -> None:
-    """Describe a method: parameters, source, inputs."""
-    with explained(method, "method"):
-        spec = variant(method, registry.methods(plugins))
+def describe(options: Describe) -> None:
+    """Print what is to be known of a method."""
+    with explained(options.method, "method"):
+        spec = variant(options.method, registry.methods(options.plugins))
     facts = _facts(spec)
-    if as_json:
+    if options.as_json:
         click.echo(json.dumps(facts, indent=1))
         return
     for line in _fact_lines(facts, shutil.get_terminal_size((100, 24)).columns):
@@ -270,18 +247,12 @@ def _wrapped(head: str, text: str, width: int) -> list[str]:
     ]
 
 
-def _new(kind: str) -> click.Command:
-    def write(name: str) -> None:
-        from benchmark.plugins.scaffold import new_plugin
+def new(kind: str, name: str) -> None:
+    """Write a plugin of a kind."""
+    from benchmark.plugins.scaffold import new_plugin
 
-        paths = new_plugin(kind, name)
-        for path in paths:
-            say(path)
-        build = f"'g++ -O2 -o {paths[0].stem} {paths[2]}' and " if kind == "external" else ""
-        say(f"next: edit it, then {build}'python -m benchmark check {paths[0]}'", err=True)
-
-    text = f"Write a working plugin file with {_NEW[kind]} called NAME, and its test, into this folder."
-    return click.Command(kind, params=[click.Argument(["name"])], callback=write, help=text)
-
-
-new = click.Group("new", help="Write a plugin to start from, with a test.", commands=list(map(_new, _NEW)))
+    paths = new_plugin(kind, name)
+    for path in paths:
+        say(path)
+    build = f"'g++ -O2 -o {paths[0].stem} {paths[2]}' and " if kind == "external" else ""
+    say(f"next: edit it, then {build}'python -m benchmark check {paths[0]}'", err=True)

@@ -8,8 +8,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from benchmark.cli.declare import EVERY, FINISHED, argument, complete_methods, flag
-from benchmark.cli.options import PLAN, SELECTION, RunOptions, name_skipped, name_unusable, shared, verb
+from benchmark.cli.declare import EVERY, FINISHED
+from benchmark.cli.options import Plan, RunOptions, Why, name_skipped, name_unusable
 from benchmark.datasets.catalogue import sources
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
@@ -99,16 +99,12 @@ def _of_paper(jobs: list[Job]) -> list[Job]:
     return printed
 
 
-@verb
-def plan(
-    options: RunOptions = shared(*PLAN),
-    all_jobs: bool = flag("--all-jobs", help="A line for each job, however many there are."),
-) -> None:
-    """Show what would run, why, and how long it would take."""
+def plan(options: Plan) -> None:
+    """Print the jobs and an estimate of their time."""
     store = Store.open(options.results)
     jobs = planned_jobs(options, store)
     n_to_run = sum(job.to_run for job in jobs)
-    lines = _job_lines(jobs) if all_jobs or len(jobs) <= _SCREEN else _gallery_lines(jobs)
+    lines = _job_lines(jobs) if options.all_jobs or len(jobs) <= _SCREEN else _gallery_lines(jobs)
     for line in [*lines, *estimate(jobs, store).lines(n_to_run, available_cores())]:
         say(line)
     say(f"{n_to_run} of {len(jobs)} jobs to run")
@@ -134,33 +130,25 @@ def _gallery_lines(jobs: Sequence[Job]) -> list[str]:
     return [*lines, "--all-jobs lists each job with its reason"]
 
 
-@verb
-def why(
-    target: str = argument("METHOD|KEY", shell_complete=complete_methods),
-    options: RunOptions = shared(*SELECTION),
-    everything: bool = flag("--all", help="Explain each job in full."),
-) -> None:
-    """Explain a job: state, reason, versions, cost, failure.
-
-    Several jobs get one line each, unless --all is given.
-    """
+def why(options: Why) -> None:
+    """Print a line for each job, or all that is known of one."""
     store = Store.open(options.results)
-    if record := _record_of_key(target, store):
+    if record := _record_of_key(options.target, store):
         say(told(record))
         _explain(record["key"], record)
         return
-    jobs = planned_jobs(replace(options, methods=(target,)), store)
+    jobs = planned_jobs(replace(options, methods=(options.target,)), store)
     width = max(len(clean(job.name)) for job in jobs)
     for job in jobs:
         record = store.records.read(job.key) or store.published.read(job.key)
-        if everything or len(jobs) == 1:
+        if options.everything or len(jobs) == 1:
             say(f"{job.state:<11}  {job.name}  {job.reason}")
             _explain(job.key, record)
         else:
             scores = scores_in_words(record) if record else ""
             key = bare_key(job.key)[:12] or "none"
             say(f"{key:<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
-    if len(jobs) > 1 and not everything:
+    if len(jobs) > 1 and not options.everything:
         say(f"{len(jobs)} jobs: 'why KEY' explains one; select with -t, -d and --input, or explain all with --all")
 
 

@@ -18,8 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from benchmark.api.contracts import Input
-from benchmark.cli.declare import PATH, option, timeout_option
-from benchmark.cli.options import PLAN, RunOptions, name_skipped, shared, verb
+from benchmark.cli.options import Run, RunOptions, name_skipped
 from benchmark.cli.plan import planned_jobs, scorer_spec
 from benchmark.cli.selection import results_of
 from benchmark.cli.terminal import counting, print_tables
@@ -60,35 +59,23 @@ _LONG = 10.0
 _FINE = ("cached", "unsupported")
 
 
-@verb
-def run(
-    options: RunOptions = shared(*PLAN, "workers", "executor", "scheduler"),
-    timeout: float = timeout_option("one job", "2h"),
-    retry: tuple[str, ...] = shared("retry"),
-    forms: tuple[str, ...] = option(
-        "--forms", multiple=True, metavar="NAME=DIR",
-        help="Instead of methods: score DIR/SHAPE.off, ..., made by another program.",
-    ),
-    frame: Path | None = option(
-        "--frame", type=PATH, hidden=True, help="Write the records as JSON, and print no tables."
-    ),
-) -> bool:  # fmt: skip
-    """Run the missing jobs of a selection, then print its tables."""
+def run(options: Run) -> bool:
+    """Run what is selected, and print its tables."""
     selected = (options.tables, options.methods, options.datasets, options.plugins)
-    if not (forms or options.everything or options.paper or any(selected)):
+    if not (options.forms or options.everything or options.paper or any(selected)):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     store, ok = Store.open(options.results), True
-    if forms:
-        results, tables = _score_forms(forms, options, store)
+    if options.forms:
+        results, tables = _score_forms(options, store)
     else:
         jobs = planned_jobs(options, store)
         _announce(jobs, options.data_root)
         ok = run_plan(jobs, store, options)
         results, tables = _results(jobs, options, store), {job.table for job in jobs}
-    if frame is not None:
-        frame_of(results).to_json(frame, orient="table")
+    if options.frame is not None:
+        frame_of(results).to_json(options.frame, orient="table")
     else:
-        narrow = bool(forms) or options.is_narrow
+        narrow = bool(options.forms) or options.is_narrow
         print_tables(contents(results, tables, blanks=not narrow, named=options.is_by_name))
         for perturbed in robustness(results):
             say_lines("\n" + robustness_markdown(perturbed))
@@ -261,10 +248,10 @@ def _say(text: str) -> None:
         say(text, err=True)
 
 
-def _score_forms(forms: Sequence[str], options: RunOptions, store: Store) -> tuple[list[Result], set[str]]:
+def _score_forms(options: Run, store: Store) -> tuple[list[Result], set[str]]:
     """Score forms of other programs; returns the rows of their galleries, and the tables in which they stand."""
-    folders = dict(form.split("=", 1) for form in forms if form.partition("=")[0] and "=" in form)
-    if len(folders) < len(forms) or not options.datasets or options.methods:
+    folders = dict(form.split("=", 1) for form in options.forms if form.partition("=")[0] and "=" in form)
+    if len(folders) < len(options.forms) or not options.datasets or options.methods:
         raise ConfigurationError(
             "--forms scores the meshes of a folder as forms of a data set",
             "pass -d FOLDER --forms NAME=DIR, without -m",

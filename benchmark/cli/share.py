@@ -7,14 +7,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import click
-
 from benchmark.bundles.outcomes import Outcome, RowOutcome, keep, worst
 from benchmark.bundles.packing import write_bundle
 from benchmark.bundles.rows import Request
 from benchmark.bundles.verification import verify as verify_bundle
-from benchmark.cli.declare import METHOD, NAME_OR_FOLDER, PATH, argument, flag, option, timeout_option
-from benchmark.cli.options import NOT_OK, OK, USAGE, RunOptions, explained, name_skipped, shared, verb
+from benchmark.cli.options import NOT_OK, OK, USAGE, Merge, Prune, Submit, Verify, explained, name_skipped
 from benchmark.cli.plan import scores_in_words
 from benchmark.cli.selection import recorded
 from benchmark.datasets.catalogue import is_known, open_dataset
@@ -31,19 +28,12 @@ from benchmark.text import clean, say
 EXIT = {"verified": OK, "claimed": NOT_OK, "false": NOT_OK, "unreadable": USAGE}
 
 
-@verb
-def merge(
-    folders: tuple[Path, ...] = argument("DIR...", nargs=-1, required=True, type=PATH),
-    published: bool = flag("--published", help="Merge into RESULTS/records, without quick runs and own data."),
-    results: Path = shared("results"),
-) -> bool:
-    """Join the records of several results folders; exit 1 if they contradict each other.
-
-    Writes one file per data set and one line per record, unless a run is writing records there.
-    """
+def merge(options: Merge) -> bool:
+    """Join records, and print which contradict each other."""
+    results, published = options.results, options.published
     store = Store.open(results)
     is_target = results.resolve().__eq__
-    stores = [store if is_target(folder.resolve()) else Store(folder / "runs") for folder in folders]
+    stores = [store if is_target(folder.resolve()) else Store(folder / "runs") for folder in options.folders]
     try:
         records = [record for source in stores for record in records_under(source)]
     finally:
@@ -61,11 +51,9 @@ def merge(
     return not merged.conflicts
 
 
-@verb
-def prune(
-    dry_run: bool = flag("--dry-run", help="Only say what would be deleted."), results: Path = shared("results")
-) -> None:
-    """Delete data that no record needs, and remains of killed processes."""
+def prune(options: Prune) -> None:
+    """Delete files, and print how much was freed."""
+    results, dry_run = options.results, options.dry_run
     store = Store.open(results)
     with Claims.of(store) as claims:
         if not (dry_run or claims.is_last()):
@@ -76,28 +64,17 @@ def prune(
     say(f"{'would free' if dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
 
 
-@verb
-def submit(
-    method: str = METHOD,
-    path: Path = option("-o", "--output", required=True, type=PATH, metavar="BUNDLE.zip", help="File to write."),
-    options: RunOptions = shared("datasets", "inputs", "scorer", "plugins", "results", "data_root"),
-    seed: int = option("--seed", type=int, default=0, help="Base seed of the runs."),
-    quick: bool = flag("--quick", help="Take the results of --quick."),
-    author: str = option("--author", default="", metavar="NAME", help="Author of the row."),
-    licence: str = option(
-        "--licence", default="", metavar="NAME", help="Licence, such as MIT. [the source's SPDX line]"
-    ),
-    with_forms: bool = flag("--forms", help="Include the forms of your own data."),
-) -> None:
-    """Write the finished jobs of a method into a bundle that anyone can verify."""
+def submit(options: Submit) -> None:
+    """Write a bundle, and print what it holds and omits."""
+    path = options.path
     known = methods(options.plugins)
-    with explained(method, "method"):
-        spec = variant(method, known)
+    with explained(options.method, "method"):
+        spec = variant(options.method, known)
     store = Store.open(options.results)
     records = [result.record for result in recorded(replace(options, methods=(spec.name,)), store)]
     artefacts = ArtefactReader(store, known, options.data_root)
     packed = write_bundle(
-        path, records, spec, artefacts, author=author, licence=licence, with_forms=with_forms,
+        path, records, spec, artefacts, author=options.author, licence=options.licence, with_forms=options.with_forms,
         say=lambda line: say(line, err=True),
     )  # fmt: skip
     for line in packed.omitted:
@@ -111,40 +88,22 @@ def submit(
     say(f"{path}: {path.stat().st_size / 2**20:.1f} MiB; 'verify {path}' shows what it proves")
 
 
-@verb
-def verify(
-    bundle: Path = argument("BUNDLE.zip", type=PATH),
-    folders: tuple[str, ...] = option(
-        "-d", "--dataset", multiple=True, type=NAME_OR_FOLDER, metavar="FOLDER",
-        help="Folder of the meshes that it was run on.",
-    ),
-    results: Path = shared("results"),
-    data_root: Path | None = shared("data_root"),
-    run: bool = flag("--run", help="Run the author's plugin with your rights, to make forms again."),
-    again: int = option(
-        "--again", type=click.IntRange(min=3), default=3, metavar="N", help="Number of forms per record to make again."
-    ),
-    timeout: float = timeout_option("each step"),
-    into: Path | None = option("--into", type=PATH, metavar="DIR", help="Results folder whose reports show its rows."),
-    as_json: bool = flag("--json", help="Print JSON."),
-) -> None:  # fmt: skip
-    """Compute the scores of a bundle again; none of its code runs without --run.
-
-    Exit 0 if everything is verified, 1 if something is claimed or false, 2 if it cannot be read.
-    """
+def verify(options: Verify) -> None:
+    """Print what a bundle is."""
+    bundle, folders = options.bundle, options.folders
     if known := next(filter(is_known, folders), None):
         raise ConfigurationError(f"'{known}' is a set of the suite, which is found by itself", "omit -d")
     own_data = {open_dataset(folder, None).name: Path(folder).resolve() for folder in folders}
-    request = Request(bundle, results, data_root, own_data, run, again, timeout)
+    request = Request(bundle, options.results, options.data_root, own_data, options.run, options.again, options.timeout)
     outcome = verify_bundle(request, lambda line: say(line, err=True))
-    if as_json:
+    if options.as_json:
         say(json.dumps(outcome.to_plain(), sort_keys=True))
     else:
         for line in _outcome_lines(outcome):
             say(line)
         say(f"{bundle}: {outcome.status} (SHA-256 {outcome.digest[:16]}...)")
-    if into is not None:
-        keep(outcome, into)
+    if options.into is not None:
+        keep(outcome, options.into)
     sys.exit(EXIT[outcome.status])
 
 

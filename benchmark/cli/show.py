@@ -7,10 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from benchmark.cli.declare import PATH, argument, flag, option
-from benchmark.cli.options import SELECTION, RunOptions, name_skipped, shared, verb
+from benchmark.cli.options import Compare, RunOptions, Tables, name_skipped
 from benchmark.cli.selection import is_of_data, no_table, recorded, results_of, stored, tables_of
 from benchmark.cli.terminal import print_tables
 from benchmark.errors import ConfigurationError
@@ -20,7 +17,6 @@ from benchmark.plugins.registry import methods, variant
 from benchmark.plugins.scorers import scorer_of, scorers
 from benchmark.report.comparison import agreement_markdown, compare_folders, compare_methods, compare_scorers, lines
 from benchmark.report.formats import overview, render
-from benchmark.report.latex import Notes
 from benchmark.report.output import Folder
 from benchmark.report.robustness import file_stem, rendered, robustness
 from benchmark.text import say, say_lines
@@ -37,42 +33,21 @@ FORMATS = ("latex", "markdown", "csv", "json")
 _WRITTEN = re.compile(r"(table|paper-table|intervals-table|splits-table|robustness)-.*\.(md|tex|png)")
 
 
-@verb
-def tables(
-    options: RunOptions = shared(*SELECTION),
-    formats: tuple[str, ...] = option(
-        "--format", multiple=True, type=click.Choice(FORMATS), help="[markdown; with -o, all]"
-    ),
-    output: Path | None = option(
-        "-o", "--output", type=PATH, metavar="DIR", help="Write files instead of printing."
-    ),
-    check: bool = flag("--check", help="Compare with the files in -o DIR; exit 1 if they differ."),
-    notes: Notes = option(
-        "--notes", type=click.Choice(["table", "appendix", "none"]), default="table",
-        help="LaTeX notes: below each table, in files notes-TABLE.tex, or none.",
-    ),
-    rows_only: bool = flag("--rows-only", help="LaTeX: the rows of each table, without float, heading and notes."),
-    bibliography: bool = flag(
-        "--bibliography", help="Print BibTeX entries after LaTeX; with -o, they are a file."
-    ),
-    everything: bool = flag("--all", help="Print whole tables for many methods, too."),
-    force: bool = shared("force"),
-    published: bool = shared("published"),
-    fresh: bool = flag("--fresh", help="Omit rows made by other code or versions."),
-) -> bool:  # fmt: skip
-    """Print tables of finished jobs, or write them to files; needs no data."""
-    if check and output is None:
+def tables(options: Tables) -> bool:
+    """Print tables, write them, or compare them with files."""
+    output, formats = options.output, options.formats
+    if options.check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
     store = stored(options, output)
-    if store.published_only and not published and Store(store.root).records.has_files:
+    if store.published_only and not options.published and Store(store.root).records.has_files:
         say(f"{output} holds published tables, so your own records are omitted; choose another -o for them", err=True)
-    results = recorded(options, store, fresh=fresh)
+    results = recorded(options, store, fresh=options.fresh)
     content = tables_of(options, results)
     perturbed = robustness(results) if "robustness" in options.tables or not options.tables else []
     if not content and not perturbed:
         raise no_table(options)
     if output is None:
-        if not formats and options.is_narrow and len(content) > _FEW and not everything:
+        if not formats and options.is_narrow and len(content) > _FEW and not options.everything:
             say_lines(overview(content))
             say(f"{len(content)} tables: select with -t and -d, or print them with notes, intervals and tests by --all")
             return True
@@ -81,17 +56,24 @@ def tables(
             print_tables(content)
         else:
             chosen = formats or ("markdown",)
-            texts = render(content, chosen, notes, has_variants=False, rows_only=rows_only, has_sources=bibliography)
+            texts = render(
+                content,
+                chosen,
+                options.notes,
+                has_variants=False,
+                rows_only=options.rows_only,
+                has_sources=options.bibliography,
+            )
         texts |= rendered(perturbed, formats or ("markdown",))
         for text in texts.values():
             say_lines(text)
         return True
     is_whole = not (formats or options.tables or options.methods or options.datasets or options.inputs)
     formats = formats or FORMATS
-    texts = render(content, formats, notes, rows_only=rows_only) | rendered(perturbed, formats)
-    files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=force)
+    texts = render(content, formats, options.notes, rows_only=options.rows_only) | rendered(perturbed, formats)
+    files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=options.force)
     drawn = perturbed if "markdown" in formats else []
-    if check:
+    if options.check:
         return _check(folder, files, drawn, is_whole=is_whole)
     folder.write(files)
     if drawn:
@@ -118,28 +100,17 @@ def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, i
     return True
 
 
-@verb
-def compare(
-    first: str = argument("A"),
-    second: str = argument("B"),
-    options: RunOptions = shared("datasets", "inputs", "scorer"),
-    everything: bool = flag("--all", help="Compare every pair, with perturbed sets, intervals and tests."),
-    plugins: tuple[Path, ...] = shared("plugins"),
-    published: bool = shared("published"),
-    results: Path = shared("results"),
-) -> None:
-    """Compare two methods, two results folders, or two scorers.
-
-    For two scorers, print Kendall's tau between their orders of the methods, for each table and measure.
-    """
-    known_scorers = scorers(plugins)
+def compare(options: Compare) -> None:
+    """Print the differences of two methods, folders or scorers."""
+    first, second = options.first, options.second
+    known_scorers = scorers(options.plugins)
     if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
         names = [scorer_of(name, known_scorers).name for name in (first, second)]
         _compare_scorers(names[0], names[1], options)
         return
     are_folders = Path(first).is_dir() and Path(second).is_dir()
-    folders = (Path(first), Path(second)) if are_folders else (results,)
-    stores = [Store(folder / "runs", published_only=published) for folder in folders]
+    folders = (Path(first), Path(second)) if are_folders else (options.results,)
+    stores = [Store(folder / "runs", published_only=options.published) for folder in folders]
     try:
         records = [[record for record in records_under(store) if is_of_data(record, options)] for store in stores]
     finally:
@@ -147,12 +118,12 @@ def compare(
     if are_folders:
         comparison = compare_folders(*records)
     else:
-        known, recorded_methods = methods(plugins), {record["method"] for record in records[0]}
+        known, recorded_methods = methods(options.plugins), {record["method"] for record in records[0]}
         one, other = (name if name in recorded_methods else variant(name, known).name for name in (first, second))
         comparison = compare_methods(records[0], one, other, scorer_of(options.scorer, known_scorers).name)
         if not comparison.differences:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
-    for line in lines(comparison, first, second, everything=everything):
+    for line in lines(comparison, first, second, everything=options.everything):
         say(line)
 
 

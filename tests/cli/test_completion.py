@@ -2,11 +2,10 @@
 
 import subprocess
 
-import click
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.main import VERBS, cli, main
+from benchmark.cli.main import cli, main
 
 
 @pytest.fixture
@@ -52,10 +51,3 @@ def test_bash_reads_the_script():
     text = CliRunner().invoke(cli, ["completion", "bash"]).output
     assert "complete" in text
     assert subprocess.run(["bash", "-n"], input=text, text=True, check=False, capture_output=True).returncode == 0
-
-
-def test_every_verb_is_listed_by_its_own_first_sentence():
-    context = click.Context(cli)
-    summaries = {place.partition(".")[2]: sentence for verbs in VERBS.values() for place, sentence in verbs.items()}
-    for name in cli.list_commands(context):
-        assert cli.get_command(context, name).get_short_help_str(200) == summaries[name]

@@ -148,20 +148,20 @@ def _records_without_work(suite, *selections):
     (suite / "records.py").write_text((ROOT / "tests" / "records.py").read_text())
     program = """
 import sys
-from benchmark.cli.options import SELECTION, RunOptions, shared, verb
-from benchmark.cli.plan import planned_jobs
+from benchmark.cli import plan
+from benchmark.cli.main import cli
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.store import Store
 import records
 
-@verb
-def write(options: RunOptions = shared(*SELECTION)):
+def write(options):
     store = Store.open(options.results)
-    for job in planned_jobs(options, store):
+    for job in plan.planned_jobs(options, store):
         made = records.record(method=job.method.name, input_=job.input)
         store.write_record({**made, **keys.plain(job.facts), "recipe": keys.plain(job.recipe), "key": job.key})
 
-write()
+plan.plan = write
+cli(["plan", *sys.argv[1:]])
 """
     for arguments in selections:
         subprocess.run([sys.executable, "-c", program, *map(str, arguments)], cwd=suite, check=True, timeout=280)

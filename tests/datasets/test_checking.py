@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.data import data
 from benchmark.cli.main import main
+from benchmark.cli.options import data
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmark.cli.data import data
+from benchmark.cli.options import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export

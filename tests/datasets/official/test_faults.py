@@ -5,7 +5,7 @@ import re
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.data import data
+from benchmark.cli.options import data
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check_source
 from benchmark.errors import DatasetError

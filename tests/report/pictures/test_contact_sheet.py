@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from benchmark.cli.data import data
+from benchmark.cli.options import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.official.tosca import tosca
