@@ -46,8 +46,13 @@ def _declared(make: Callable[[str], click.Parameter], default: object) -> Any:
 
 def timeout_option(what: str, default: str = "10m") -> Any:
     """Declare the limit of the time that foreign code may take for something."""
-    return option("--timeout", type=duration, metavar="TIME", default=default,
-                  help=f"Time limit for {what}: 90s, 10m, 2h.")  # fmt: skip
+    text = f"Time limit for {what}: 90s, 10m, 2h."
+    return _declared(
+        lambda name: click.Option(
+            ["--timeout", name], type=duration, metavar="TIME", default=default, show_default=True, help=text
+        ),
+        duration(default),
+    )
 
 
 # Types ---------------------------------------------------------------------------------------------------------------

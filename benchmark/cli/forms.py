@@ -54,20 +54,6 @@ _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
 
 
 @dataclass(frozen=True)
-class FormRequest:
-    """Request for canonical forms: the method, files of plugins, the base seed, and seconds that a form may take."""
-
-    method: str
-    plugins: tuple[Path, ...] = ()
-    seed: int = 0
-    limit: float | None = None
-
-    def guard(self, shape: str, hint: str) -> Guard:
-        """Return the terms on which the method is called for a shape."""
-        return Guard(f"method '{self.method}' on {shape}", f"try another {hint}, or correct the method", self.limit)
-
-
-@dataclass(frozen=True)
 class FrameJob:
     """One depth image, and where its form and its picture go."""
 
@@ -83,11 +69,10 @@ def canonicalise(options: Canonicalise) -> bool:
         raise ConfigurationError(f"{nameless[0]} is not a file", "name a mesh or a depth image")
     if warning := trained_on_people(variant(method, methods(options.plugins))):
         say(f"{method}: {warning}", err=True)
-    request = FormRequest(method, options.plugins, options.seed, options.timeout)
     if len(paths) > 1 or paths[0].suffix.lower() in READERS or paths[0].is_dir() or _is_pattern(paths[0]):
         if vertices is not None:
             raise ConfigurationError("a depth image has no vertices", "omit --vertices")
-        return _canonicalise_frames(_frame_jobs(options), request)
+        return _canonicalise_frames(_frame_jobs(options), options)
     if options.intrinsics or options.mask or options.depth_scale or options.picture:
         raise ConfigurationError(
             f"{paths[0]} is not a depth image", "omit --intrinsics, --mask, --depth-scale and --picture"
@@ -95,13 +80,17 @@ def canonicalise(options: Canonicalise) -> bool:
     target = _mesh_target(options.output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    points, faces, notes = call_apart(
-        plain_form, paths[0], request, vertices, guard=request.guard(str(paths[0]), "shape")
-    )
+    guard = _guard(options, str(paths[0]), "shape")
+    points, faces, notes = call_apart(plain_form, paths[0], options, guard=guard)
     # Written here, it is there if, and only if, the method has come to its end.
     write_form(target, Mesh(np.array(points), np.array(faces)))
     say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
     return True
+
+
+def _guard(options: Canonicalise | Retrieve, shape: str, hint: str) -> Guard:
+    """Return the terms on which the method is called for a shape."""
+    return Guard(f"method '{options.method}' on {shape}", f"try another {hint}, or correct the method", options.timeout)
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
@@ -142,7 +131,7 @@ def _facts(notes: Mapping[str, float | str]) -> list[str]:
     return [f"{name} {note:.4g}" if isinstance(note, float) else f"{name} {note}" for name, note in notes.items()]
 
 
-def plain_form(source: Path, request: FormRequest, vertices: int | str | None = None) -> Plain:
+def plain_form(source: Path, options: Canonicalise) -> Plain:
     """Prepare a mesh as the benchmark does, and make its form, here; what is returned travels as JSON.
 
     A method that reads depth images alone is given what a camera sees from the front (z up, facing -y), in a frame that
@@ -150,12 +139,13 @@ def plain_form(source: Path, request: FormRequest, vertices: int | str | None = 
 
     Parameters
     ----------
-    source, request
-        The file, and by which method.
-    vertices
-        Vertices of the prepared mesh, and so of the form; None for as many as in the benchmark. ``"all"`` prepares the
-        mesh as in the benchmark and carries the form over to the vertices of the file: each takes the barycentric mean
-        of the form over the triangle of the prepared mesh that is nearest to it and looks the same way.
+    source
+        The file.
+    options
+        The method, and the vertices of the prepared mesh, and so of the form; None for as many as in the benchmark.
+        ``"all"`` prepares the mesh as in the benchmark and carries the form over to the vertices of the file: each
+        takes the barycentric mean of the form over the triangle of the prepared mesh that is nearest to it and looks
+        the same way.
 
     Raises
     ------
@@ -164,21 +154,21 @@ def plain_form(source: Path, request: FormRequest, vertices: int | str | None = 
     ShapeError
         If the mesh cannot be read or treated.
     """
-    spec = variant(request.method, methods(request.plugins))
+    spec, vertices = variant(options.method, methods(options.plugins)), options.vertices
     maker = with_model(spec)
     if not isinstance(maker, Method):
         raise ConfigurationError(
-            f"method '{request.method}' describes shapes without a canonical form", "choose another method"
+            f"method '{options.method}' describes shapes without a canonical form", "choose another method"
         )
     reads_meshes = "mesh" in spec.info.inputs
     if vertices is not None and not reads_meshes:
-        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --vertices")
+        raise ConfigurationError(f"method '{options.method}' reads depth images, not vertices", "omit --vertices")
     mesh = read_mesh(source)
     if vertices is not None:
-        form = _with_vertices(maker, mesh, source.stem, request.seed, vertices)
+        form = _with_vertices(maker, mesh, source.stem, options.seed, vertices)
     else:
         arrays = complete(mesh) if reads_meshes else seen(mesh, FRONT, half_width_of(mesh, FRONT))
-        form = _form(maker, shape_of(arrays, source.stem, request.seed))
+        form = _form(maker, shape_of(arrays, source.stem, options.seed))
     return form.vertices.tolist(), form.faces.tolist(), form.notes
 
 
@@ -250,25 +240,25 @@ def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
     return jobs
 
 
-def _canonicalise_frames(jobs: Sequence[FrameJob], request: FormRequest) -> bool:
+def _canonicalise_frames(jobs: Sequence[FrameJob], options: Canonicalise) -> bool:
     """Write the forms of depth images, made by one process of their own; returns whether all have one."""
     others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
-    guard = request.guard(f"{jobs[0].files.image}{others}", "image")
-    failures: int = call_apart(write_forms, jobs, request, guard=guard, say=say)
+    guard = _guard(options, f"{jobs[0].files.image}{others}", "image")
+    failures: int = call_apart(write_forms, jobs, options, guard=guard, say=say)
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
     return not failures
 
 
-def write_forms(jobs: Sequence[FrameJob], request: FormRequest, report: Callable[[str], None]) -> int:
+def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callable[[str], None]) -> int:
     """Write the form and the picture of each frame, here; report each, and return how many have no form."""
-    maker = method_of_depth(request.method, request.plugins)
+    maker = method_of_depth(options.method, options.plugins)
     failures = 0
     for number, job in enumerate(jobs, 1):
         start = time.perf_counter()
         place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
         try:
-            made = form_of_object(job.files.observe(), maker, job.files.image.stem, seed=request.seed)
+            made = form_of_object(job.files.observe(), maker, job.files.image.stem, seed=options.seed)
         except ShapeError as error:
             if len(jobs) == 1:
                 raise
@@ -291,7 +281,7 @@ def retrieve(options: Retrieve) -> None:
     """Print the nearest shapes."""
     with explained(options.gallery, "data set"):
         (source,) = sources([options.gallery], options.plugins)
-    guard = FormRequest(options.method, limit=options.timeout).guard(str(options.query), "shape")
+    guard = _guard(options, str(options.query), "shape")
     for line in call_apart(_retrieved, source, options, guard=guard):
         say(line)
 

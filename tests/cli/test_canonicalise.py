@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.forms import FormRequest, plain_form, write_form
+from benchmark.cli.forms import plain_form, write_form
 from benchmark.cli.main import cli
+from benchmark.cli.options import Canonicalise
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import BrokenCall
 from benchmark.geometry.mesh import Mesh
@@ -95,8 +96,8 @@ def sheared(tmp_path):
     write_off(tmp_path / "in.off", mesh)
 
     def make(vertices, method="sheared", plugins=("sheared.py",)):
-        request = FormRequest(method, tuple(tmp_path / name for name in plugins))
-        found, faces, notes = plain_form(tmp_path / "in.off", request, vertices)
+        options = Canonicalise(method=method, plugins=tuple(tmp_path / name for name in plugins), vertices=vertices)
+        found, faces, notes = plain_form(tmp_path / "in.off", options)
         return notes, Mesh(np.array(found), np.array(faces))
 
     return make, mesh

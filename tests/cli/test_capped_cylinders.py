@@ -25,7 +25,8 @@ import sys
 from pathlib import Path
 from benchmark.machine import pin_threads
 pin_threads()
-from benchmark.cli.forms import FormRequest, plain_form
+from benchmark.cli.forms import plain_form
+from benchmark.cli.options import Canonicalise
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.io import write_mesh
 from benchmark.geometry.mesh import Mesh
@@ -34,7 +35,7 @@ from benchmark.plugins.registry import methods
 for name in methods():
     print(name, end=" ", flush=True)
     try:
-        vertices, faces, _ = plain_form(Path(sys.argv[1]), FormRequest(name))
+        vertices, faces, _ = plain_form(Path(sys.argv[1]), Canonicalise(method=name))
         write_mesh(Path(sys.argv[2]) / f"{name}.off", Mesh(vertices, faces))
         print("form", flush=True)
     except BenchmarkError as error:

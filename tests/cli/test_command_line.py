@@ -83,6 +83,20 @@ def test_help_and_lists_answer_at_once():
         assert min(seconds) < 2 * limit
 
 
+def test_the_help_of_a_verb_imports_none():
+    program = """
+import sys
+from click.testing import CliRunner
+from benchmark.cli.main import cli
+for name, command in cli.commands.items():
+    for words in [[name], *([name, inner] for inner in getattr(command, "commands", ()))]:
+        assert CliRunner().invoke(cli, [*words, "--help"]).exit_code == 0
+print({"numpy", "scipy", "pandas", "torch", "rich"} & sys.modules.keys())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "set()\n"
+
+
 @pytest.mark.slow
 def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
     arguments, _ = finished

@@ -8,8 +8,9 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from benchmark.cli.forms import FormRequest, FrameJob, frames_under, write_forms
+from benchmark.cli.forms import FrameJob, frames_under, write_forms
 from benchmark.cli.main import cli
+from benchmark.cli.options import Canonicalise
 from benchmark.depth.errors import DepthError
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
@@ -102,7 +103,7 @@ def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
     values = {"intrinsics": intrinsics_of(CAMERA)} | options
     job = FrameJob(FrameFiles(Path(image), **values), tmp_path / "form.off")
     with pytest.raises(DepthError, match=said) as caught:
-        write_forms([job], FormRequest("identity"), print)
+        write_forms([job], Canonicalise(method="identity"), print)
     assert caught.value.hint
     assert not list(tmp_path.iterdir())
 
