@@ -200,10 +200,8 @@ def test_every_format_of_a_table_of_hostile_names_parses_back(text):
     assert len({len(row) for row in rows}) == 1
     assert [row["title"] for row in json.loads(files["tables.json"])] == [text, text]
     cells = ranked_cells(table, NOTHING_KEPT)
-    sheets = Sheets(text, {}, reasons={text: {text: ""}})
-    pages = TablePages(
-        table, cells, DrawnSet(text, {text: [text]}, {"mesh": sheets}, {"mesh": {text: text}}, 1), (text,)
-    )
+    sheets = Sheets(text, {text: text}, reasons={text: {text: ""}})
+    pages = TablePages(table, cells, DrawnSet(text, {text: [text]}, {"mesh": sheets}, 1), (text,))
     for name, told in (table_pages(pages, [pages]) | {"index": index_page([pages], text)}).items():
         told.encode("utf-8")
         reader = Reader()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import chain, groupby
@@ -55,8 +55,8 @@ class Sheets:
     ----------
     stem
         How the names of the files begin.
-    numbers
-        Number of each method in the names of its files; 0 is the shapes themselves.
+    titles
+        Titles of the methods by name.
     places
         Place of each shape, the same on the sheets of all methods: the one at k is on sheet k // 50, at k % 50.
     reasons
@@ -64,9 +64,22 @@ class Sheets:
     """
 
     stem: str
-    numbers: dict[str, int]
+    titles: dict[str, str]
     places: dict[str, int] = field(default_factory=dict)
     reasons: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """Number of each method in the names of its files; 0 is the shapes themselves."""
+        return {method: number for number, method in enumerate((SHAPE, *self.titles))}
+
+    def as_json(self, shapes: Iterable[str]) -> dict[str, Any]:
+        """Methods, and for some shapes why there is no picture of the form of each, as the page reads them."""
+        reasons = [self.reasons.get(method, {}) for method in self.titles]
+        return {
+            "methods": [{"name": name, "title": title} for name, title in self.titles.items()],
+            "cells": {shape: [of_method.get(shape, NOT_STORED) for of_method in reasons] for shape in shapes},
+        }
 
 
 @dataclass
@@ -81,8 +94,6 @@ class DrawnSet:
         Shapes that are shown side by side: by class their names.
     sheets
         Small pictures by input.
-    titles
-        Titles of the methods by input and name.
     n_forms
         Forms that can be turned.
     hero
@@ -92,7 +103,6 @@ class DrawnSet:
     stem: str
     classes: dict[str, list[str]] = field(default_factory=dict)
     sheets: dict[Input, Sheets] = field(default_factory=dict)
-    titles: dict[Input, dict[str, str]] = field(default_factory=dict)
     n_forms: int = 0
     hero: str = ""
 
@@ -103,25 +113,12 @@ class DrawnSet:
 
     def as_json(self) -> dict[str, Any]:
         """As the page of the forms reads it."""
-        cells = {
-            input_: {
-                shape: [sheets.reasons.get(method, {}).get(shape, NOT_STORED) for method in self.titles[input_]]
-                for shape in self.files
-            }
-            for input_, sheets in self.sheets.items()
-        }
+        inputs = {input_: sheets.as_json(self.files) for input_, sheets in self.sheets.items()}
         return {
             "stem": self.stem,
             "classes": [{"name": name, "shapes": shapes} for name, shapes in self.classes.items()],
             "files": self.files,
-            "inputs": {
-                input_: {
-                    "methods": [{"name": name, "title": title} for name, title in titles.items()],
-                    "cells": cells[input_],
-                }
-                for input_, titles in self.titles.items()
-                if any("" in reasons for reasons in cells[input_].values())
-            },
+            "inputs": {input_: of for input_, of in inputs.items() if any("" in why for why in of["cells"].values())},
         }
 
 
@@ -167,13 +164,11 @@ def draw_set(
     for input_ in INPUTS:
         by_method: dict[str, dict[str, Record]] = {}
         for record in (record for record in records if record["input"] == input_):
-            drawn.titles.setdefault(input_, {}).setdefault(record["method"], brief(record["title"]))
-            of_method = by_method.setdefault(record["method"], {})
-            for shape in record["shapes"]:
-                of_method.setdefault(shape, record)
+            sheets = drawn.sheets.setdefault(input_, Sheets(f"{stem}-{input_}", {}))
+            sheets.titles.setdefault(record["method"], brief(record["title"]))
+            of_method = by_method.get(record["method"], {})
+            by_method[record["method"]] = dict.fromkeys(record["shapes"], record) | of_method
         if by_method:
-            numbers = {method: number for number, method in enumerate(by_method, 1)}
-            drawn.sheets[input_] = Sheets(f"{stem}-{input_}", numbers, reasons={method: {} for method in numbers})
             drawing = _Drawing(drawn, input_, by_method, artefacts, files, say)
             for _, of_class in groupby(entries, key=lambda entry: entry.subject):
                 here = [entry for entry in of_class if entry.identifier in beside.union(shown)]
@@ -224,7 +219,7 @@ class _Drawing:
         forms = posed(entry, record, records if is_drawn else {}, self.artefacts, models)
         for method in self.by_method:
             form = forms.get(method, _NOT_DRAWN if method in records else _ABSENT)
-            sheets.reasons[method][name] = brief(form) if isinstance(form, str) else ""
+            sheets.reasons.setdefault(method, {})[name] = brief(form) if isinstance(form, str) else ""
         return {method: form for method, form in forms.items() if isinstance(form, Mesh)}
 
     def _add_small(self, entry: Entry, meshes: Mapping[str, Mesh]) -> None:
@@ -235,7 +230,7 @@ class _Drawing:
         for method, mesh in meshes.items():
             own = values if np.array_equal(mesh.faces, shape.faces) else outwardness(mesh)
             picture = painted(mesh.vertices, mesh.faces, own, SIDE, _MARGIN * reach(mesh.vertices))
-            number = sheets.numbers.get(method, 0)
+            number = sheets.numbers[method]
             if number not in self._open:
                 self._open[number] = Image.new("RGBA", (SIDE * ACROSS, SIDE * DOWN))
             self._open[number].paste(picture, (SIDE * column, SIDE * row))
