@@ -89,8 +89,8 @@ class Docstrings(Extension):
     def on_object(self, *, obj: Object, **_: Any) -> None:
         """Rewrite the docstring of whatever was read."""
         if obj.docstring:
-            text = DISPLAYED.sub(lambda found: _formula(found[1], "block"), obj.docstring.value)
-            text = FORMULA.sub(lambda found: _formula(found[1], "inline"), text)
+            text = DISPLAYED.sub(lambda match: _formula(match[1], "block"), obj.docstring.value)
+            text = FORMULA.sub(lambda match: _formula(match[1], "inline"), text)
             obj.docstring.value = ROLE.sub(_reference, text)
 
 
@@ -104,8 +104,8 @@ def _reference(role: re.Match[str]) -> str:
 
 
 def _paths(*patterns: str) -> list[str]:
-    found = [path.relative_to(ROOT).as_posix() for pattern in patterns for path in sorted(ROOT.glob(pattern))]
-    return list(dict.fromkeys(found))
+    paths = [path.relative_to(ROOT).as_posix() for pattern in patterns for path in sorted(ROOT.glob(pattern))]
+    return list(dict.fromkeys(paths))
 
 
 def _modules() -> list[str]:

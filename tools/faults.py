@@ -26,7 +26,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from fnmatch import fnmatch
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -34,6 +34,7 @@ import click
 import numpy as np
 import psutil
 
+from benchmark.geometry.io import write_mesh
 from benchmark.machine import VARIABLES, pin_threads
 from tests.toy import RADII, rod, write_off
 
@@ -78,7 +79,7 @@ class Command:
     """A command at work: a fork of this process, in a session of its own."""
 
     def __init__(self, arguments: list[str], folder: Path, **options: Any) -> None:
-        self.folder, self.code, self.said, self.error = folder, None, "", ""
+        self.folder, self.code, self.output, self.error = folder, None, "", ""
         sys.stdout.flush()
         self.pid = os.fork()
         if self.pid == 0:
@@ -93,14 +94,14 @@ class Command:
 
     def _become(
         self, arguments: list[str], *, target: str = BENCHMARK, limits: dict[str, int] | None = None,
-        rights: bool = True, output: str = "", patience: float = 0.0,
+        rights: bool = True, stdout: str = "", patience: float = 0.0,
     ) -> None:  # fmt: skip
         os.setsid()
         control(1, signal.SIGKILL)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.signal(signal.SIGINT, signal.default_int_handler)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        for number, name in ((1, output or str(self.folder / "stdout")), (2, str(self.folder / "stderr"))):
+        for number, name in ((1, stdout or str(self.folder / "stdout")), (2, str(self.folder / "stderr"))):
             os.dup2(opened(name), number)
         os.chdir(self.folder)
         os.environ.pop("CANONICAL_FORMS_DATA", None)
@@ -127,23 +128,15 @@ class Command:
                 self.code = os.waitstatus_to_exitcode(status)
                 texts = [(self.folder / name) for name in ("stdout", "stderr")]
                 output, self.error = (text.read_text(errors="replace") if text.is_file() else "" for text in texts)
-                self.said = output + self.error
+                self.output = output + self.error
             elif time.monotonic() > end:
                 return False
             else:
                 time.sleep(0.01)
         return True
 
-    def descendants(self) -> list[psutil.Process]:
-        with suppress(psutil.Error):
-            return [process for process in psutil.Process(self.pid).children(recursive=True) if is_alive(process)]
-        return []
-
     def stop(self) -> None:
-        """Kill it with all that it started."""
-        for process in self.descendants():
-            with suppress(psutil.Error):
-                process.kill()
+        """Kill it; what it started becomes an orphan."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
         self.has_ended(60)
@@ -169,23 +162,26 @@ def drop_rights() -> None:
     library.capset(header, rights)
 
 
-def is_alive(process: psutil.Process) -> bool:
-    with suppress(psutil.Error):
-        return bool(process.status() != psutil.STATUS_ZOMBIE)
-    return False
-
-
-def orphans() -> list[psutil.Process]:
+def orphans(grace: float) -> list[psutil.Process]:
     """Processes that are still there although their command has ended, after some time to go."""
-    end = time.monotonic() + GRACE
-    while True:
+    end, left = time.monotonic() + grace, psutil.Process().children(recursive=True)
+    while left and time.monotonic() < end:
         with suppress(ChildProcessError):
             while os.waitpid(-1, os.WNOHANG)[0]:
                 pass
-        left = [process for process in psutil.Process().children(recursive=True) if is_alive(process)]
-        if not left or time.monotonic() > end:
-            return left
+        left = psutil.Process().children(recursive=True)
         time.sleep(0.02)
+    return left
+
+
+def kill_orphans(grace: float) -> list[str]:
+    """Kill what a command left, and return what that was."""
+    left = []
+    for process in orphans(grace):
+        with suppress(psutil.Error):
+            left.append(f"process {process.pid}, {' '.join(process.cmdline())[:120]}")
+            process.kill()
+    return left
 
 
 # Cases ---------------------------------------------------------------------------------------------------------------
@@ -212,12 +208,12 @@ class Case:
             shutil.rmtree(self.folder, ignore_errors=True)
             self.tried = self.tried or 1
 
-    def cross(self, said: str) -> None:
-        self.crossings.append(said)
+    def cross(self, crossing: str) -> None:
+        self.crossings.append(crossing)
 
-    def require(self, condition: bool, said: str) -> None:
+    def require(self, condition: bool, crossing: str) -> None:
         if not condition:
-            self.cross(said)
+            self.cross(crossing)
 
     def selection(self, data: Path | None = None, plugin: Path | None = None) -> list[str]:
         """Options that select the innocent method, and those of a plugin file, on the rods or another folder."""
@@ -237,17 +233,15 @@ class Case:
     ) -> Command:
         if not command.has_ended(seconds):
             command.stop()
+            kill_orphans(0)
             command.code = None
-            self.cross(f"stall: {name}: stopped after {seconds:.0f} s; {last(command.said)}")
+            self.cross(f"stall: {name}: stopped after {seconds:.0f} s; {last(command.output)}")
             return command
-        for process in orphans():
-            with suppress(psutil.Error):
-                self.cross(f"orphan: {name}: process {process.pid}, {' '.join(process.cmdline())[:120]}")
-                process.kill()
-        self.require(may_trace or not TRACES.search(command.said), f"traceback: {name}: {last(command.said)}")
-        self.require(command.code in codes, f"exit code: {name}: {command.code}, not {codes}; {last(command.said)}")
+        self.crossings += [f"orphan: {name}: {process}" for process in kill_orphans(GRACE)]
+        self.require(may_trace or not TRACES.search(command.output), f"traceback: {name}: {last(command.output)}")
+        self.require(command.code in codes, f"exit code: {name}: {command.code}, not {codes}; {last(command.output)}")
         if command.code and 0 < command.code < 128:  # what a signal ends says nothing
-            self.require(bool(command.said.strip()), f"silence: {name}: exit code {command.code} without a word")
+            self.require(bool(command.output.strip()), f"silence: {name}: exit code {command.code} without a word")
         return command
 
     def refused_in_one_line(self, command: Command) -> None:
@@ -306,6 +300,13 @@ def last(text: str) -> str:
     return " | ".join(text.strip().splitlines()[-4:])[-400:]
 
 
+#: What tries each list of faults.toml, and the names of its cases.
+LISTED = {
+    "shape": ("folders", "try_shape"), "set": ("folders", "try_folder"),
+    "results": ("disks", "try_place"), "file": ("damage", "try_damage"),
+}  # fmt: skip
+
+
 def all_cases(kills: int) -> Iterator[Case]:
     """Cases of all sections."""
     yield from (Case(f"kills/{number:03}", kill_and_recover) for number in range(-(-kills // 5)))
@@ -314,25 +315,17 @@ def all_cases(kills: int) -> Iterator[Case]:
             yield Case(f"plugins/{kind}-{name}", partial(try_plugin, kind=kind, template=template, listed=listed))
     for name, content in {"empty": b"", "zeros": bytes(100), "no-text": b"# \xff\xfe\n"}.items():
         yield Case(f"plugins/import-{name}", partial(try_plugin_file, source=content))
-    yield from (Case(f"folders/shape-{name}", partial(try_shape, make=make)) for name, make in LISTS["shape"].items())
-    yield from (Case(f"folders/set-{name}", partial(try_folder, make=make)) for name, make in LISTS["folder"].items())
+    for kind, (section, act) in LISTED.items():
+        for name, expression in LISTS[kind].items():
+            yield Case(f"{section}/{kind}-{name}", partial(globals()[act], expression=expression))
     for size in (2000, 4000, 6000, 8000, 16_000):
         yield Case(f"disks/files-of-{size}-bytes", partial(try_small_files, size=size))
-    yield from (
-        Case(f"disks/disk-of-{size}", partial(try_small_disk, size=size)) for size in ("4k", "16k", "64k", "128k")
-    )
-    yield from (Case(f"disks/results-{name}", partial(try_place, make=make)) for name, make in LISTS["place"].items())
+    for text in ("4k", "16k", "64k", "128k"):
+        yield Case(f"disks/disk-of-{text}", partial(try_small_disk, size=text))
     for part in ("", "runs/records", "runs/artefacts", "runs/scratch", "runs/progress"):
         yield Case(f"disks/vanishing-{part.replace('/', '-') or 'all'}", partial(try_vanishing, part=part))
     yield from (Case(f"disks/two-runs{'-one-killed' * k}", partial(try_two_runs, is_killed=bool(k))) for k in (0, 1))
     yield Case("disks/output", try_output)
-    for part, pattern in {"record": "runs/records/*.json", "artefact": "runs/artefacts/*/*.npz"}.items():
-        for kind in DAMAGE:
-            for number in range(3):
-                damage = partial(damage_file, pattern=pattern, kind=kind)
-                yield Case(f"damage/{part}-{kind}-{number}", partial(try_damage, damage=damage))
-    for name, make in LISTS["alien"].items():
-        yield Case(f"damage/{name}", partial(try_damage, damage=lambda case, m=make: evaluate(m, case.results, case)))
     yield from (Case(f"arguments/{number:02}", try_arguments) for number in range(30))
 
 
@@ -341,20 +334,20 @@ def all_cases(kills: int) -> Iterator[Case]:
 
 def kill_and_recover(case: Case) -> None:
     """Five signals to a run, its workers, and what their methods started, at every age; then the jobs are done."""
-    kept: dict[str, bytes] = {}
+    finished: dict[str, bytes] = {}
 
-    def look(command: Command, said: str, codes: tuple[int, ...]) -> bool:
-        nonlocal kept
-        done = case.finish(command, said, codes)
+    def look(command: Command, fault: str, codes: tuple[int, ...]) -> bool:
+        nonlocal finished
+        done = case.finish(command, fault, codes)
         files = case.record_files()
-        for name, content in kept.items():
-            case.require(files.get(name) == content, f"lost: {name} after {said}")
+        for name, content in finished.items():
+            case.require(files.get(name) == content, f"lost: {name} after {fault}")
         case.records()
         if done.code == OK:
             case.check_scores(*METHODS)
             case.look_for_rubbish()
             shutil.rmtree(case.results)
-            kept = {}
+            finished = {}
         return done.code == OK
 
     def start() -> Command:
@@ -364,17 +357,17 @@ def kill_and_recover(case: Case) -> None:
         target = case.random.choice(("worker", "worker", "worker", "main", "session", "child"))
         number = case.random.choices((signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT), (5, 2, 1, 2))[0]
         age = case.random.uniform(0.0, case.random.choice((4.0, 1.0)))
-        said = f"{number.name} to the {target} at {age:.2f} s"
+        fault = f"{number.name} to the {target} at {age:.2f} s"
         command = start()
         while not (victim := victim_of(command, target, age)):
             if command.has_ended(0.01):  # the moment comes earlier if the run ends before
-                look(command, f"run before {said}", (OK, NOT_OK, USAGE))
+                look(command, f"run before {fault}", (OK, NOT_OK, USAGE))
                 command, age = start(), age / 2
-        kept |= {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
+        finished |= {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
         with suppress(ProcessLookupError):
             (os.killpg if target == "session" else os.kill)(victim, number)
         codes = (-number, 128 + number, INTERRUPTED) if target in ("main", "session") else ()
-        look(command, said, (*codes, OK, NOT_OK, USAGE))
+        look(command, fault, (*codes, OK, NOT_OK, USAGE))
         case.tried += 1
     case.require(any(look(start(), "run at last", (OK, NOT_OK, USAGE)) for _ in range(3)), "stall: jobs are not done")
 
@@ -445,99 +438,87 @@ def evaluate(expression: str, folder: Path, case: Case) -> None:
     """Make what a line of the lists describes in a folder."""
     mesh = rod(RADII["thin"], 0.7, rings=14, sides=8)
 
+    def put(name: str, content: str | bytes) -> None:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+
     def points(change: Callable[[np.ndarray], np.ndarray]) -> None:
-        lines = ["OFF", f"{mesh.n_vertices} {mesh.n_faces} 0"]
-        lines += [" ".join(f"{x:.17g}" for x in vertex) for vertex in change(mesh.vertices.copy())]
-        lines += [f"3 {a} {b} {c}" for a, b, c in mesh.faces]
-        (folder / f"{BAD}.off").write_text("\n".join(lines) + "\n")
+        rows = [" ".join(f"{x:.17g}" for x in vertex) for vertex in change(mesh.vertices.copy())]
+        rows += [f"3 {a} {b} {c}" for a, b, c in mesh.faces]
+        put(f"{BAD}.off", "\n".join(["OFF", f"{mesh.n_vertices} {mesh.n_faces} 0", *rows, ""]))
 
     def at(index: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
         return lambda vertices: np.where(np.arange(len(vertices))[:, None] == index, [0, value, 0], vertices)
 
     def truncated(suffix: str) -> None:
-        from benchmark.geometry.io import write_mesh
-
         write_mesh(folder / f"{BAD}{suffix}", mesh)
         content = (folder / f"{BAD}{suffix}").read_bytes()
-        (folder / f"{BAD}{suffix}").write_bytes(content[: len(content) * 2 // 3])
-
-    def content(name: str, text: str | bytes) -> None:
-        (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+        put(f"{BAD}{suffix}", content[: len(content) * 2 // 3])
 
     def without_rights(path: Path) -> None:
-        if not path.exists():
-            path.write_text("OFF\n")
+        path.touch()
         path.chmod(0)
 
     def locked(path: Path) -> None:
         path.mkdir(parents=True)
         path.chmod(0o555)
 
-    def write(path: Path, text: bytes) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(text)
-
     def rewrite(change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         path = min((folder / "runs/records").glob("*.json"))
         path.write_text(json.dumps(change(json.loads(path.read_text()))))
 
-    def without(record: dict[str, Any], part: str) -> dict[str, Any]:
-        return {name: value for name, value in record.items() if name != part}
-
-    def replace_by_folder(path: Path) -> None:
-        path.unlink()
-        path.mkdir()
+    def spoil(pattern: str, kind: str) -> None:
+        path = case.random.choice(sorted(folder.glob(pattern)))
+        path.write_bytes(DAMAGE[kind](path.read_bytes(), case.random))
 
     names = {**globals(), **locals(), "draw": case.random, "MANIFEST_FILE": "MANIFEST.tsv", "DEEP": b"[" * 100_000}
     eval(expression, names)  # noqa: S307
 
 
-def try_shape(case: Case, make: str) -> None:
-    """The good shapes are ranked; that the bad one is missing is said, and why."""
+def try_shape(case: Case, expression: str) -> None:
+    """The good shapes are ranked; the bad one is named as missing, with the reason."""
     folder = Path(shutil.copytree(case.rods, case.folder / "shapes"))
-    evaluate(make, folder, case)
+    evaluate(expression, folder, case)
     done = case.run("run", *case.selection(data=folder), "-j", 1, codes=(OK,), rights=False)
-    record = case.records().get(INNOCENT)
-    if record is None or record["status"] != "ok":
-        case.cross(f"spread: no scores of the good shapes: {last(done.said)}")
+    record = case.records().get(INNOCENT, {"status": "missing"})
+    if record["status"] != "ok":
+        case.cross(f"spread: no scores of the good shapes: {last(done.output)}")
     else:
         lost = sorted({path.stem for path in case.rods.glob("*.off")} - set(record["shapes"]))
         case.require(not lost, f"spread: good shapes without a rank: {lost}")
         case.require(all(len(reason) > 5 for _, reason in record["unsupported"]), f"silence: {record['unsupported']}")
-    case.require(bool(case.run("data", "check", folder, rights=False).said.strip()), "silence: data check says nothing")
+    case.require(bool(case.run("data", "check", folder, rights=False).output), "silence: data check says nothing")
     case.run("data", "sheet", folder, "-o", case.folder / "sheet.png", rights=False)
     case.tried = 3
 
 
-def try_folder(case: Case, make: str) -> None:
+def try_folder(case: Case, expression: str) -> None:
     """The folder is refused in one line, or used as if the damage were not there."""
     folder = Path(shutil.copytree(case.rods, case.folder / "shapes"))
-    evaluate(make, folder, case)
-    try:
-        done = case.run("run", *case.selection(data=folder), "-j", 1, rights=False)
-        if done.code == OK:
-            case.check_scores(INNOCENT)
-        else:
-            case.refused_in_one_line(done)
+    evaluate(expression, folder, case)
+    done = case.run("run", *case.selection(data=folder), "-j", 1, rights=False)
+    if done.code == OK:
+        case.check_scores(INNOCENT)
+    else:
+        case.refused_in_one_line(done)
         checked = case.run("data", "check", folder, rights=False)
-        case.require(done.code == OK or checked.code in (NOT_OK, USAGE), "silence: data check finds nothing wrong")
-    finally:
-        if folder.is_dir():
-            folder.chmod(0o755)
+        case.require(checked.code in (NOT_OK, USAGE), "silence: data check finds nothing wrong")
+    if folder.is_dir():
+        folder.chmod(0o755)
     case.tried = 2
 
 
 # Disks and results folders -------------------------------------------------------------------------------------------
 
 
-def recover(case: Case, done: Command) -> None:
-    """What was refused room says so; with room again, all is done."""
+def recover(case: Case, refused: Command) -> None:
+    """With room again, all is done, and what was finished before is left alone."""
     case.records()
-    whole = {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
+    finished = {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
     case.run_all("--retry", "all", codes=(OK,))
     files = case.record_files()
-    for name, content in whole.items():
-        case.require(files.get(name) == content, f"lost: {name} after {last(done.said)}")
+    lost = [name for name, content in finished.items() if files.get(name) != content]
+    case.require(not lost, f"lost: {lost} after {last(refused.output)}")
     case.check_scores(*METHODS)
     case.look_for_rubbish()
 
@@ -552,19 +533,18 @@ def try_small_disk(case: Case, size: str) -> None:
     if os.geteuid() or subprocess.run(mount, check=False, capture_output=True).returncode:
         return  # nobody may mount here
     try:
-        done = case.run_all("--retry", "all")
-        case.records()
-        shutil.copytree(case.results, case.folder / "kept")
+        refused = case.run_all("--retry", "all")
+        shutil.copytree(case.results, case.folder / "saved")
     finally:
         subprocess.run(["umount", "--lazy", str(case.results)], check=True, capture_output=True)
     case.results.rmdir()
-    (case.folder / "kept").rename(case.results)
-    recover(case, done)
+    (case.folder / "saved").rename(case.results)
+    recover(case, refused)
 
 
-def try_place(case: Case, make: str) -> None:
+def try_place(case: Case, expression: str) -> None:
     """A results folder that cannot be used is named in one line, by every verb that needs it."""
-    evaluate(make, case.results, case)
+    evaluate(expression, case.results, case)
     at, selection = ["--results", case.results], case.selection()
     for words in (["run", *selection], ["plan", *selection], ["tables", *selection], ["prune", *at],
                   ["merge", case.results, *at]):  # fmt: skip
@@ -596,7 +576,7 @@ def try_two_runs(case: Case, *, is_killed: bool) -> None:
         first.stop()
         case.cross("stall: first run")
     case.finish(second, "second run", (OK,))
-    case.require(is_killed or first.code == OK, f"exit code: first run: {first.code}; {last(first.said)}")
+    case.require(is_killed or first.code == OK, f"exit code: first run: {first.code}; {last(first.output)}")
     case.check_scores(*METHODS)
 
 
@@ -604,9 +584,9 @@ def try_output(case: Case) -> None:
     """A device that is full, and a reader that goes away as ``head`` does, cost a verb no traceback."""
     case.run_all()
     for verb in ("plan", "tables"):
-        case.run(verb, *case.selection(), output="/dev/full")
+        case.run(verb, *case.selection(), stdout="/dev/full")
     for words in (["list", "methods"], ["--help"], ["plan", *case.selection()]):
-        case.run(*words, codes=(OK, NOT_OK, USAGE, 141, -13), output=CLOSED)
+        case.run(*words, codes=(OK, NOT_OK, USAGE, 141, -13), stdout=CLOSED)
     case.tried = 5
 
 
@@ -619,12 +599,6 @@ def flip(content: bytes, draw: random.Random) -> bytes:
     return bytes(changed)
 
 
-def flip_many(content: bytes, draw: random.Random) -> bytes:
-    for _ in range(20):
-        content = flip(content, draw)
-    return content
-
-
 def other_digit(content: bytes, draw: random.Random) -> bytes:
     """Change a digit to another one, which leaves any text well-formed."""
     place = draw.choice([at for at, byte in enumerate(content) if chr(byte) in "123456789"])
@@ -635,7 +609,7 @@ def other_digit(content: bytes, draw: random.Random) -> bytes:
 ALIEN = (b"", bytes(500), b"null", b"[]", b"{}", b'{"key": 1}', b"[" * 100_000, b"\xff\xfe", b"PK\3\4" + bytes(99))
 DAMAGE: dict[str, Callable[[bytes, random.Random], bytes]] = {
     "bit": flip,
-    "bits": flip_many,
+    "bits": lambda content, draw: reduce(lambda flipped, _: flip(flipped, draw), range(20), content),
     "cut": lambda content, draw: content[: draw.randrange(len(content))],
     "alien": lambda _, draw: draw.choice(ALIEN),
     "digit": other_digit,
@@ -643,31 +617,25 @@ DAMAGE: dict[str, Callable[[bytes, random.Random], bytes]] = {
 }
 
 
-def damage_file(case: Case, pattern: str, kind: str) -> None:
-    path = case.random.choice(sorted(case.results.glob(pattern)))
-    path.write_bytes(DAMAGE[kind](path.read_bytes(), case.random))
-
-
-def try_damage(case: Case, damage: Callable[[Case], None]) -> None:
+def try_damage(case: Case, expression: str) -> None:
     """Every verb copes; a run makes what is damaged again and leaves the rest alone."""
     shutil.copytree(case.place / "undisturbed", case.results)
     before = case.record_files()
-    damage(case)
+    evaluate(expression, case.results, case)
     damaged, selection, at = case.record_files(), case.selection(plugin=case.light), ("--results", case.results)
     case.run("plan", *selection)
     done = case.run("tables", *selection, "--format", "json")
     with suppress(ValueError):  # refused, which was looked at already
-        for row in json.loads(done.said):
+        for row in json.loads(done.output):
             scores = case.expected.get(row["method"], {}).get("scores")
             if scores and row["status"] == "ok":
                 near = all(abs((row[name] or 0) - scores[name]) < 1e-9 for name in ("NN", "FT", "ST", "DCG"))
                 case.require(near, f"scores: tables show {row['method']} otherwise than it was scored")
-    case.run("tables", *selection)
     case.run("why", INNOCENT, *selection, may_trace=True)
-    case.run("compare", INNOCENT, "light-size", "--plugin", case.light, *at)
-    case.run("prune", "--dry-run", *at)
-    case.run("list", "models", *at)
-    case.run("merge", case.results, "--results", case.folder / "merged")
+    for words in (["tables", *selection], ["compare", INNOCENT, "light-size", "--plugin", case.light, *at],
+                  ["prune", "--dry-run", *at], ["list", "models", *at],
+                  ["merge", case.results, "--results", case.folder / "merged"]):  # fmt: skip
+        case.run(*words)
     case.run_all(codes=(OK,))
     after = case.record_files()
     whole = [name for name, content in before.items() if damaged.get(name) == content]
@@ -725,25 +693,24 @@ def try_arguments(case: Case) -> None:
 
 def harmless(case: Case, command: click.Command) -> dict[str, list[str]]:
     """Values by parameter that make a verb do little: the rods, the cheapest method, folders of the case."""
-    known = {
-        "datasets": ["-d", str(case.rods)], "methods": ["-m", INNOCENT], "inputs": ["--input", "mesh"],
-        "results": ["--results", str(case.results)], "only": ["--only", "no-such-training"], "workers": ["-j", "1"],
-        "jobs": ["-j", "1"], "output": ["-o", str(case.folder / "out")], "timeout": ["--timeout", "20s"],
-    }  # fmt: skip
-    arguments = {"what": "methods", "name": str(case.rods), "paths": str(min(case.rods.glob("*.off"))),
-                 "second": "identity", "folders": str(case.results)}  # fmt: skip
+    out = f"export-{case.random.randrange(10**6)}" if command.name == "export" else "out"
+    places = {
+        "rods": case.rods,
+        "results": case.results,
+        "mesh": min(case.rods.glob("*.off")),
+        "out": case.folder / out,
+    }
+    arguments = {name: value.format_map(places) for name, value in LISTS["arguments"].items()}
     values: dict[str, list[str]] = {}
     for parameter in command.params:
         name = str(parameter.name)
         if isinstance(parameter, click.Argument):
             values[name] = [arguments.get(name, INNOCENT)]
-        elif name in known:
-            values[name] = known[name]
+        elif name in LISTS["options"]:
+            values[name] = [value.format_map(places) for value in LISTS["options"][name]]
         elif parameter.required:
             choices = getattr(parameter.type, "choices", [arguments.get(name, "x")])
             values[name] = [parameter.opts[0], str(next(iter(choices)))]
-    if command.name == "export":
-        values["output"] = ["-o", str(case.folder / f"export-{case.random.randrange(10**6)}")]
     return values
 
 
@@ -781,7 +748,7 @@ def report(cases: list[Case], seed: int) -> str:
         lines.append(f"| {section} | {' | '.join(map(str, counts))} |")
     for case in cases:
         again = f"python -m tools.faults --only {case.name} --seed {seed}"
-        lines += [f"\n{case.name}: {said}\n    {again}" for said in case.crossings]
+        lines += [f"\n{case.name}: {crossing}\n    {again}" for crossing in case.crossings]
     return "\n".join(lines)
 
 

@@ -1,6 +1,6 @@
 """``make portability``: golden results under the kernels of other processors, two variants side by side.
 
-Which kernels BLAS, numba and numpy choose is set by environment variables.
+Environment variables set which kernels BLAS, numba and numpy choose.
 """
 
 from __future__ import annotations
@@ -10,154 +10,101 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
+import psutil
+from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 from threadpoolctl import threadpool_info
 
-#: Compiled code and results are kept here; nothing in it is worth a commit.
+#: For compiled code and logs.
 FOLDER = Path("build/portability")
-
-AVX2 = frozenset({"avx2", "fma"})
-AVX512 = frozenset({"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"})
+CPUINFO = Path("/proc/cpuinfo")
 
 
-@dataclass(frozen=True)
-class Variant:
-    """One way to run the same program.
-
-    Parameters
-    ----------
-    name
-        One word.
-    environment
-        Variables that the numerical libraries read when they are loaded.
-    needs
-        Flags in ``/proc/cpuinfo`` without which the processor cannot run it.
-    cache
-        Name of a folder for numba's compiled code, where it differs from that of the checkout. A kernel of BLAS does
-        not change that code.
-    """
+class Variant(NamedTuple):
+    """Kernels of BLAS, if the processor has the flags, and instructions for numba and numpy of 2008 if asked."""
 
     name: str
-    environment: Mapping[str, str]
-    needs: frozenset[str] = frozenset()
-    cache: str | None = None
+    blas: str = ""
+    flags: str = ""
+    numba: str = ""
+    numpy: str = ""
 
-    def variables(self) -> dict[str, str]:
-        """All environment variables of a process of this variant."""
-        folder = {} if self.cache is None else {"NUMBA_CACHE_DIR": str((FOLDER / self.cache).resolve())}
-        return {**os.environ, **self.environment, **folder}
+    def settings(self) -> dict[str, str]:
+        """Environment variables; code that numba compiles for another processor has a cache of its own."""
+        cache = str((FOLDER / "numba-generic").resolve()) if self.numba else ""
+        values = {
+            "OPENBLAS_CORETYPE": self.blas, "NUMBA_CPU_NAME": self.numba, "NUMBA_CACHE_DIR": cache,
+            "NPY_DISABLE_CPU_FEATURES": self.numpy,
+        }  # fmt: skip
+        return {name: value for name, value in values.items() if value}
 
     def obstacle(self) -> str:
         """Why the processor cannot run this variant; empty if it can."""
-        if "OPENBLAS_CORETYPE" in self.environment and platform.machine().lower() not in ("x86_64", "amd64"):
+        if self.blas and platform.machine().lower() not in ("x86_64", "amd64"):
             return "no x86-64 processor"
-        missing = sorted(self.needs - processor_flags())
+        known = CPUINFO.read_text().split() if CPUINFO.is_file() else []
+        missing = [flag for flag in self.flags.split() if flag not in known]
         return f"the processor has no {', '.join(missing)}" if missing else ""
 
 
-def own_kernels() -> str:
-    """The kernels that numpy's BLAS chooses by itself, by the name of the variant; empty if it cannot tell."""
-    import numpy  # noqa: F401  (loads the library that is asked)
+AVX512 = "avx512f avx512cd avx512bw avx512dq avx512vl"
+DISPATCHED = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
+NEHALEM = Variant("Nehalem", "Nehalem")
+HASWELL, ZEN = (Variant(name, name, "avx2 fma") for name in ("Haswell", "Zen"))
+SKYLAKEX = Variant("SkylakeX", "SkylakeX", AVX512)
+GENERIC = Variant("generic", numba="generic")
+#: The instructions of 2008 in all three libraries.
+OLDEST = Variant("oldest", "Nehalem", numba="generic", numpy=DISPATCHED)
 
-    found = (library.get("architecture", "") for library in threadpool_info() if library["user_api"] == "blas")
-    return next(found, "")
-
-
-def processor_flags() -> frozenset[str]:
-    """Flags of the first processor in ``/proc/cpuinfo``; empty where that file is missing."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return frozenset()
-    flags = next((line for line in lines if line.startswith("flags")), ":")
-    return frozenset(flags.split(":", 1)[1].split())
-
-
-def without_numpy_dispatch() -> str:
-    """Names of all instruction sets that numpy chooses at run time on this processor."""
-    from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
-
-    return " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
-
-
-NEHALEM = Variant("Nehalem", {"OPENBLAS_CORETYPE": "Nehalem"})
-HASWELL = Variant("Haswell", {"OPENBLAS_CORETYPE": "Haswell"}, AVX2)
-ZEN = Variant("Zen", {"OPENBLAS_CORETYPE": "Zen"}, AVX2)
-SKYLAKEX = Variant("SkylakeX", {"OPENBLAS_CORETYPE": "SkylakeX"}, AVX512)
-GENERIC = Variant("generic", {"NUMBA_CPU_NAME": "generic"}, cache="numba-generic")
-#: Everything that can be switched to the instructions of 2008 at once.
-OLDEST = Variant(
-    "oldest",
-    {
-        "OPENBLAS_CORETYPE": "Nehalem",
-        "NUMBA_CPU_NAME": "generic",
-        "NPY_DISABLE_CPU_FEATURES": without_numpy_dispatch(),
-    },
-    cache="numba-generic",
-)
-
-#: Under each of these the tests must pass. Two run side by side: the one that compiles for itself starts beside the one
-#: that compiles for all others.
+#: The variant that compiles for itself starts beside the one that compiles for all others.
 TESTED = (NEHALEM, GENERIC, HASWELL, ZEN, SKYLAKEX)
-#: For continuous integration: what can be tested at once in one variant, and one of the two that share the kernels of
-#: Haswell, which differ in the sizes of blocks alone.
+#: For continuous integration, without Zen, whose kernels differ from those of Haswell in block sizes only.
 TOGETHER = (OLDEST, HASWELL, SKYLAKEX)
 
 
-#: The golden results of all components; a variant whose kernels are not compiled does that first.
-COMMAND = (sys.executable, "-m", "tools.golden")
-
-
-def compared(variant: Variant) -> tuple[Variant, int, float, str]:
-    """Exit code, seconds and output of the command under one variant."""
-    start, both = time.perf_counter(), subprocess.STDOUT
-    done = subprocess.run(COMMAND, env=variant.variables(), stdout=subprocess.PIPE, stderr=both, text=True, check=False)
-    return variant, done.returncode, time.perf_counter() - start, done.stdout
-
-
-def all_pass(variants: Sequence[Variant]) -> bool:
-    """Run the command under each variant that the processor can run; print one line each; whether all passed."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    for variant in variants:
-        if variant.obstacle():
-            print(f"{variant.name:<10} skipped: {variant.obstacle()}", flush=True)
-    failed = False
-    with ThreadPoolExecutor(max_workers=min(2, os.cpu_count() or 1)) as pool:
-        runs = [pool.submit(compared, variant) for variant in variants if not variant.obstacle()]
-        for future in as_completed(runs):
-            variant, code, seconds, output = future.result()
-            summary = output.strip().splitlines()[-1:] or ["no output"]
-            ending = "FAILED" if code else "passed"
-            print(f"{variant.name:<10} {ending} in {seconds:.0f} s: {summary[0].strip()}", flush=True)
-            if code:
-                failed, log = True, FOLDER / f"{variant.name}.log"
-                log.write_text(output)
-                settings = " ".join(f"{key}={value}" for key, value in variant.environment.items())
-                print(output[-4000:], f"all of it is in {log}; again: {settings} make golden", sep="\n", flush=True)
-    return not failed
+def passes(variant: Variant) -> bool:
+    """Compare the golden results under one variant, and print the outcome."""
+    start, log = time.perf_counter(), FOLDER / f"{variant.name}.log"
+    command, settings = [sys.executable, "-m", "tools.golden"], variant.settings()
+    with log.open("w") as output:
+        code = subprocess.run(
+            command, env={**os.environ, **settings}, stdout=output, stderr=output, check=False
+        ).returncode
+    text, ending = log.read_text(), "FAILED" if code else "passed"
+    summary = (text.strip().splitlines() or ["no output"])[-1].strip()
+    print(f"{variant.name:<10} {ending} in {time.perf_counter() - start:.0f} s: {summary}", flush=True)
+    if code:
+        again = " ".join(f"{name}={value}" for name, value in settings.items())
+        print(text[-4000:], f"all of it is in {log}; again: {again} make golden", sep="\n", flush=True)
+    return not code
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the suite; 0 if all variants passed.
+    """Return 0 if golden results agree under all kernels that the processor can run.
 
-    With ``--others``, without the kernels that this processor chooses by itself, under which ``make golden`` ran, and
-    the old instructions of BLAS, numba and numpy at once.
+    ``--others`` omits those that the processor chooses by itself, under which ``make golden`` ran.
     """
-    start = time.perf_counter()
-    variants: Sequence[Variant] = TESTED
+    start, variants = time.perf_counter(), TESTED
     if "--others" in arguments:
-        own = own_kernels()
-        if own in (variant.name for variant in TESTED):
-            print(f"{own:<10} left out: the choice of this processor", flush=True)
-        variants = [variant for variant in TOGETHER if variant.name != own]
-    passed = all_pass(variants)
-    if passed:
+        np.zeros((2, 2)) @ np.zeros((2, 2))
+        own = {library.get("architecture") for library in threadpool_info() if library["user_api"] == "blas"}
+        variants = tuple(variant for variant in TOGETHER if variant.name not in own)
+    obstacles = {variant: variant.obstacle() for variant in variants}
+    for variant, obstacle in obstacles.items():
+        if obstacle:
+            print(f"{variant.name:<10} skipped: {obstacle}", flush=True)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(max_workers=min(2, psutil.cpu_count() or 1)) as pool:
+        runs = [pool.submit(passes, variant) for variant, obstacle in obstacles.items() if not obstacle]
+        outcomes = [run.result() for run in as_completed(runs)]
+    if all(outcomes):
         print(f"golden results agree under all kernels in {time.perf_counter() - start:.0f} s")
-    return int(not passed)
+    return int(not all(outcomes))
 
 
 if __name__ == "__main__":

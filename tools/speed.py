@@ -7,7 +7,6 @@ from benchmark.machine import pin_threads
 
 pin_threads()
 
-import multiprocessing
 import platform
 import re
 import subprocess
@@ -16,13 +15,11 @@ import tempfile
 import time
 import timeit
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
-import igl
 import numpy as np
 import psutil
 import pymeshlab
@@ -30,23 +27,20 @@ import torch
 import trimesh
 from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.sparse.linalg import eigsh
 from sklearn.manifold import smacof as sklearn_smacof
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
-from baselines._kernels.arap import AsRigidAsPossible
 from baselines._kernels.smacof import normalised_stress, smacof
 from baselines.classic_mds import classic_scaling
 from baselines.non_metric_mds import non_metric_scaling
 from benchmark.api.contracts import Mesh, Shape
+from benchmark.datasets.camera_frames import CameraFrames
+from benchmark.datasets.export import export_frames
 from benchmark.datasets.humans import Humans
 from benchmark.depth.frame import FrameFiles
-from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
-from benchmark.depth.scene import KINECT, DepthFaults, Pose, Scene
 from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry import geodesics
-from benchmark.geometry.depth import render_depth
 from benchmark.geometry.preparation import prepare
 from benchmark.plugins.output_checks import signature_of
 from benchmark.plugins.registry import methods, variant
@@ -56,114 +50,111 @@ from learned.images import enlarge, shrink
 from learned.paired.configuration import LITERAL
 from learned.paired.model import predict
 from learned.paired.network import build
-from learned.paired.pairs import Pairs
-from learned.paired.schedule import Schedule, losses
-from learned.paired.training import train
-from learned.streamed.model import load_streamed, predicted
-from learned.training.loop import TrainingRun
-from learned.training.machine import Precision, has_bfloat16
 from retrieval.clock import Signature, count_words, match_all
 from retrieval.cmbof import CMBOF
 from retrieval.pose import normalise
 from retrieval.views import BACKGROUND, view_sphere
-from tests.baselines.deformable import tube
 from tests.learned.toy import person
 from tests.retrieval.figures import figure
 
-HEADER = ("what", "ours", "other program", "its time", "ratio", "clock", "how it was measured")
+Work = Callable[[], Any]
 FloatArray = NDArray[np.float64]
+HEADER = ("what", "ours", "other program", "its time", "ratio", "clock", "how it was measured")
 readable = EngFormatter("s", places=2)
 
 
 class Row(NamedTuple):
-    """One measurement: seconds of ours and of another program, and what makes the comparison fair."""
+    """One measurement: our work and that of another program, over units, and what makes them comparable."""
 
     name: str
-    seconds: float
-    detail: str
+    ours: Work
     peer: str = ""
-    peer_seconds: float = 0.0
-    clock: str = "processor"
+    theirs: Work | None = None
+    detail: str = ""
+    units: int = 1
+    peer_units: int = 1
+    clock: Callable[[], float] = time.process_time
 
     def cells(self) -> tuple[str, ...]:
-        peer = (self.peer, readable(self.peer_seconds), f"{self.peer_seconds / self.seconds:.2f}")
-        return (self.name, readable(self.seconds), *(peer if self.peer else ("", "", "")), self.clock, self.detail)
+        """Measure, and print the times."""
+        ours = least(self.ours, self.clock) / self.units
+        peer = ("", "", "")
+        if self.theirs:
+            theirs = least(self.theirs, self.clock) / self.peer_units
+            peer = (self.peer, readable(theirs), f"{theirs / ours:.2f}")
+        clock = "wall" if self.clock is time.perf_counter else "processor"
+        return (self.name, readable(ours), *peer, clock, self.detail)
 
 
-def least(work: Callable[[], object], repeats: int = 3, clock: Callable[[], float] = time.process_time) -> float:
-    """Least time of some runs, after one that compiles and fills the caches."""
+def least(work: Work, clock: Callable[[], float] = time.process_time) -> float:
+    """Least time of three runs, after one that compiles and fills the caches; of slow work, of two."""
+    start = clock()
     work()
-    return min(timeit.repeat(work, timer=clock, number=1, repeat=repeats))
+    return min(timeit.repeat(work, timer=clock, number=1, repeat=3 if clock() - start < 5 else 1))
 
 
-def human(place: int) -> Mesh:
+def body(place: int = -1) -> Mesh:
     humans = Humans()
     return humans.load(humans.entries[place])
 
 
-def measure_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
-    """Median over prepared humans; errors are relative to exact distances from some vertices."""
-    random = np.random.default_rng(0)
-    meshes = [
-        prepare(human(place)).mesh for place in np.linspace(0, len(Humans().entries) - 1, n_shapes).round().astype(int)
-    ]
-    sources = random.choice(min(mesh.n_vertices for mesh in meshes), n_sources, replace=False)
+def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
+    """Sums over prepared humans; errors are relative to exact distances from some vertices."""
+    places = np.linspace(0, len(Humans().entries) - 1, n_shapes).round().astype(int)
+    meshes = [prepare(body(place)).mesh for place in places]
+    sources = np.random.default_rng(0).choice(min(mesh.n_vertices for mesh in meshes), n_sources, replace=False)
     exact = [geodesics.from_sources(mesh, sources, "exact") for mesh in meshes]
-    seconds, errors = {}, {}
-    for solver in (geodesics.DEFAULT_SOLVER, "heat"):
-        seconds[solver] = float(np.median([least(partial(geodesics.all_pairs, m, solver), 2) for m in meshes]))
-        misses = [
-            np.abs(geodesics.all_pairs(mesh, solver)[sources] - truth)[truth > 0] / truth[truth > 0]
-            for mesh, truth in zip(meshes, exact, strict=True)
-        ]
-        errors[solver] = 100 * np.concatenate(misses).mean()
+
+    def all_pairs(solver: str) -> list[FloatArray]:
+        return [geodesics.all_pairs(mesh, solver) for mesh in meshes]
+
+    def error(solver: str) -> float:
+        pairs = zip(all_pairs(solver), exact, strict=True)
+        errors = [np.abs(found[sources] - truth)[truth > 0] / truth[truth > 0] for found, truth in pairs]
+        return 100 * float(np.concatenate(errors).mean())
+
     ours = geodesics.DEFAULT_SOLVER
-    detail = f"{n_shapes} shapes of 2000 vertices, mean error {errors[ours]:.3f} % (peer {errors['heat']:.2f} %)"
-    yield Row("all geodesics of one shape", seconds[ours], detail, "potpourri3d heat method", seconds["heat"])
+    detail = f"{n_shapes} shapes of 2000 vertices, mean error {error(ours):.3f} % (peer {error('heat'):.2f} %)"
+    works = partial(all_pairs, ours), "potpourri3d heat method", partial(all_pairs, "heat")
+    yield Row("all geodesics of one shape", *works, detail, n_shapes, n_shapes)
 
 
-def measure_forms(non_metric_iterations: int = 10) -> Iterator[Row]:
-    """Methods given the geodesics, those that ask for a few rows of them, and the elastic step."""
-    shape = Shape(identifier="body", mesh=prepare(human(-1)).mesh)
+def of_forms(steps: int = 10) -> Iterator[Row]:
+    """Methods given the geodesics, and those that ask for a few rows of them."""
+    shape, known = Shape(identifier="body", mesh=prepare(body()).mesh), methods()
     distances = shape.geodesics()
-    known = methods()
-    classic, full, non_metric = (
-        variant(name, known).create() for name in ("classic-mds", "least-squares-mds", "non-metric-mds")
-    )
-    ours, peer = (least(partial(scaling, distances), 5) for scaling in (classic_scaling, arpack_scaling))
     detail = "the three largest eigenpairs of 2000 vertices"
-    yield Row("classic-mds, given the geodesics", ours, detail, "double centring + scipy eigsh", peer)
+    ours, theirs = (partial(scaling, distances) for scaling in (classic_scaling, arpack_scaling))
+    yield Row("classic-mds, given the geodesics", ours, "double centring + scipy eigsh", theirs, detail)
 
     # scikit-learn starts at the same vertices and stops where plain majorisation stops.
     start = shape.mesh.vertices - shape.mesh.vertices.mean(axis=0)
     theirs = partial(sklearn_scaling, distances, start, smacof(distances, start).iterations)
-    stresses = full.canonicalise(shape).notes["stress"], normalised_stress(theirs(), distances)
-    detail = "stress {:.5f} (peer {:.5f})".format(*stresses)
-    ours = least(partial(full.canonicalise, shape), 5)
-    yield Row("least-squares-mds, given the geodesics", ours, detail, "sklearn.manifold.smacof", least(theirs, 1))
+    ours = partial(variant("least-squares-mds", known).create().canonicalise, shape)
+    detail = f"stress {ours().notes['stress']:.5f} (peer {normalised_stress(theirs(), distances):.5f})"
+    yield Row("least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail)
 
     # Its whole non-metric scaling takes minutes, and leaves the scale to the number of points.
+    classic = variant("classic-mds", known).create()
     start = classic.canonicalise(shape).vertices
-    theirs = partial(sklearn_scaling, distances, start, non_metric_iterations, metric=False)
+    theirs = partial(sklearn_scaling, distances, start, steps, metric=False)
     points = theirs()
     points *= np.linalg.norm(start) / np.linalg.norm(points)
     stress = non_metric_scaling(distances, points, max_iterations=0)[1][0]
-    detail = f"root of the stress {non_metric.canonicalise(shape).notes['stress_1']:.5f} (peer {stress:.5f})"
-    name = f"sklearn.manifold.smacof(metric=False), {non_metric_iterations} iterations"
-    ours = least(partial(non_metric.canonicalise, shape), 5)
-    yield Row("non-metric-mds, given the geodesics", ours, detail, name, least(theirs, 1))
+    ours = partial(variant("non-metric-mds", known).create().canonicalise, shape)
+    detail = f"root of the stress {ours().notes['stress_1']:.5f} (peer {stress:.5f})"
+    peer = f"sklearn.manifold.smacof(metric=False), {steps} iterations"
+    yield Row("non-metric-mds, given the geodesics", ours, peer, theirs, detail)
 
-    all_pairs = least(partial(form_of_mesh, classic, shape.mesh), 5)
     for name in ("accelerated-mds", "fast-classical-scaling", "nystrom-mds", "fast-mds"):
         method = variant(name, known).create()
-        stresses = [normalised_stress(m.canonicalise(shape).vertices, distances) for m in (method, classic)]
+        ours, theirs = (partial(form_of_mesh, each, shape.mesh) for each in (method, classic))
+        stresses = [normalised_stress(work().vertices, distances) for work in (ours, theirs)]
         detail = "stress over all pairs {:.5f} (peer {:.5f})".format(*stresses)
-        ours = least(partial(form_of_mesh, method, shape.mesh), 5)
-        yield Row(f"{name} with its geodesics", ours, detail, "all geodesics + classic-mds", all_pairs)
-    yield elastic_steps()
+        yield Row(f"{name} with its geodesics", ours, "all geodesics + classic-mds", theirs, detail)
 
 
-def form_of_mesh(method: Any, mesh: Mesh) -> object:
+def form_of_mesh(method: Any, mesh: Mesh) -> Any:
     """The form of a new mesh, for which no geodesic graph is remembered."""
     return method.canonicalise(Shape(identifier="body", mesh=Mesh(mesh.vertices.copy(), mesh.faces.copy())))
 
@@ -175,69 +166,39 @@ def arpack_scaling(distances: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, ::-1] * np.sqrt(values[::-1]))
 
 
-def sklearn_scaling(distances: FloatArray, start: FloatArray, iterations: int, *, metric: bool = True) -> FloatArray:
-    options = {"n_components": 3, "n_init": 1, "max_iter": iterations, "eps": 0}
+def sklearn_scaling(distances: FloatArray, start: FloatArray, steps: int, *, metric: bool = True) -> FloatArray:
+    options = {"n_components": 3, "n_init": 1, "max_iter": steps, "eps": 0}
     return np.asarray(sklearn_smacof(distances, metric=metric, init=start, **options)[0])
-
-
-def elastic_steps(steps: int = 50) -> Row:
-    """As many local and global steps as libigl takes, from the same start under the same handles.
-
-    The tube has no obtuse pair of angles, whose negative weights libigl keeps: both minimise the same energy.
-    """
-    mesh = tube(1.0, rings=84, sides=24)
-    order = mesh.vertices[:, 0].argsort()
-    handles = np.concatenate([order[:20], order[-20:]])
-    start, targets, pull = mesh.vertices.copy(), np.zeros_like(mesh.vertices), np.zeros(mesh.n_vertices)
-    goals = mesh.vertices[handles] + np.repeat([[0.0, 0.0, 0.2], [0.0, 0.0, -0.2]], 20, axis=0)
-    start[handles] = targets[handles] = goals
-    pull[handles] = 1e6
-    surface = AsRigidAsPossible.of(Shape(identifier="tube", mesh=mesh))
-
-    def ours() -> FloatArray:
-        solve, positions = surface.factorise(pull), start
-        for _ in range(steps):
-            positions = solve(surface.load(surface.rotations(positions)) + pull[:, None] * targets)
-        return positions
-
-    def peer() -> FloatArray:
-        data = igl.ARAPData()
-        data.energy, data.max_iter = igl.ARAP_ENERGY_TYPE_SPOKES, steps
-        igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, handles.astype(np.int32), data)
-        return np.asarray(igl.arap_solve(goals, data, mesh.vertices.copy()))
-
-    difference = float(np.linalg.norm(ours() - peer(), axis=1).mean())
-    detail = f"{mesh.n_vertices} vertices, mean distance between the results {difference:.0e}"
-    name = f"as-rigid-as-possible, {steps} steps"
-    return Row(name, least(ours, 5), detail, "libigl ARAP (spokes)", least(peer, 5))
 
 
 SPHERE = view_sphere(2)
 N_VIEWS = len(SPHERE.directions)
 
 
-def measure_scorer(n_words: int = 1500, n_forms: int = 200, n_peers: int = 4) -> Iterator[Row]:
+def of_scorer(n_words: int = 1500, n_forms: int = 200, n_peers: int = 4) -> Iterator[Row]:
     """One signature on one core, and one pair on one core and on two."""
-    scorer = CMBOF()
-    form = figure(0, parts=12)
+    scorer, form = CMBOF(), figure(0, parts=12)
     codebook = scorer.train_codebook([scorer.extract(figure(seed)) for seed in range(3)])
-    peer = least(partial(embree_and_opencv, normalise(form, scorer.pose, scorer.image_size), scorer.image_size))
-    detail = f"{form.n_faces} faces; the peer is given the pose and looks up no words"
-    ours = least(lambda: scorer.quantise(scorer.extract(form), codebook))
-    yield Row("CM-BOF signature of one form", ours, detail, "trimesh + Embree, then OpenCV SIFT", peer)
+    upright = normalise(form, scorer.pose, scorer.image_size)
+    yield Row(
+        "CM-BOF signature of one form", lambda: scorer.quantise(scorer.extract(form), codebook),
+        "trimesh + Embree, then OpenCV SIFT", partial(embree_and_opencv, upright, scorer.image_size),
+        f"{form.n_faces} faces; the peer is given the pose and looks up no words",
+    )  # fmt: skip
 
     signatures, n_pairs = word_counts(n_words, n_forms), n_forms * (n_forms - 1) // 2
     tables = np.zeros((n_peers + 1, N_VIEWS, n_words), dtype=np.uint8)
     for table, signature in zip(tables, signatures, strict=False):
         table[signature.views, signature.words] = signature.counts
-    dense = least(lambda: [dense_matching(tables[0], table) for table in tables[1:]]) / n_peers
-    expected = [dense_matching(tables[0], table) for table in tables[1:]]
-    miss = np.abs(match_all(signatures)[0, 1 : n_peers + 1] - expected).max()
+
+    def dense() -> list[float]:
+        return [dense_matching(tables[0], table) for table in tables[1:]]
+
+    miss = np.abs(match_all(signatures)[0, 1 : n_peers + 1] - dense()).max()
     detail = f"{n_forms} forms, {n_words} words, largest difference {miss:.0e}"
-    one = least(lambda: match_all(signatures, 1)) / n_pairs
-    yield Row("clock matching, one pair", one, detail, "definition in dense numpy", dense)
-    two = least(lambda: match_all(signatures, 2), clock=time.perf_counter) / n_pairs
-    yield Row("clock matching on 2 cores, one pair", two, f"{1 / two:.0f} pairs per second", clock="wall")
+    one, two = (partial(match_all, signatures, threads) for threads in (1, 2))
+    yield Row("clock matching, one pair", one, "definition in dense numpy", dense, detail, n_pairs, n_peers)
+    yield Row("clock matching on 2 cores, one pair", two, units=n_pairs, clock=time.perf_counter)
 
 
 def embree_and_opencv(mesh: Mesh, size: int) -> None:
@@ -258,8 +219,7 @@ def embree_and_opencv(mesh: Mesh, size: int) -> None:
 def word_counts(n_words: int, n_forms: int) -> list[Signature]:
     """Signatures with as many keypoints as real ones; words are as unequally frequent (log-normal) as real ones."""
     random = np.random.default_rng(0)
-    common = random.normal(size=n_words)
-    signatures = []
+    common, signatures = random.normal(size=n_words), []
     for _ in range(n_forms):
         weights = np.exp(common + random.normal(size=n_words))
         sizes = random.poisson(40, N_VIEWS)
@@ -276,87 +236,59 @@ def dense_matching(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float
     return float(min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in SPHERE.permutations))
 
 
-BATCH, RESOLUTION = 8, 128
-PRECISION: Precision = "bfloat16" if has_bfloat16(torch.device("cpu")) else "float32"
-TORCH = "torch, float32, contiguous memory"
-
-
-def measure_network() -> Iterator[Row]:
-    """A prediction and a step of training on one core."""
+def of_network(resolution: int = 128) -> Iterator[Row]:
+    """A prediction on one core."""
     torch.set_num_threads(1)
     contiguous, network = build(LITERAL).eval(), build(LITERAL).to(memory_format=torch.channels_last).eval()
     image = person()
-    small = torch.from_numpy(shrink(image, RESOLUTION)[:1])
-    with torch.inference_mode():
-        peer = least(lambda: contiguous(small[None])[0])
-    ours = least(lambda: enlarge(predict(network, torch.from_numpy(shrink(image, RESOLUTION)[:1]))))
-    detail = f"from depth image to depth image of 500 x 500 pixels, by a network at {RESOLUTION} x {RESOLUTION}"
-    yield Row("prediction of one image", ours, detail, f"{TORCH}, the network alone", peer)
-    # In new processes: our loop changes, for the whole of its process, how memory is allocated.
-    new = multiprocessing.get_context("spawn")
-    times = []
-    for training in (suite_training, plain_training):
-        with ProcessPoolExecutor(1, mp_context=new, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-            times.append(pool.submit(step_seconds, training).result())
-    detail = f"{PRECISION}, {RESOLUTION} x {RESOLUTION}, {BATCH / times[0]:.3g} images per second"
-    yield Row(f"training, one step of {BATCH} images", times[0], detail, TORCH, times[1])
+    small = torch.from_numpy(shrink(image, resolution)[:1])
+
+    def ours() -> Any:
+        return enlarge(predict(network, torch.from_numpy(shrink(image, resolution)[:1])))
+
+    @torch.inference_mode()
+    def alone() -> Any:
+        return contiguous(small[None])[0]
+
+    detail = f"from depth image to depth image of 500 x 500 pixels, by a network at {resolution} x {resolution}"
+    yield Row("prediction of one image", ours, "torch, contiguous memory, the network alone", alone, detail)
 
 
-def suite_training(batch: Pairs, schedule: Schedule) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        here = TrainingRun(folder=Path(folder), recipe={}, seed=0, device=torch.device("cpu"), say=lambda _: None)
-        train(LITERAL, schedule, batch, None, here)
+class OneFrame(CameraFrames):
+    """The first frame of the generated camera."""
+
+    @property
+    def entries(self) -> Any:
+        return super().entries[:1]
 
 
-def plain_training(batch: Pairs, schedule: Schedule) -> None:
-    """The loop of a tutorial."""
-    network = build(LITERAL)
-    optimiser = torch.optim.Adam(network.parameters(), lr=schedule.learning_rate)
-    for _ in range(schedule.epochs):
-        optimiser.zero_grad()
-        torch.stack(losses(network(batch.images), batch.targets, "all")).sum().backward()
-        optimiser.step()
-
-
-def step_seconds(training: Callable[[Pairs, Schedule], None], more_steps: int = 4) -> float:
-    """Time of one step: the difference between a training of one step and a longer one, over the steps of that."""
-    torch.manual_seed(0)
-    images, targets = (torch.rand(BATCH, channels, RESOLUTION, RESOLUTION) for channels in (1, 2))
-    batch = Pairs(tuple(map(str, range(BATCH))), images, targets.round(), torch.arange(BATCH))
-    schedule = partial(Schedule, resolution=RESOLUTION, early_epochs=0, batch=BATCH, precision=PRECISION)
-    # As many epochs as steps, for each has one batch.
-    short, long = (least(partial(training, batch, schedule(epochs=n))) for n in (1, 1 + more_steps))
-    return (long - short) / more_steps
-
-
-def measure_programs() -> Iterator[Row]:
+def of_programs() -> Iterator[Row]:
     """One mesh, one frame from its files on, and two verbs that must answer at once."""
-    mesh = human(7)
-    detail = f"from {mesh.n_vertices} to 2000 vertices"
-    ours, peer = least(partial(prepare, mesh, 2000)), least(partial(collapsed, mesh))
-    yield Row("preparation of one mesh", ours, detail, "pymeshlab quadric edge collapse alone", peer)
+    mesh = body(7)
+    collapse, detail = partial(collapsed, mesh), f"from {mesh.n_vertices} to 2000 vertices"
+    peer = "pymeshlab quadric edge collapse alone"
+    yield Row("preparation of one mesh", partial(prepare, mesh, 2000), peer, collapse, detail)
 
     torch.set_num_threads(1)
-    method: Any = method_of_depth("learned-streamed")
-    scorer, network = ScorerSpec().create(), load_streamed(method.model_folder)
+    method, scorer = method_of_depth("learned-streamed"), ScorerSpec().create()
     with tempfile.TemporaryDirectory() as folder:
-        files = frame_files(Path(folder))
-        steps = {
-            "prediction": lambda: predicted(*network, render_depth(files.observe().surface, UPRIGHT, HALF_WIDTH)),
-            "form": lambda: form_of_object(files.observe(), method),
-            "signature": lambda: signature_of(scorer, form_of_object(files.observe(), method).form.mesh),
-        }
+        names = export_frames(OneFrame(), Path(folder))
+        files = FrameFiles(Path(folder) / names[0], CameraFrames().intrinsics, Path(folder) / names[1])
+
+        def form() -> Mesh:
+            return form_of_object(files.observe(), method).form.mesh
+
+        steps: dict[str, Work] = {"form": form, "signature": lambda: signature_of(scorer, form())}
         for name, work in steps.items():
-            yield Row(f"frame of a depth camera, file to {name}", least(work), "640 x 480 pixels, with a mask")
+            yield Row(f"frame of a depth camera, file to {name}", work, detail="640 x 480 pixels, with a mask")
 
-    def start(*arguments: str) -> float:
-        command = [sys.executable, *arguments]
-        return least(partial(subprocess.run, command, check=True, capture_output=True), clock=time.perf_counter)
+    def start(*arguments: str) -> Work:
+        return partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
 
-    bare, detail = start("-c", "pass"), "the start of the interpreter is the floor"
     for words in (("--help",), ("list", "methods")):
-        ours = start("-m", "benchmark", *words)
-        yield Row(f"python -m benchmark {' '.join(words)}", ours, detail, "python -c pass", bare, "wall")
+        works = start("-m", "benchmark", *words), "python -c pass", start("-c", "pass")
+        detail = "the start of the interpreter is the floor"
+        yield Row(f"python -m benchmark {' '.join(words)}", *works, detail, clock=time.perf_counter)
 
 
 def collapsed(mesh: Mesh) -> None:
@@ -365,24 +297,12 @@ def collapsed(mesh: Mesh) -> None:
     work.meshing_decimation_quadric_edge_collapse(targetfacenum=4000)
 
 
-def frame_files(folder: Path) -> FrameFiles:
-    """A frame of a generated body before floor and wall, with the faults of a camera, and its mask."""
-    body = human(4)
-    centred = body.vertices - [*(body.vertices.min(axis=0) + body.vertices.max(axis=0))[:2] / 2, 0]
-    scene = Scene(body.with_vertices(centred - [0, 0, centred[:, 2].min()]), Pose((0.2, -2.5, 1.2), (0, 0, 0.8), 3.0))
-    depths, mask = scene.drawn(KINECT)
-    measured = DepthFaults().perturbed(depths, np.random.default_rng(0))
-    Image.fromarray(np.round(1000 * measured).astype(np.uint16)).save(folder / "0.png")
-    Image.fromarray(mask).save(folder / "mask.png")
-    return FrameFiles(folder / "0.png", KINECT, folder / "mask.png")
-
-
 GROUPS: dict[str, Callable[[], Iterator[Row]]] = {
-    "geodesics": measure_geodesics,
-    "forms": measure_forms,
-    "scorer": measure_scorer,
-    "network": measure_network,
-    "programs": measure_programs,
+    "geodesics": of_geodesics,
+    "forms": of_forms,
+    "scorer": of_scorer,
+    "network": of_network,
+    "programs": of_programs,
 }
 
 

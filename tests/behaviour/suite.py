@@ -84,12 +84,6 @@ def start(*words: object, cwd: Path, **options: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(command, cwd=cwd, env=paths, text=True, start_new_session=True, **streams)
 
 
-def lines_of(columns: str) -> list[list[str]]:
-    """Rows of a table in Markdown, without marks of bold and italic."""
-    rows = [line.split("|")[1:-1] for line in columns.splitlines() if line.startswith("|")]
-    return [[cell.strip().strip("*") for cell in row] for row in rows]
-
-
 def rod(radius: float, bend: float, rings: int = 16, sides: int = 8) -> tuple[np.ndarray, np.ndarray]:
     """Closed club of length 1, bent into an arc of so many radians: vertices and faces."""
     along = np.linspace(0, 1, rings)

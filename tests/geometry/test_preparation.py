@@ -2,7 +2,6 @@ import resource
 import time
 
 import numpy as np
-import pymeshlab
 import pytest
 import trimesh
 
@@ -51,14 +50,6 @@ def test_small_meshes_are_never_refined():
         np.testing.assert_array_equal(prepared.mesh.faces, expected.faces)
         np.testing.assert_allclose(prepared.mesh.vertices, expected.vertices, atol=1e-12)
     assert decimate(sphere(2), 162) is not None
-
-
-def test_parameters_of_an_earlier_pymeshlab_call_have_no_influence():
-    before = prepare(flat_grid(40), 300)
-    work = pymeshlab.MeshSet(verbose=False)
-    work.add_mesh(pymeshlab.Mesh(flat_grid(40).vertices, flat_grid(40).faces))
-    work.meshing_decimation_quadric_edge_collapse(targetfacenum=2000, preserveboundary=True, qualityweight=True)
-    np.testing.assert_array_equal(prepare(flat_grid(40), 300).mesh.vertices, before.mesh.vertices)
 
 
 @pytest.mark.parametrize("scale", [2.0**-300, 2.0**300])

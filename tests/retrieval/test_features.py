@@ -77,28 +77,6 @@ def test_agrees_with_opencv(photograph: NDArray[Any]) -> None:
     assert cosine > 0.99
 
 
-@pytest.mark.parametrize(("degrees", "zoom", "least"), [(135, 1, 0.8), (30, 1.3, 0.8)])
-def test_keypoints_follow_rotation_and_scale(
-    photograph: NDArray[Any], degrees: float, zoom: float, least: float
-) -> None:
-    cv2 = pytest.importorskip("cv2")
-    height, width = photograph.shape
-    motion = cv2.getRotationMatrix2D((width / 2, height / 2), degrees, zoom)
-    moved = cv2.warpAffine(photograph, motion, (width, height), flags=cv2.INTER_CUBIC)
-    original = find(photograph)
-    expected = Keypoints(
-        original.positions @ motion[:, :2].T + motion[:, 2],
-        original.scales * zoom,
-        original.angles - np.deg2rad(degrees),
-        original.descriptors,
-    )
-    x, y = expected.positions.T
-    inside = (x > 20) & (y > 20) & (x < width - 20) & (y < height - 20) & (expected.scales > 2.4)
-    rate, cosine = matched(expected, find(moved), inside)
-    assert rate > least
-    assert cosine > 0.99
-
-
 @pytest.mark.parametrize("peak_threshold", [1e-3, 0.0])
 def test_leaving_out_the_background_changes_nothing(peak_threshold: float) -> None:
     rng = np.random.default_rng(5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 import torch
 
@@ -30,22 +32,18 @@ PREDICTED = torch.tensor([[[0.5, 0.25], [0.0, 1.0]], [[1.0, 0.5], [0.0, 0.5]]])
 TARGET = torch.tensor([[[1.0, 0.25], [0.0, 0.0]], [[1.0, 1.0], [0.0, 0.0]]])
 
 
-def test_losses_over_all_pixels_by_hand() -> None:
-    depth, mask = losses(PREDICTED[None], TARGET[None], "all")
-    assert float(depth) == (0.25 + 0 + 0 + 1) / 4
-    assert float(mask) == (0 + 0.25 + 0 + 0.25) / 4
-
-
-def test_the_masked_depth_loss_by_hand() -> None:
-    depth, mask = losses(PREDICTED[None], TARGET[None], "masked")
-    assert float(depth) == (0.25 + 0) / 2
-    assert float(mask) == (0 + 0.25 + 0 + 0.25) / 4
-
-
-def test_an_empty_mask_has_no_depth_loss() -> None:
-    depth, mask = losses(PREDICTED[None], torch.zeros(1, 2, 2, 2), "masked")
-    assert float(depth) == 0
-    assert float(mask) == (1 + 0.25 + 0.25) / 4
+@pytest.mark.parametrize(
+    ("target", "kind", "of_depth", "of_mask"),
+    [
+        (TARGET, "all", (0.25 + 0 + 0 + 1) / 4, (0 + 0.25 + 0 + 0.25) / 4),
+        (TARGET, "masked", (0.25 + 0) / 2, (0 + 0.25 + 0 + 0.25) / 4),
+        (torch.zeros(2, 2, 2), "masked", 0, (1 + 0.25 + 0.25) / 4),
+    ],
+    ids=["all pixels", "inside the mask", "an empty mask"],
+)
+def test_losses_by_hand(target: torch.Tensor, kind: Literal["all", "masked"], of_depth: float, of_mask: float) -> None:
+    depth, mask = losses(PREDICTED[None], target[None], kind)
+    assert (float(depth), float(mask)) == (of_depth, of_mask)
 
 
 def test_the_step_size_is_the_papers_or_falls_along_a_cosine() -> None:

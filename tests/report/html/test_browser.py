@@ -20,9 +20,9 @@ from benchmark.report.pictures import posing
 from benchmark.report.pictures.painting import painted
 from benchmark.report.results import Results
 from tests.records import failed
+from tests.report.html.browser import CHROMIUM, DESK, DRIVER, PHONE, Browser, chromium
 from tests.report.html.made_up import REFUSED, write_made_up
 from tests.toy import rod, write_rods
-from tools.browser import CHROMIUM, DESK, DRIVER, PHONE, Browser, chromium
 
 pytestmark = [
     pytest.mark.slow,

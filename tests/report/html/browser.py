@@ -71,8 +71,8 @@ class Browser:
 
     def open(self, name: str, size: tuple[int, int] = DESK, dark: bool = False, fresh: bool = True) -> None:
         """Open a page in a window of some size, with nothing chosen before if it is to be fresh."""
-        given = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", given)
+        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
         self.driver.get("about:blank")  # the address behind # alone would load nothing anew
@@ -84,8 +84,8 @@ class Browser:
         """What a script says as soon as that is true of the page."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
-            if found := self.run(f"return {script}", *arguments):
-                return found
+            if value := self.run(f"return {script}", *arguments):
+                return value
             time.sleep(0.1)
         raise AssertionError(f"never true: {script}; {self.complaints()}")
 
@@ -116,14 +116,13 @@ class Browser:
         from selenium.webdriver.common.by import By
 
         place = self.driver.find_element(By.CSS_SELECTOR, selector)
-        moved = ActionChains(self.driver).move_to_element_with_offset(place, *start).click_and_hold()
-        moved.move_by_offset(by[0] // 2, by[1] // 2).move_by_offset(by[0] // 2, by[1] // 2).release().perform()
+        chain = ActionChains(self.driver).move_to_element_with_offset(place, *start).click_and_hold()
+        chain.move_by_offset(by[0] // 2, by[1] // 2).move_by_offset(by[0] // 2, by[1] // 2).release().perform()
 
     def column(self, number: int) -> list[str]:
         """Texts of a column of the scores, as far as it is shown."""
         rows = "[...document.querySelectorAll('#scores tbody tr')].filter((row) => !row.hidden)"
-        found: list[str] = self.run(f"return {rows}.map((row) => row.cells[{number}].textContent)")
-        return found
+        return list(self.run(f"return {rows}.map((row) => row.cells[{number}].textContent)"))
 
     def picture(self, selector: str = "") -> NDArray[np.int64]:
         """Pixels of an element, or of the window; (height, width, 3), 0 to 255."""
@@ -135,5 +134,5 @@ class Browser:
 
     def complaints(self) -> list[str]:
         """What the console said since it was last asked."""
-        told = self.driver.get_log("browser")
-        return [line["message"] for line in told if line["level"] in ("SEVERE", "ERROR")]
+        lines = self.driver.get_log("browser")
+        return [line["message"] for line in lines if line["level"] in ("SEVERE", "ERROR")]

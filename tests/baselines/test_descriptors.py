@@ -1,0 +1,68 @@
+"""Descriptors on shapes whose values follow by hand, or from another decomposition."""
+
+import numpy as np
+import pytest
+
+from baselines.sd_gdm import SDGDM
+from baselines.shape_dna import ShapeDNA
+from baselines.surface_area import SurfaceArea
+from baselines.wks_mean import MeanWKS
+from benchmark.api.contracts import Descriptor, Shape, UnsupportedShape
+from benchmark.geometry.laplacian import eigenpairs
+from tests.baselines.embedding import PointShape, limbed, points_on_ellipsoid, sphere
+
+
+def ball(n, radius=1.0, area=None):
+    return Shape(identifier="ball", mesh=sphere(n).with_vertices(radius * sphere(n).vertices), source_area=area)
+
+
+@pytest.mark.parametrize(
+    ("method", "descriptors", "distances"),
+    [
+        (SDGDM(), [[0.6, 0.4], [0.2, 0.8]], [[0, 1 + 2 / 3], [1 + 2 / 3, 0]]),
+        (ShapeDNA(), [[0.0, 3], [4.0, 0], [0.0, 3]], [[0, 5, 0], [5, 0, 5], [0, 5, 0]]),
+        (SurfaceArea(), [[2.0], [5.0], [4.5]], [[0, 3, 2.5], [3, 0, 0.5], [2.5, 0.5, 0]]),
+    ],
+)
+def test_distances_by_hand(method, descriptors, distances):
+    np.testing.assert_allclose(method.distances([np.array(row) for row in descriptors]), distances)
+    assert isinstance(method, Descriptor)
+
+
+def test_sd_gdm_has_the_spectrum_of_the_distances():
+    # The matrix of ones without its diagonal: n - 1 once and -1 otherwise.
+    equal = PointShape(points_on_ellipsoid(60), np.ones((60, 60)) - np.eye(60))
+    np.testing.assert_allclose(SDGDM(count=5).describe(equal), np.array([59, 1, 1, 1, 1]) / 63, atol=1e-10)
+    shape = limbed()
+    expected = np.linalg.svd(shape.geodesics(), compute_uv=False)[:20]
+    np.testing.assert_allclose(SDGDM().describe(shape), expected / expected.sum(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("radius", [1, 5])
+def test_shape_dna_has_the_spectrum_of_a_sphere(radius):
+    # Eigenvalues l (l + 1), each 2 l + 1 times, times the area 4 pi, whatever the radius.
+    expected = 4 * np.pi * np.array([2] * 3 + [6] * 5 + [12] * 4)
+    np.testing.assert_allclose(ShapeDNA().describe(ball(2000, radius)), expected, rtol=0.02)
+
+
+def test_surface_area_is_that_before_scaling():
+    assert SurfaceArea().describe(ball(50, area=4.5)) == 4.5
+    with pytest.raises(UnsupportedShape, match="area before scaling"):
+        SurfaceArea().describe(ball(50))
+
+
+def test_mean_wks_is_even_on_a_sphere_and_agrees_with_the_definition():
+    # All functions of degrees 1 to 3: the squares of each degree sum to a constant, so every band is even.
+    np.testing.assert_allclose(MeanWKS(eigenpairs=15).describe(ball(1500)), 1, atol=0.01)
+    shape = limbed(200)
+    laplacian = shape.laplacian()
+    values, functions = eigenpairs(laplacian, 21)
+    area = laplacian.mass.sum()
+    logs = np.log(area * values[1:])
+    energies = np.linspace(logs[0], logs[-1] / 1.02, 10)
+    expected = []
+    for energy in energies:
+        weights = np.exp(-((energy - logs) ** 2) / (2 * (7 * (energies[1] - energies[0])) ** 2))
+        signature = sum(w * functions[:, k + 1] ** 2 for k, w in enumerate(weights)) / weights.sum()
+        expected.append(area * np.sqrt((laplacian.mass * signature**2).sum() / area))
+    np.testing.assert_allclose(MeanWKS(eigenpairs=20, energies=10).describe(shape), expected, rtol=1e-10)
