@@ -13,12 +13,12 @@ PACKAGES = ("benchmark", "baselines", "learned", "retrieval")
 
 def first_party_modules() -> list[ModuleType]:
     """All modules of the suite, imported."""
-    found = []
+    modules = []
     for name in PACKAGES:
         package = importlib.import_module(name)
         names = [info.name for info in pkgutil.walk_packages(package.__path__, f"{name}.")]
-        found += [importlib.import_module(module) for module in names if not module.endswith("__main__")]
-    return found
+        modules += [importlib.import_module(module) for module in names if not module.endswith("__main__")]
+    return modules
 
 
 def kernels_of(module: ModuleType) -> list[Dispatcher]:

@@ -29,7 +29,7 @@ def record(
 ) -> dict[str, Any]:
     """Record of a finished job; other ``code`` makes it one of another recipe in the same place."""
     recipe = {"seed": 0, "input": input_, "method": method, "gallery": gallery, "versions": {f"method/{method}": code}}
-    found = {
+    values = {
         "gallery": gallery, "input": input_, "method": method, "title": method.title(), "family": "extended",
         "parameters": {}, "target": f"baselines.{method}:Method",
         "data": {
@@ -43,11 +43,11 @@ def record(
         "unsupported": [], "notes": {}, "cost": {"seconds_per_shape": {"canonicalise": 1.5}}, "peak_mib": 100,
         "wall_seconds": 1.0, "environments": [], "artefacts": ["ab"],
     }  # fmt: skip
-    found["data"] |= data or {}
-    found |= more
-    found.setdefault("chance", chance_levels(found["labels"]))
-    found.setdefault("per_query", {name: queries(value, found["labels"]) for name, value in found["scores"].items()})
-    return {"key": digest(found["recipe"]), **found}
+    values["data"] |= data or {}
+    values |= more
+    values.setdefault("chance", chance_levels(values["labels"]))
+    values.setdefault("per_query", {name: queries(value, values["labels"]) for name, value in values["scores"].items()})
+    return {"key": digest(values["recipe"]), **values}
 
 
 @cache
@@ -59,25 +59,25 @@ def published() -> tuple[dict[str, Any], ...]:
 def copy_published(folder: Path, wanted: Callable[[dict[str, Any]], bool]) -> None:
     """Write some of them into a folder, as files of their own."""
     folder.mkdir(parents=True, exist_ok=True)
-    for found in filter(wanted, published()):
-        write_text(folder / f"{found['key']}.json", as_text(found))
+    for published_record in filter(wanted, published()):
+        write_text(folder / f"{published_record['key']}.json", as_text(published_record))
 
 
 def queries(mean: float, labels: Sequence[str]) -> list[float | None]:
     """Values of single queries with this mean: hits and failures where there is such a number of hits."""
     has_relevant = [labels.count(label) > 1 for label in labels]
     hits, count = mean * sum(has_relevant), 0
-    found: list[float | None] = []
+    values: list[float | None] = []
     for scored in has_relevant:
-        found.append((float(count < round(hits)) if hits == round(hits) else mean) if scored else None)
+        values.append((float(count < round(hits)) if hits == round(hits) else mean) if scored else None)
         count += scored
-    return found
+    return values
 
 
 def failed(status: str = "timeout", reason: str = "stopped", **options: Any) -> dict[str, Any]:
     """Record of a job without scores."""
-    found = record(**options)
-    kept = (
+    finished = record(**options)
+    names = (
         "key",
         "gallery",
         "input",
@@ -90,4 +90,4 @@ def failed(status: str = "timeout", reason: str = "stopped", **options: Any) -> 
         "recipe",
         "finished",
     )
-    return {name: found[name] for name in kept} | {"status": status, "reason": reason}
+    return {name: finished[name] for name in names} | {"status": status, "reason": reason}

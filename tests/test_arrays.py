@@ -29,12 +29,12 @@ def made(tmp_path, *, scratch):
 def survives(store, path, content, *, scratch):
     """Whether a file with this content is made again, or read as what was kept."""
     path.write_bytes(content)
-    found = store.find({"a": 1})
-    if found is None:
+    artefact = store.find({"a": 1})
+    if artefact is None:
         return True
-    same = found.arrays.keys() == ARRAYS.keys()
+    same = artefact.arrays.keys() == ARRAYS.keys()
     return same and all(
-        found.arrays[name].dtype == array.dtype and np.array_equal(found.arrays[name], array)
+        artefact.arrays[name].dtype == array.dtype and np.array_equal(artefact.arrays[name], array)
         for name, array in ARRAYS.items()
     )
 
@@ -73,9 +73,9 @@ def test_every_length_of_a_truncated_file_is_noticed(tmp_path, scratch):
 def archive(parts):
     """A zip whose checksums are right, whatever its parts hold."""
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as found:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as zipped:
         for name, content in parts.items():
-            found.writestr(name, content)
+            zipped.writestr(name, content)
     return file.getvalue()
 
 
@@ -156,10 +156,10 @@ def test_a_small_file_that_unfolds_to_more_than_memory_holds_is_not_unfolded(tmp
 def test_arrays_come_back_as_they_were(tmp_path, array, compressed):
     with (tmp_path / "file").open("wb") as file:
         save_arrays(file, KEY, {"x": array}, compressed=compressed)
-    found = load_arrays(tmp_path / "file", KEY)["x"]
-    assert (found.dtype, found.shape, found.strides) == (array.dtype, array.shape, array.strides)
-    assert np.array_equal(found, array)
-    assert found.flags.writeable
+    loaded = load_arrays(tmp_path / "file", KEY)["x"]
+    assert (loaded.dtype, loaded.shape, loaded.strides) == (array.dtype, array.shape, array.strides)
+    assert np.array_equal(loaded, array)
+    assert loaded.flags.writeable
 
 
 def kept(path, array, *, compressed=True):
@@ -178,7 +178,7 @@ def symmetric(count, dtype=float):
 @pytest.mark.parametrize("dtype", ["<f8", "<f4", ">f8", "<f2"])
 def test_a_symmetric_matrix_comes_back_to_the_last_bit(tmp_path, count, dtype):
     matrix = symmetric(count, dtype)
-    found = kept(tmp_path / "file", matrix)
-    assert (found.dtype, found.shape, found.strides) == (matrix.dtype, matrix.shape, matrix.strides)
-    assert found.tobytes() == matrix.tobytes()
-    assert found.flags.writeable
+    loaded = kept(tmp_path / "file", matrix)
+    assert (loaded.dtype, loaded.shape, loaded.strides) == (matrix.dtype, matrix.shape, matrix.strides)
+    assert loaded.tobytes() == matrix.tobytes()
+    assert loaded.flags.writeable

@@ -69,8 +69,8 @@ def test_what_new_writes_is_an_example_under_another_name(kind, tmp_path):
 
 @pytest.mark.slow
 def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
-    said = far("pytest", "-q", "-p", "no:cacheprovider", ".")
-    passed, skipped = (sum(map(int, re.findall(rf"(\d+) {word}", said))) for word in ("passed", "skipped"))
+    output = far("pytest", "-q", "-p", "no:cacheprovider", ".")
+    passed, skipped = (sum(map(int, re.findall(rf"(\d+) {word}", output))) for word in ("passed", "skipped"))
     assert passed + skipped == 2 * len(NAMES) + 1  # of Octave
     assert skipped == 2 * (shutil.which("g++") is None) + (shutil.which("octave-cli") is None)
 
@@ -80,10 +80,10 @@ def test_method_descriptor_scorer_and_data_set_make_a_table_far_from_the_checkou
     kinds = ("method", "descriptor", "scorer", "dataset")
     plugins = [word for kind in kinds for word in ("--plugin", file_of(kind).name)]
     methods = ("-m", "ray-stretch", "-m", "distance-profile", "--scorer", "distance-distribution")
-    said = far("benchmark", "run", *plugins, *methods, "--input", "mesh")
+    output = far("benchmark", "run", *plugins, *methods, "--input", "mesh")
     title = "**Table bent-ellipsoids. Retrieval on bent-ellipsoids, scored by Distance Distribution: Bent Ellipsoids "
-    assert f"{title}(12 shapes, 3 classes).**" in said
-    rows = [line.split("|")[1].strip() for line in said.splitlines() if line.startswith("| ")]
+    assert f"{title}(12 shapes, 3 classes).**" in output
+    rows = [line.split("|")[1].strip() for line in output.splitlines() if line.startswith("| ")]
     assert rows[0] == "Method"
     assert rows[2:] == ["Distance Profile", "Ray Stretch", "*Chance*"]
 
@@ -95,8 +95,8 @@ def test_the_learner_is_trained_and_tested_far_from_the_checkout(far, tmp_path):
             write_off(tmp_path / "data" / "tosca" / f"{name}{number}.off", rod(radius, bend, rings=12, sides=8))
     options = ("-t", "III", "--plugin", "nearest_view.py", "--data-root", "data")
     assert "kept 4 pairs" in far("benchmark", "train", "nearest-view", *options)
-    said = far("benchmark", "run", "-m", "nearest-view", *options, "--input", "view")
-    assert re.search("- Nearest View: trained on .*: 4 pairs, kept as they are", said)
+    output = far("benchmark", "run", "-m", "nearest-view", *options, "--input", "view")
+    assert re.search("- Nearest View: trained on .*: 4 pairs, kept as they are", output)
 
 
 CPP, OCTAVE = ("graph-stress", "graph_stress"), ("principal-axes", "principal_axes.m")

@@ -50,12 +50,12 @@ def test_only_what_dead_writers_left_is_swept(tmp_path):
     )
     assert subprocess.run([sys.executable, "-c", command], check=False).returncode == -9
     (dead,) = (tmp_path / "a").iterdir()
-    kept = [f".{os.getpid()}-abcd.tmp", ".1-abcd.tmp", ".notes-draft.tmp", "999999-x.tmp", "file.tmp", "file"]
-    for name in kept:
+    others = [f".{os.getpid()}-abcd.tmp", ".1-abcd.tmp", ".notes-draft.tmp", "999999-x.tmp", "file.tmp", "file"]
+    for name in others:
         (tmp_path / "a" / name).write_text("")
     assert list(leftovers(tmp_path)) == [dead]
     seen = []
     write_atomically(tmp_path / "a" / "other", lambda _: seen.append(list(leftovers(tmp_path))))
     assert seen == [[dead]]
     assert sweep(tmp_path) == 1
-    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted([*kept, "other"])
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted([*others, "other"])

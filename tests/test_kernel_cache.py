@@ -27,10 +27,10 @@ def chosen(tmp_path, monkeypatch):
 
 
 def test_they_go_into_a_folder_of_the_user_alone(chosen, tmp_path):
-    found = tmp_path / f"canonical-forms-kernels-{os.getuid()}"
-    assert chosen() == str(found)
-    assert stat.S_IMODE(found.stat().st_mode) == 0o700
-    assert chosen() == str(found)
+    folder = tmp_path / f"canonical-forms-kernels-{os.getuid()}"
+    assert chosen() == str(folder)
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert chosen() == str(folder)
 
 
 def test_a_folder_that_others_can_write_to_is_not_trusted(chosen, tmp_path):

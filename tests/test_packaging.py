@@ -35,15 +35,15 @@ def packed():
         made.include_package_data = False  # there is no manifest; looking for one would write into the checkout
         build = made.get_command_obj("build_py")
         build.ensure_finalized()
-        found = {
+        files_of = {
             f"{module[0].replace('.', '/')}/{Path(module[2]).name}": ROOT / module[2]
             for module in build.find_all_modules()
         }
         for package, source, _, files in build.data_files:
-            found |= {f"{package.replace('.', '/')}/{name}": ROOT / source / name for name in files}
+            files_of |= {f"{package.replace('.', '/')}/{name}": ROOT / source / name for name in files}
     finally:
         os.chdir(before)
-    return found
+    return files_of
 
 
 def test_the_wheel_has_the_models_of_people_and_animals_and_stays_small(packed):

@@ -15,11 +15,11 @@ ANY = st.text(st.characters(codec=None, exclude_categories=()))
 
 @given(ANY)
 def test_whatever_it_was_it_can_be_printed_on_one_line(text):
-    told = clean(text)
-    assert told.isprintable()
-    assert told.splitlines() in ([told], [])
-    told.encode("utf-8")
-    assert clean(told) == told
+    line = clean(text)
+    assert line.isprintable()
+    assert line.splitlines() in ([line], [])
+    line.encode("utf-8")
+    assert clean(line) == line
 
 
 @pytest.mark.parametrize(

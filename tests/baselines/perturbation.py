@@ -31,23 +31,23 @@ def other_rounding(seed: int) -> Iterator[None]:
     """Inside, eigenvectors have other signs, and solvers and geodesics make other rounding errors."""
     random = np.random.default_rng(seed)
 
-    def noisy(found: np.ndarray) -> np.ndarray:
-        return found + NOISE * np.abs(found).max() * random.uniform(-1, 1, found.shape)
+    def noisy(array: np.ndarray) -> np.ndarray:
+        return array + NOISE * np.abs(array).max() * random.uniform(-1, 1, array.shape)
 
     def eigen(solve: Any) -> Any:
         def solved(*args: Any, **options: Any) -> Any:
-            found = solve(*args, **options)
-            if isinstance(found, np.ndarray):
-                return noisy(found)
-            values, vectors = found
+            result = solve(*args, **options)
+            if isinstance(result, np.ndarray):
+                return noisy(result)
+            values, vectors = result
             return noisy(values), noisy(vectors) * random.choice([-1.0, 1.0], vectors.shape[1])
 
         return solved
 
     def plain(solve: Any) -> Any:
         def solved(*args: Any, **options: Any) -> Any:
-            found = solve(*args, **options)
-            return noisy(found) if isinstance(found, np.ndarray) else tuple(map(noisy, found))
+            result = solve(*args, **options)
+            return noisy(result) if isinstance(result, np.ndarray) else tuple(map(noisy, result))
 
         return solved
 

@@ -12,8 +12,8 @@ pytestmark = pytest.mark.kernels
 @pytest.mark.parametrize("n", [4, 64, 301])
 def test_points_in_space_are_recovered(n):
     points = np.random.default_rng(n).standard_normal((n, 3)) * [3, 2, 1]
-    found, ratios = classic_scaling(cdist(points, points))
-    np.testing.assert_allclose(spread(found), spread(points), atol=1e-8)
+    embedded, ratios = classic_scaling(cdist(points, points))
+    np.testing.assert_allclose(spread(embedded), spread(points), atol=1e-8)
     assert ratios[3] == pytest.approx(0, abs=1e-9)
 
 

@@ -33,11 +33,11 @@ def answer(method: Any, shape: Shape) -> np.ndarray:
     return method.canonicalise(shape).vertices if isinstance(method, Method) else method.describe(shape)
 
 
-def assert_same(found: np.ndarray, expected: np.ndarray, tolerance: float) -> None:
+def assert_same(answered: np.ndarray, expected: np.ndarray, tolerance: float) -> None:
     """Forms may lie elsewhere in space, descriptors may not."""
     if expected.ndim == 2 and expected.shape[1] == 3:
-        found = moved_to(found, expected)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * np.ptp(expected, axis=0).max())
+        answered = moved_to(answered, expected)
+    np.testing.assert_allclose(answered, expected, rtol=0, atol=tolerance * np.ptp(expected, axis=0).max())
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -25,9 +25,9 @@ def test_positions_agree_with_scikit_learn_step_by_step(seed=0):
         expected, raw, _ = sklearn_smacof(
             distances, n_components=3, init=start, n_init=1, max_iter=iterations, eps=0, return_n_iter=True
         )
-        found = smacof(distances, start, max_iterations=iterations, rtol=0)
-        np.testing.assert_allclose(found.points, expected, atol=1e-10)
-        assert found.stress[-1] == pytest.approx(raw / (distances**2).sum() * 2, rel=1e-9)
+        scaling = smacof(distances, start, max_iterations=iterations, rtol=0)
+        np.testing.assert_allclose(scaling.points, expected, atol=1e-10)
+        assert scaling.stress[-1] == pytest.approx(raw / (distances**2).sum() * 2, rel=1e-9)
 
 
 @settings(max_examples=25)

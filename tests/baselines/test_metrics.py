@@ -38,9 +38,9 @@ def by_definition(shape: Shape, metric: str, time: float) -> np.ndarray:
 def test_with_all_eigenfunctions_the_distances_are_those_of_the_definition(metric):
     shape = limbed(120)
     shape.mesh = shape.mesh.with_vertices(1.7 * shape.mesh.vertices)
-    found = distances_under(shape, metric, 0.03, 119, "default")
+    distances = distances_under(shape, metric, 0.03, 119, "default")
     expected = by_definition(shape, metric, 0.03)
-    np.testing.assert_allclose(found**2, expected, atol=1e-9 * expected.max())
+    np.testing.assert_allclose(distances**2, expected, atol=1e-9 * expected.max())
 
 
 def test_commute_time_on_an_evenly_sampled_surface_is_the_global_point_signature():

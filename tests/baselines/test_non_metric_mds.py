@@ -22,8 +22,8 @@ def random_problem(seed: int, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
 @given(st.integers(0, 10**6), st.integers(1, 1000), st.sampled_from([0.0, 0.1, 1.0, 10.0]))
 def test_isotonic_regression_agrees_with_scipy(seed, length, trend):
     values = np.random.default_rng(seed).standard_normal(length) + trend * np.linspace(0, 1, length)
-    found = isotonic_regression(values, np.arange(1, length + 1))
-    np.testing.assert_allclose(found, scipy_isotonic_regression(values).x, atol=1e-12)
+    fitted = isotonic_regression(values, np.arange(1, length + 1))
+    np.testing.assert_allclose(fitted, scipy_isotonic_regression(values).x, atol=1e-12)
 
 
 @settings(max_examples=40)
@@ -33,8 +33,8 @@ def test_ties_agree_with_scikit_learn(seed, length, levels):
     ranks = np.sort(generator.integers(0, levels, length))
     values = generator.random(length) + 0.5 * ranks / levels
     ends = np.append(np.flatnonzero(np.diff(ranks)) + 1, length)
-    found = isotonic_regression(values, ends)
-    np.testing.assert_allclose(found, IsotonicRegression().fit_transform(ranks, values), atol=1e-12)
+    fitted = isotonic_regression(values, ends)
+    np.testing.assert_allclose(fitted, IsotonicRegression().fit_transform(ranks, values), atol=1e-12)
 
 
 @settings(max_examples=25)

@@ -50,11 +50,11 @@ def perturbed(name: str, mesh: Mesh, seed: int) -> FloatArray:
 
 
 def check(name: str, mesh: Mesh, seed: int) -> None:
-    expected, found = answer(name, mesh), perturbed(name, mesh, seed)
+    expected, disturbed = answer(name, mesh), perturbed(name, mesh, seed)
     size = np.abs(expected).max()
     if expected.ndim == 2:
-        found, size = moved_to(found, expected), np.ptp(expected, axis=0).max()
-    np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCES.get(name, TOLERANCE) * size)
+        disturbed, size = moved_to(disturbed, expected), np.ptp(expected, axis=0).max()
+    np.testing.assert_allclose(disturbed, expected, rtol=0, atol=TOLERANCES.get(name, TOLERANCE) * size)
 
 
 @pytest.mark.parametrize("surface", ["closed", "round tube"])

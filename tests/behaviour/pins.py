@@ -54,12 +54,12 @@ def options(verb: str = "") -> dict[str, list[str]]:
     heads = [line.strip() for line in text.splitlines() if re.match(r"  (-\w, )?-", line)]
     # The short form is that of the group, which click forgets where a verb was asked without it before.
     shown = [re.split(r"  +", head)[0].replace("-h, --help", "--help") for head in heads]
-    found = {verb: [usage.strip(), *(each for each in shown if not _is_going(verb, each))]}
+    verbs_options = {verb: [usage.strip(), *(each for each in shown if not _is_going(verb, each))]}
     verbs = text.partition("Show this message and exit.\n")[2]
     for name in sorted(re.findall(r"^  (\w+)  ", verbs, re.MULTILINE)):
         if name not in GOING:
-            found |= options(f"{verb} {name}".strip())
-    return found
+            verbs_options |= options(f"{verb} {name}".strip())
+    return verbs_options
 
 
 def _is_going(verb: str, shown: str) -> bool:
@@ -80,12 +80,12 @@ def described(name: str) -> dict[str, Any]:
 def methods() -> dict[str, dict[str, Any]]:
     """What ``describe --json`` says of each method, without prose."""
     names = [row["name"] for row in listed("methods")]
-    told = {name: described(name) for name in names}
+    facts_of = {name: described(name) for name in names}
     wanted = ("title", "family", "kind", "inputs", "scale", "deterministic", "requires")
     return {
         name: {key: facts[key] for key in wanted}
         | {"parameters": {each["name"]: each["default"] for each in facts["parameters"]}}
-        for name, facts in told.items()
+        for name, facts in facts_of.items()
     }
 
 
@@ -108,15 +108,15 @@ def columns(old: Path) -> dict[str, str]:
     rows = json.loads(call("tables", "--results", old / "old", "--format", "json").out)
     lines = list(csv.reader(io.StringIO(call("tables", "--results", old / "old", "--format", "csv").out)))
     outcome = json.loads(call("verify", old / "bundle.zip", "--json").out)
-    told = described("least-squares-mds")
+    method = described("least-squares-mds")
     keys = {
         "tables --format json": rows[0],
         "tables --format json: paper": next(row["paper"] for row in rows if row["paper"]),
         "tables --format json: chance": rows[0]["chance"],
         **{f"list {what} --json": listed(what)[0] for what in ("methods", "scorers", "datasets", "tables", "models")},
         "data list --json": json.loads(call("data", "list", "--json").out)[0],
-        "describe --json": told,
-        "describe --json: parameters": told["parameters"][0],
+        "describe --json": method,
+        "describe --json: parameters": method["parameters"][0],
         "verify --json": outcome,
         "verify --json: rows": outcome["rows"][0],
         "results.records()": results.records().reset_index(),
@@ -154,10 +154,10 @@ def signatures() -> list[str]:
 
 
 def _api_names() -> set[str]:
-    found = {"DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"}
+    names = {"DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"}
     for module in pkgutil.walk_packages(benchmark.api.__path__, "benchmark.api."):
-        found.update(getattr(importlib.import_module(module.name), "__all__", ()))
-    return {name for name in found if hasattr(benchmark.api, name)}
+        names.update(getattr(importlib.import_module(module.name), "__all__", ()))
+    return {name for name in names if hasattr(benchmark.api, name)}
 
 
 def _lines(name: str, value: Any, wanted: Collection[str] = ()) -> Iterator[str]:
@@ -186,9 +186,9 @@ class _Bare(str):
 
 
 def _signature(value: Any) -> str:
-    found = inspect.signature(value)
-    parameters = [each.replace(annotation=_bare(each.annotation)) for each in found.parameters.values()]
-    text = str(found.replace(parameters=parameters, return_annotation=_bare(found.return_annotation)))
+    signature = inspect.signature(value)
+    parameters = [each.replace(annotation=_bare(each.annotation)) for each in signature.parameters.values()]
+    text = str(signature.replace(parameters=parameters, return_annotation=_bare(signature.return_annotation)))
     return text.replace(", rre]", "]")
 
 

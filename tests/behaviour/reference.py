@@ -118,8 +118,8 @@ def compare(before: Mapping[str, Mapping[str, list[Any]]], now: Mapping[str, Map
             lines.append(f"{row}: {'new' if row in now else 'missing'}")
             continue
         names = dict.fromkeys([*before[row], *now[row]])
-        told = [text for name in names if (text := _difference(before[row].get(name), now[row].get(name), name))]
-        lines += [f"{row}: {'; '.join(told)}"] if told else []
+        differences = [text for name in names if (text := _difference(before[row].get(name), now[row].get(name), name))]
+        lines += [f"{row}: {'; '.join(differences)}"] if differences else []
     return lines
 
 

@@ -58,11 +58,11 @@ def test_meshes(tmp_path):
         write(tmp_path / name)
     write_mat(tmp_path / "dog1.mat")
     write_vert(tmp_path / "dog2.vert")
-    told = check(tmp_path)
-    assert f"{tmp_path.name}: 6 shapes, 2 classes" in told
-    assert "vertices 130 to 130" in told
-    assert "faces 256 to 256" in told
-    assert "0 errors" in told
+    report = check(tmp_path)
+    assert f"{tmp_path.name}: 6 shapes, 2 classes" in report
+    assert "vertices 130 to 130" in report
+    assert "faces 256 to 256" in report
+    assert "0 errors" in report
 
 
 def test_classes(tmp_path):
@@ -91,9 +91,9 @@ def test_settings_of_a_set(tmp_path):
     assert "stand-in for tosca" in check(tmp_path)
     for text, named in (("size = 3", "size"), ('up = "x"', "up"), ("half_width = 0", "half_width")):
         settings.write_text(text + "\n")
-        told = check(tmp_path, 1)
-        assert named in told
-        assert "dataset.toml" in told
+        report = check(tmp_path, 1)
+        assert named in report
+        assert "dataset.toml" in report
 
 
 def test_depth_images(tmp_path):
@@ -107,10 +107,10 @@ def test_depth_images(tmp_path):
     (tmp_path / "lean4.pfm").write_bytes(f"Pf\n{columns} {rows}\n-1.0\n".encode() + depth[::-1].astype("<f4").tobytes())
     Image.fromarray(((depth < 2.5) * 255).astype(np.uint8)).save(tmp_path / "lean0_mask.png")
     (tmp_path / "lean1.npy").unlink()
-    told = check(tmp_path)
-    assert "7 shapes, 2 classes" in told
-    assert "lean 5, stout 2" in told
-    assert "0 errors" in told
+    report = check(tmp_path)
+    assert "7 shapes, 2 classes" in report
+    assert "lean 5, stout 2" in report
+    assert "0 errors" in report
 
 
 CAMERAS = {

@@ -79,9 +79,9 @@ def test_a_part_of_it_is_made_twice_alike(tmp_path):
 
 
 def test_two_poses_of_two_subjects_are_ranked():
-    kept = few(tuple(open_dataset("animals", None).entries), 9)
-    assert len(kept) == 4
-    assert len({entry.subject for entry in kept}) == 2
+    chosen = few(tuple(open_dataset("animals", None).entries), 9)
+    assert len(chosen) == 4
+    assert len({entry.subject for entry in chosen}) == 2
 
 
 @pytest.mark.skipif(not REFERENCE.exists(), reason="the reference is not made yet")

@@ -54,10 +54,10 @@ def test_holes_are_counted_as_loops(rods):
     # The fans of the two ends of a rod of 12 sides.
     ends = [face for face, corners in enumerate(ROD.faces) if corners.max() >= ROD.n_vertices - 2]
     write_off(rods / "thin1.off", without_faces(ROD, ends))
-    found = lines(rods)
-    assert found[0].startswith("warning  thin1.off  2 vertices without a face; ")
-    assert found[1].startswith("warning  thin1.off  24 boundary edges around 2 holes; close the surface")
-    assert len(found) == 2
+    anomalies = lines(rods)
+    assert anomalies[0].startswith("warning  thin1.off  2 vertices without a face; ")
+    assert anomalies[1].startswith("warning  thin1.off  24 boundary edges around 2 holes; close the surface")
+    assert len(anomalies) == 2
 
 
 def test_the_number_of_holes_agrees_with_libigl():
@@ -178,12 +178,12 @@ def test_an_incomplete_official_set_is_an_error(tmp_path):
     for number in range(3):
         write_off(tmp_path / "tosca" / f"cat{number}.off", rod(0.1, number))
         write_off(tmp_path / "tosca" / f"pig{number}.off", rod(0.2, number))
-    found = [str(anomaly) for anomaly in check_source("tosca", tmp_path).anomalies]
-    assert found[0].startswith("error    tosca  class 'cat' has 3 shapes, officially 11; unpack")
-    assert found[-1].startswith("error    tosca  class 'pig' has 3 shapes, officially 0; ")
-    assert len(found) == 10
+    anomalies = [str(anomaly) for anomaly in check_source("tosca", tmp_path).anomalies]
+    assert anomalies[0].startswith("error    tosca  class 'cat' has 3 shapes, officially 11; unpack")
+    assert anomalies[-1].startswith("error    tosca  class 'pig' has 3 shapes, officially 0; ")
+    assert len(anomalies) == 10
     # The hint that it names helps: the same folder by its path is a set of its own.
-    assert f"name the folder, -d {tmp_path / 'tosca'}," in found[0]
+    assert f"name the folder, -d {tmp_path / 'tosca'}," in anomalies[0]
     assert lines(tmp_path / "tosca") == []
 
 
@@ -249,8 +249,8 @@ def test_the_count_goes_to_stderr_from_the_start_on(rods, monkeypatch):
     checked = CliRunner().invoke(data, ["check", str(rods)])
     assert checked.stderr.splitlines() == [f"checking {rods}: 0 of 6", "6 of 6"]
     monkeypatch.setattr("benchmark.cli.terminal.INTERVAL", 0.0)
-    told = CliRunner().invoke(data, ["check", str(rods)]).stderr.splitlines()
-    assert [line.partition(",")[0] for line in told[1:]] == [f"{n} of 6" for n in (1, 2, 3, 4, 5, 6)]
+    progress = CliRunner().invoke(data, ["check", str(rods)]).stderr.splitlines()
+    assert [line.partition(",")[0] for line in progress[1:]] == [f"{n} of 6" for n in (1, 2, 3, 4, 5, 6)]
 
 
 def test_an_interruption_ends_the_check_with_one_line(rods, monkeypatch, capsys):

@@ -36,16 +36,18 @@ def test_a_decimated_body_stays_near_and_closed_in_every_unit(program):
     if program == "fast-simplification":
         pytest.importorskip("fast_simplification")
     body = limbed_body(4)  # 2562 vertices
-    found = decimated(body, program, 1000)
-    prepared, root = prepare(found), np.sqrt(body.area)
+    coarse = decimated(body, program, 1000)
+    prepared, root = prepare(coarse), np.sqrt(body.area)
     assert prepared.report["boundary_edges"] == 0
     assert (prepared.mesh.n_vertices, prepared.report["euler_characteristic"]) == (1000, 2)
-    distances = np.sqrt(igl.point_mesh_squared_distance(body.vertices, found.vertices, found.faces.astype(np.int64))[0])
+    distances = np.sqrt(
+        igl.point_mesh_squared_distance(body.vertices, coarse.vertices, coarse.faces.astype(np.int64))[0]
+    )
     assert distances.max() < 0.01 * root
     in_microns = decimated(body.with_vertices(2.0**20 * body.vertices), program, 1000)
-    np.testing.assert_allclose(in_microns.vertices, 2.0**20 * found.vertices, rtol=1e-6, atol=1e-6)
-    assert decimated(found, program, 1000) is found
-    report = clean(found)[1]
+    np.testing.assert_allclose(in_microns.vertices, 2.0**20 * coarse.vertices, rtol=1e-6, atol=1e-6)
+    assert decimated(coarse, program, 1000) is coarse
+    report = clean(coarse)[1]
     assert (report.non_manifold_edges, report.duplicate_faces) == (0, 0)
 
 
@@ -58,11 +60,11 @@ def test_a_program_that_is_not_installed_is_named_before_any_work(monkeypatch, f
 def test_programs_have_keys_of_their_own_and_all_else_is_that_of_the_clean_set(folder):
     clean_set = open_dataset(folder, None)
     sets = [clean_set, *(Decimated(clean_set, program) for program in DECIMATIONS)]
-    told = {str(recipes.source_recipe(each, entry)) for each in sets for entry in each.entries}
-    assert len(told) == 3 * len(clean_set.entries)
+    keys = {str(recipes.source_recipe(dataset, entry)) for dataset in sets for entry in dataset.entries}
+    assert len(keys) == 3 * len(clean_set.entries)
     entry = sets[1].entries[0]
     assert sets[1].camera(entry) == clean_set.camera(entry)
-    assert [each.identifier for each in sets[1].entries] == [each.identifier for each in clean_set.entries]
+    assert [dataset.identifier for dataset in sets[1].entries] == [dataset.identifier for dataset in clean_set.entries]
 
 
 def test_a_decimated_set_has_complete_surfaces_and_a_table_of_its_own(folder, tmp_path):

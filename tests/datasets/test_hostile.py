@@ -153,6 +153,6 @@ def test_a_shape_out_of_scale_is_named_by_the_check(rods, what):
     spoil, message = BAD[what]
     spoil(rods)
     report = check_source(str(rods), None)
-    found = [anomaly for anomaly in report.anomalies if anomaly.file == "thin7.off"]
-    assert any(re.match(message, str(anomaly)) for anomaly in found), found
+    anomalies = [anomaly for anomaly in report.anomalies if anomaly.file == "thin7.off"]
+    assert any(re.match(message, str(anomaly)) for anomaly in anomalies), anomalies
     assert not [anomaly for anomaly in report.anomalies if anomaly.file != "thin7.off"]

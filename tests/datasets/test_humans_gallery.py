@@ -16,9 +16,9 @@ from benchmark.protocols.galleries import galleries
 
 def test_a_name_in_any_spelling_is_one_gallery_with_a_table_of_its_own():
     names = ("humans[subjects=5,poses=3]", " humans [poses=03, subjects=5]")
-    found = [galleries((), [name]) for name in names]
-    assert [[gallery.name for gallery in each] for each in found] == [["humans[subjects=5,poses=3]"]] * 2
-    (gallery,) = found[0]
+    chosen = [galleries((), [name]) for name in names]
+    assert [[gallery.name for gallery in each] for each in chosen] == [["humans[subjects=5,poses=3]"]] * 2
+    (gallery,) = chosen[0]
     assert len(gallery.entries) == 15
     assert gallery.table.identifier == gallery.name
     assert open_dataset("humans", None).name == "humans"

@@ -149,10 +149,10 @@ class Own:
         f"    dataset = open_dataset('{plugin}:Own' + change, None)\n"
         "    print(json.dumps(source_recipe(dataset, dataset.entries[0])))"
     )
-    told = []
+    printed = []
     for rings in ("8", "9", "9"):
         plugin.write_text(lines.replace("RINGS", rings))
         done = subprocess.run([sys.executable, "-c", read], capture_output=True, text=True, check=True)
-        told.append(done.stdout.splitlines())
-    assert told[1] == told[2]
-    assert not set(told[0]) & set(told[1])
+        printed.append(done.stdout.splitlines())
+    assert printed[1] == printed[2]
+    assert not set(printed[0]) & set(printed[1])

@@ -16,8 +16,8 @@ def test_bodies_are_those_of_the_dense_kernel() -> None:
     vertices = random.normal(size=(2, len(model.template_vertices), 3))
     transforms = np.tile(np.eye(4), (2, model.bone_count, 1, 1))
     transforms[:, :, :3] = random.normal(size=(2, model.bone_count, 3, 4))
-    found = model.get_skinned_vertices(from_numpy(vertices), from_numpy(transforms))
+    skinned = model.get_skinned_vertices(from_numpy(vertices), from_numpy(transforms))
     expected = dense_linear_blend_skinning(
         from_numpy(vertices), model.dense_vertex_bone_weights, from_numpy(transforms)
     )
-    np.testing.assert_allclose(found.numpy(), expected.numpy(), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(skinned.numpy(), expected.numpy(), rtol=0, atol=1e-12)

@@ -19,11 +19,11 @@ TALL = np.ptp(figure().vertices[:, 2])
 @pytest.mark.parametrize("given", [{"roll": 9.0}, {"distance": 3.5, "height": 1.7}, {"wall": None}], ids=str)
 def test_the_rule_finds_the_figure(given):
     depths, mask = frame(**given)
-    found = observe(depths, KINECT)
-    assert overlap(found.mask, mask) > 0.93
-    assert found.notes["mask"] == "found"
-    assert found.notes["planes"] == (2 if given.get("wall", 1) else 1)
-    assert found.notes["up"] == "floor"
+    observed = observe(depths, KINECT)
+    assert overlap(observed.mask, mask) > 0.93
+    assert observed.notes["mask"] == "found"
+    assert observed.notes["planes"] == (2 if given.get("wall", 1) else 1)
+    assert observed.notes["up"] == "floor"
 
 
 def test_the_nearest_of_the_large_pieces_is_the_object():
@@ -66,10 +66,10 @@ def test_without_a_floor_what_is_said_is_up_else_that_of_the_image():
     tilted = scene(roll=10.0, wall=None, floor=False)
     depths, mask = tilted.drawn(KINECT)
     up = tilted.pose.rotation @ [0, 0, 1.0]
-    told = observe(depths, KINECT, mask, tuple(up))
-    untold = observe(depths, KINECT, mask)
-    assert (told.notes["up"], untold.notes["up"]) == ("sidecar", "image")
-    assert np.ptp(told.surface.vertices[:, 1]) == pytest.approx(TALL, abs=0.03)
+    with_up = observe(depths, KINECT, mask, tuple(up))
+    without_up = observe(depths, KINECT, mask)
+    assert (with_up.notes["up"], without_up.notes["up"]) == ("sidecar", "image")
+    assert np.ptp(with_up.surface.vertices[:, 1]) == pytest.approx(TALL, abs=0.03)
     with pytest.raises(InvalidDepth, match="is up in no image; write .right, down, forward."):
         observe(depths, KINECT, mask, (0, 0, 1))
 
@@ -82,10 +82,10 @@ def test_the_surface_of_a_frame_without_faults_lies_on_the_body():
     observed = observe(depths, far, mask)
     standing = Mesh(figure().vertices[:, [0, 2, 1]] * [1, 1, -1], figure().faces)
     true = render_depth(standing, UPRIGHT, 1.285)
-    made = render_depth(observed.surface, UPRIGHT, 1.285)
-    assert overlap(true > 0, made > 0) > 0.97  # pixels of 7 mm
-    both = (true > 0) & (made > 0)
-    apart = 2.57 * (true - made)[both]  # metres
+    rendered = render_depth(observed.surface, UPRIGHT, 1.285)
+    assert overlap(true > 0, rendered > 0) > 0.97  # pixels of 7 mm
+    both = (true > 0) & (rendered > 0)
+    apart = 2.57 * (true - rendered)[both]  # metres
     shift = np.median(apart)  # for the middle of what is seen lies before that of the body
     assert 0 < shift < 0.1
     assert np.median(np.abs(apart - shift)) < 0.005
@@ -96,8 +96,8 @@ def test_pixels_between_two_surfaces_go():
     depths[:, 10:] = 1.0
     flying = depths.copy()
     flying[3:17:3, 10] = 1.5
-    kept = without_flying_pixels(flying, np.ones_like(depths, dtype=bool))
-    np.testing.assert_array_equal(kept, flying != 1.5)
+    filtered = without_flying_pixels(flying, np.ones_like(depths, dtype=bool))
+    np.testing.assert_array_equal(filtered, flying != 1.5)
 
 
 def test_each_fault_of_a_scene_is_named():

@@ -34,31 +34,31 @@ def corner_positions(mesh):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_format_gives_the_mesh_that_was_written(tmp_path, name):
-    found = read(tmp_path, name, FILES[name])
+    mesh = read(tmp_path, name, FILES[name])
     tolerance = 1e-7 if name.endswith(".stl") else 0
-    np.testing.assert_allclose(corner_positions(found), corner_positions(BALL), rtol=0, atol=tolerance)
+    np.testing.assert_allclose(corner_positions(mesh), corner_positions(BALL), rtol=0, atol=tolerance)
     if not name.endswith(".stl"):
-        assert found.vertices.tobytes() == BALL.vertices.tobytes()
-        assert found.faces.tobytes() == BALL.faces.tobytes()
+        assert mesh.vertices.tobytes() == BALL.vertices.tobytes()
+        assert mesh.faces.tobytes() == BALL.faces.tobytes()
 
 
 def assert_named_or_a_mesh(folder, name, content):
     try:
-        found = read(folder, name, content)
+        mesh = read(folder, name, content)
     except (UnreadableMesh, InvalidMesh) as error:
         file = name if str(folder / name) in error.problem else name.replace(".tri", ".vert")
         assert error.problem.startswith(f"{folder / file}: ")
         assert error.hint
         assert len(error.problem) < len(str(folder)) + 300
         return False
-    assert isinstance(found, Mesh)
-    assert found.n_faces <= len(content) + len(FILES["a.tri"])
+    assert isinstance(mesh, Mesh)
+    assert mesh.n_faces <= len(content) + len(FILES["a.tri"])
     return True
 
 
 def damage(folder, name, count, seed=0):
     start = time.process_time()
-    survivors = sum(assert_named_or_a_mesh(folder, name, each) for each in mutations(FILES[name], count, seed))
+    survivors = sum(assert_named_or_a_mesh(folder, name, content) for content in mutations(FILES[name], count, seed))
     assert time.process_time() - start < 0.1 * count + 5
     return survivors
 
@@ -198,6 +198,6 @@ def test_mat_files_are_read_as_scipy_reads_them(tmp_path, kind, compressed):
     path = tmp_path / "mixed.mat"
     savemat(path, {"before": np.arange(9), "surface": fields, "after": "x"}, do_compression=compressed)
     surface = loadmat(path, squeeze_me=True, struct_as_record=False)["surface"]
-    found = read_mesh(path)
-    np.testing.assert_array_equal(found.vertices, np.stack([surface.X, surface.Y, surface.Z], axis=1).astype(float))
-    np.testing.assert_array_equal(found.faces, surface.TRIV.astype(int) - 1)
+    mesh = read_mesh(path)
+    np.testing.assert_array_equal(mesh.vertices, np.stack([surface.X, surface.Y, surface.Z], axis=1).astype(float))
+    np.testing.assert_array_equal(mesh.faces, surface.TRIV.astype(int) - 1)

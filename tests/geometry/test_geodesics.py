@@ -22,8 +22,8 @@ TETRAHEDRON = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0,
 
 def relative_error(mesh, solver, sources):
     exact = geodesics.from_sources(mesh, sources, "exact")
-    found = geodesics.from_sources(mesh, sources, solver)
-    return (np.abs(found - exact) / np.where(exact > 0, exact, 1))[exact > 0]
+    distances = geodesics.from_sources(mesh, sources, solver)
+    return (np.abs(distances - exact) / np.where(exact > 0, exact, 1))[exact > 0]
 
 
 def dense(graph):

@@ -30,10 +30,10 @@ def test_the_prepared_mesh_lies_where_it_says():
 
 def test_an_affine_map_is_carried_over_as_exactly_as_the_prepared_mesh_is_met():
     mesh = flat_grid(60)
-    found, true, places = carried(mesh, 300, lambda x: x @ SHEAR + 1.0)
+    values, true, places = carried(mesh, 300, lambda x: x @ SHEAR + 1.0)
     assert len(np.unique(places.corners)) <= 303
     assert places.distances.max() < 1e-5
-    errors = np.linalg.norm(found - true, axis=1)
+    errors = np.linalg.norm(values - true, axis=1)
     assert (errors <= np.linalg.norm(SHEAR, 2) * places.distances + 1e-12).all()
 
 
@@ -42,11 +42,11 @@ def test_a_curved_map_is_met_better_than_by_the_nearest_vertex():
         return np.stack([x[:, 0], x[:, 1], x[:, 2] + 2 * x[:, 0] ** 2], axis=1)
 
     mesh = sphere(5)
-    found, true, places = carried(mesh, 500, bend)
+    values, true, places = carried(mesh, 500, bend)
     prepared = prepare(mesh, 500)
     points = (mesh.vertices - prepared.centre) / prepared.scale
     nearest = np.linalg.norm(points[:, None] - prepared.mesh.vertices[None], axis=2).argmin(axis=1)
-    error = np.abs(found - true).max()
+    error = np.abs(values - true).max()
     assert error < 0.01
     assert error < np.abs(bend(prepared.mesh.vertices[nearest]) - true).max() / 3
     assert places.distances.max() < 0.01

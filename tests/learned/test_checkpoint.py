@@ -59,8 +59,8 @@ def test_the_file_is_safetensors_and_only_that(tmp_path: Path) -> None:
     # Eight bytes tell the length of a JSON header; all that follows are numbers.
     length = int.from_bytes(content[:8], "little")
     header = json.loads(content[8 : 8 + length])
-    told = header.pop("__metadata__")
-    assert json.loads(told["recipe"]) == RECIPE
+    metadata = header.pop("__metadata__")
+    assert json.loads(metadata["recipe"]) == RECIPE
     assert {entry["dtype"] for entry in header.values()} == {"F32"}
     assert 8 + length + max(entry["data_offsets"][1] for entry in header.values()) == len(content)
     assert files(tmp_path) == {CHECKPOINT}
@@ -94,8 +94,8 @@ def test_a_checkpoint_of_another_torch_is_refused_but_not_one_of_another_build(
     if fits:
         assert Checkpoint(tmp_path, *stepped(0)).resume(RECIPE) == PROGRESS
     else:
-        told = re.escape(f"was made with torch {made}, not {now}; install that version, or delete the checkpoint")
-        with pytest.raises(TrainingError, match=told):
+        message = re.escape(f"was made with torch {made}, not {now}; install that version, or delete the checkpoint")
+        with pytest.raises(TrainingError, match=message):
             Checkpoint(tmp_path, *stepped(0)).resume(RECIPE)
 
 

@@ -78,8 +78,8 @@ def test_what_has_no_frame_is_refused():
 
 
 def test_what_a_network_makes_is_scaled_or_refused():
-    found = BODY.with_vertices(of_unit_area(BODY, 3 * BODY.vertices))
-    assert found.area == pytest.approx(1)
+    scaled = BODY.with_vertices(of_unit_area(BODY, 3 * BODY.vertices))
+    assert scaled.area == pytest.approx(1)
     for vertices in (np.zeros_like(BODY.vertices), np.full_like(BODY.vertices, np.nan)):
         with pytest.raises(UnsupportedShape, match="leaves no surface"):
             of_unit_area(BODY, vertices)

@@ -41,15 +41,15 @@ def pair(identifier: str, target_identifier: str, image: Image, target: Image) -
 
 def test_each_distinct_target_is_kept_once() -> None:
     first, second, third = ellipsoid(0.3, 0.6), ellipsoid(0.6, 0.3), person()
-    found = gather(
+    pairs = gather(
         [pair("a", "t", third, first), pair("b", "u", first, second), pair("c", "t", second, first)], resolution=64
     )
-    assert len(found) == 3
-    assert found.identifiers == ("a", "b", "c")
-    assert found.target_of.tolist() == [0, 1, 0]
-    assert (found.images.shape, found.targets.shape) == ((3, 1, 64, 64), (2, 2, 64, 64))
-    np.testing.assert_array_equal(found.images[0, 0], shrink(third, 64)[0])
-    np.testing.assert_array_equal(found.targets[1], shrink(second, 64))
+    assert len(pairs) == 3
+    assert pairs.identifiers == ("a", "b", "c")
+    assert pairs.target_of.tolist() == [0, 1, 0]
+    assert (pairs.images.shape, pairs.targets.shape) == ((3, 1, 64, 64), (2, 2, 64, 64))
+    np.testing.assert_array_equal(pairs.images[0, 0], shrink(third, 64)[0])
+    np.testing.assert_array_equal(pairs.targets[1], shrink(second, 64))
 
 
 def test_nan_in_a_pair_is_found_before_training() -> None:

@@ -56,9 +56,9 @@ def cards() -> dict[Path, Card]:
 @pytest.fixture
 def of_data(cards: dict[Path, Card], request: pytest.FixtureRequest) -> list[Card]:
     """Cards of the models whose training has a name that matches."""
-    found = [card for folder, card in cards.items() if re.fullmatch(request.param, folder.parent.name)]
-    assert found, f"no model is shipped that was trained on {request.param}"
-    return found
+    matching = [card for folder, card in cards.items() if re.fullmatch(request.param, folder.parent.name)]
+    assert matching, f"no model is shipped that was trained on {request.param}"
+    return matching
 
 
 def test_every_model_is_the_one_that_its_card_describes(cards: dict[Path, Card]) -> None:

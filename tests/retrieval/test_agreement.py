@@ -25,9 +25,9 @@ def test_scores_that_differ_by_rounding_alone_tie():
 
 def test_many_methods_are_compared_with_drawn_orders_the_same_ones_each_time():
     first, second = list(range(12)), [3, 1, 0, 2, 5, 4, 7, 6, 9, 8, 11, 10]
-    found = agreement(first, second)
-    assert found == agreement(first, second)
-    assert found.p_value < 0.01 < agreement(first, [5, 9, 0, 11, 3, 7, 2, 8, 10, 1, 6, 4]).p_value
+    result = agreement(first, second)
+    assert result == agreement(first, second)
+    assert result.p_value < 0.01 < agreement(first, [5, 9, 0, 11, 3, 7, 2, 8, 10, 1, 6, 4]).p_value
 
 
 @pytest.mark.parametrize("n", [3, 8, 28])

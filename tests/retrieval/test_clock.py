@@ -71,19 +71,23 @@ def test_blocks_threads_and_order_change_nothing(count: int) -> None:
 def test_progress_is_told_block_by_block_and_an_interrupt_ends_the_work() -> None:
     rng = np.random.default_rng(6)
     signatures = [random_signature(rng, 40, keypoints=3) for _ in range(2 * BLOCK + 7)]
-    told: list[tuple[int, int]] = []
-    match_all(signatures, threads=2, progress=lambda done, total: told.append((done, total)))
-    assert told == [(BLOCK, len(signatures)), (2 * BLOCK, len(signatures)), (len(signatures), len(signatures))]
+    progress_calls: list[tuple[int, int]] = []
+    match_all(signatures, threads=2, progress=lambda done, total: progress_calls.append((done, total)))
+    assert progress_calls == [
+        (BLOCK, len(signatures)),
+        (2 * BLOCK, len(signatures)),
+        (len(signatures), len(signatures)),
+    ]
 
     def interrupt(done: int, total: int) -> None:
-        told.append((done, total))
+        progress_calls.append((done, total))
         raise KeyboardInterrupt
 
-    told.clear()
+    progress_calls.clear()
     threads_before = threading.active_count()
     with pytest.raises(KeyboardInterrupt):
         match_all(signatures, threads=2, progress=interrupt)
-    assert told == [(BLOCK, len(signatures))]
+    assert progress_calls == [(BLOCK, len(signatures))]
     assert threading.active_count() == threads_before
 
 

@@ -43,18 +43,18 @@ def find(image: NDArray[Any]) -> Keypoints:
     return detect(image.astype(np.float32) / 255, peak_threshold=PEAK)
 
 
-def matched(expected: Keypoints, found: Keypoints, inside: NDArray[Any]) -> tuple[float, float]:
+def matched(expected: Keypoints, detected: Keypoints, inside: NDArray[Any]) -> tuple[float, float]:
     """Share of expected keypoints that are found, and the median cosine of their descriptors."""
     hits, cosines = 0, []
     for k in np.flatnonzero(inside):
         position, scale, angle = expected.positions[k], expected.scales[k], expected.angles[k]
         descriptor = expected.descriptors[k]
-        near = np.linalg.norm(found.positions - position, axis=1) < 0.5 * scale
-        near &= np.abs(np.log2(found.scales / scale)) < 0.25
-        near &= np.abs((found.angles - angle + np.pi) % (2 * np.pi) - np.pi) < 0.3
+        near = np.linalg.norm(detected.positions - position, axis=1) < 0.5 * scale
+        near &= np.abs(np.log2(detected.scales / scale)) < 0.25
+        near &= np.abs((detected.angles - angle + np.pi) % (2 * np.pi) - np.pi) < 0.3
         if near.any():
             hits += 1
-            others = found.descriptors[near].astype(float)
+            others = detected.descriptors[near].astype(float)
             norms = np.linalg.norm(others, axis=1) * np.linalg.norm(descriptor.astype(float))
             cosines.append((others @ descriptor / norms).max())
     return hits / max(inside.sum(), 1), float(np.median(cosines))

@@ -76,11 +76,11 @@ def test_splits_count_missing_shapes_alike():
     answered = np.array([0, 1, 3, 4, 5, 6, 9, 10, 12, 13, 14])
     distances = (noise + noise.T)[np.ix_(answered, answered)]
     splits = [("a", "b", "c"), ("b", "d", "c")]
-    found = scores_of_splits(distances, labels, splits, answered=answered)
+    of_splits = scores_of_splits(distances, labels, splits, answered=answered)
     for number, split in enumerate(splits):
         inside = [k for k, label in enumerate(labels) if label in split]
-        kept = [k for k, place in enumerate(answered) if place in inside]
-        places = [inside.index(answered[k]) for k in kept]
-        alone = evaluate(distances[np.ix_(kept, kept)], [labels[k] for k in inside], answered=places)
+        rows = [k for k, place in enumerate(answered) if place in inside]
+        places = [inside.index(answered[k]) for k in rows]
+        alone = evaluate(distances[np.ix_(rows, rows)], [labels[k] for k in inside], answered=places)
         for name in ("NN", "FT", "ST", "DCG"):
-            assert found[name][number] == pytest.approx(alone.means[name]), (split, name)
+            assert of_splits[name][number] == pytest.approx(alone.means[name]), (split, name)

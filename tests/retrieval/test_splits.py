@@ -61,8 +61,8 @@ def test_all_ways_to_take_five_of_fifteen() -> None:
 
 
 def test_ranges_by_hand() -> None:
-    (found,) = ranges({"NN": np.linspace(0, 1, 101)}).values()
-    assert (found.low, found.median, found.high) == pytest.approx((0.05, 0.5, 0.95))
+    (quantiles,) = ranges({"NN": np.linspace(0, 1, 101)}).values()
+    assert (quantiles.low, quantiles.median, quantiles.high) == pytest.approx((0.05, 0.5, 0.95))
 
 
 @pytest.mark.parametrize(

@@ -74,10 +74,10 @@ def run_component(name: str) -> Arrays:
     arrays: Arrays = {}
     for part in components()[name].parts():
         try:
-            made = part.make(*part.arguments)
+            values = part.make(*part.arguments)
         except ShapeError as error:
-            made = {"refused": type(error).__name__}
-        for key, value in made.items():
+            values = {"refused": type(error).__name__}
+        for key, value in values.items():
             array = _kept(np.asarray(value))
             if array is not None:
                 arrays[f"{part.name}/{key}"] = array
@@ -109,9 +109,9 @@ def compare(name: str, arrays: Mapping[str, NDArray[Any]]) -> list[Difference]:
         if key.endswith(ITERATIONS) and golden.get(f"{key.removesuffix(ITERATIONS)}note:stress", 1) < PERFECT:
             continue  # a fit that meets all distances ends where rounding errors do, which depends on the processor
         allowed = tolerance if key in arrays and arrays[key].dtype.kind == "f" else 0.0
-        if (found := _difference(golden.get(key), arrays.get(key))) > allowed:
-            moved.append(Difference(key, found, allowed))
-    return sorted(moved, key=lambda each: -each.difference)
+        if (difference := _difference(golden.get(key), arrays.get(key))) > allowed:
+            moved.append(Difference(key, difference, allowed))
+    return sorted(moved, key=lambda moved_array: -moved_array.difference)
 
 
 def _difference(golden: NDArray[Any] | None, array: NDArray[Any] | None) -> float:

@@ -57,8 +57,8 @@ def learned_form(name: str, shape: Shape) -> Arrays:
 
 
 def _form_of(method: Any, shape: Shape) -> Arrays:
-    found = form.canonicalise(method, shape)
-    return {**found, "vertices": method.canonicalise(shape).vertices, "digits": found["vertices"].dtype.str}
+    formed = form.canonicalise(method, shape)
+    return {**formed, "vertices": method.canonicalise(shape).vertices, "digits": formed["vertices"].dtype.str}
 
 
 @cache
@@ -73,8 +73,8 @@ def _trained(name: str) -> tuple[Any, Any]:
 def descriptors_of(name: str, shapes: Sequence[str]) -> Arrays:
     """Descriptors of shapes, and the distances between them."""
     method: Any = variant(name, methods()).create()
-    found = [form.describe(method, inputs.shape(shape))["descriptor"] for shape in shapes]
-    return {**dict(zip(shapes, found, strict=True)), "distances": distances_of(method, found)}
+    descriptors = [form.describe(method, inputs.shape(shape))["descriptor"] for shape in shapes]
+    return {**dict(zip(shapes, descriptors, strict=True)), "distances": distances_of(method, descriptors)}
 
 
 def signature(name: str, shape: str) -> Arrays:
@@ -102,19 +102,19 @@ def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None)
     """View of a raw mesh from the side, in a given frame or in its own."""
     source = inputs.mesh("raw", name)
     width = view.frame_of([view.half_width_of(source, SIDE)]) if half_width is None else half_width
-    found = view.seen(source, SIDE, width, sensor)
-    return {**found, "depth": found["depth"][::10, ::10], "half_width": width}
+    rendered = view.seen(source, SIDE, width, sensor)
+    return {**rendered, "depth": rendered["depth"][::10, ::10], "half_width": width}
 
 
 def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> Arrays:
     """View of the object of a depth frame."""
     stored = inputs.arrays("frame")
     depth = stored["depth"] if floor else np.where(stored["mask"], stored["depth"], 0)
-    found = frame.observe(
+    seen_object = frame.observe(
         reading.in_metres(depth), intrinsics.Intrinsics(*stored["camera"]), stored["mask"] if given else None, up
     )
-    prepared = view.seen(found.surface, projection.UPRIGHT, projection.HALF_WIDTH)
-    notes = {f"seen:{key}": value for key, value in found.notes.items()}
+    prepared = view.seen(seen_object.surface, projection.UPRIGHT, projection.HALF_WIDTH)
+    notes = {f"seen:{key}": value for key, value in seen_object.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
 
 
@@ -126,10 +126,10 @@ def geodesics(shape: str, solver: str) -> Arrays:
 
 def laplacian(shape: str) -> Arrays:
     """The Laplacian and its lowest eigenpairs, of which the signs are arbitrary."""
-    found = inputs.shape(shape).laplacian()
-    values, functions = eigenpairs(found, 12)
-    stiffness = found.stiffness.tocoo().data
-    return {"stiffness": stiffness, "mass": found.mass, "eigenvalues": values, "functions": np.abs(functions)}
+    operator = inputs.shape(shape).laplacian()
+    values, functions = eigenpairs(operator, 12)
+    stiffness = operator.stiffness.tocoo().data
+    return {"stiffness": stiffness, "mass": operator.mass, "eigenvalues": values, "functions": np.abs(functions)}
 
 
 def draws() -> Arrays:
@@ -169,19 +169,19 @@ def subjects() -> Arrays:
 def bodies() -> Arrays:
     """Every body that is scanned, before that, and every pose."""
     poses = [human_poses.POSES[name] for name in scanlike.POSE_NAMES]
-    made = [humans.human_mesh(body, poses[n % len(poses)]) for n, body in enumerate(human_subjects.adults().values())]
-    return {"bodies": [body.vertices[::500] for body in made]}
+    meshes = [humans.human_mesh(body, poses[n % len(poses)]) for n, body in enumerate(human_subjects.adults().values())]
+    return {"bodies": [body.vertices[::500] for body in meshes]}
 
 
 def skeletons() -> Arrays:
     """Bones of every animal in every pose."""
-    found: dict[str, Any] = {}
+    bones: dict[str, Any] = {}
     for name, poses in ANIMAL_POSES.items():
         skeleton = Skeleton.of(SPECIES[name])
         for pose, aims in poses.items():
             rotations, translations = skeleton.transforms(aims)
-            found[f"{name}/{pose}"] = np.concatenate([rotations.as_matrix().reshape(-1, 9), translations], axis=1)
-    return found
+            bones[f"{name}/{pose}"] = np.concatenate([rotations.as_matrix().reshape(-1, 9), translations], axis=1)
+    return bones
 
 
 def sampled(name: str) -> Arrays:
@@ -232,15 +232,19 @@ def file_of(path: Path) -> Arrays:
         return {"mask": mask.read_mask(path)}
     if path.suffix not in (".json", ".yaml", ".txt"):
         return {"depth": reading.read_depth(path)}
-    found = intrinsics.read_intrinsics(path)
-    numbers = [found.fx, found.fy, found.cx, found.cy, *(found.size or ()), *found.distortion]
-    return {"numbers": np.array(numbers, dtype=float), "rays": found.rays(53, 42)[::6, ::6]}
+    camera = intrinsics.read_intrinsics(path)
+    numbers = [camera.fx, camera.fy, camera.cx, camera.cy, *(camera.size or ()), *camera.distortion]
+    return {"numbers": np.array(numbers, dtype=float), "rays": camera.rays(53, 42)[::6, ::6]}
 
 
 def frame_of(path: Path) -> Arrays:
     """Object of a depth image, with the mask and the intrinsics that lie beside it."""
-    found = frame.FrameFiles(path).observe()
-    return {"vertices": found.surface.vertices, "faces": found.surface.faces, "mask": found.mask}
+    observed_object = frame.FrameFiles(path).observe()
+    return {
+        "vertices": observed_object.surface.vertices,
+        "faces": observed_object.surface.faces,
+        "mask": observed_object.mask,
+    }
 
 
 def folder_of(path: Path) -> Arrays:
@@ -271,16 +275,16 @@ def scored(method_name: str, scorer_name: str) -> Arrays:
     for name in names:
         prepared = complete.complete(inputs.mesh("raw", name))
         surface = Mesh(prepared["vertices"], prepared["faces"])
-        made = form.canonicalise(method, Shape(identifier=name, mesh=surface))
-        signatures.append(signature_of(scorer, form.form_mesh(made, surface)))
+        formed = form.canonicalise(method, Shape(identifier=name, mesh=surface))
+        signatures.append(signature_of(scorer, form.form_mesh(formed, surface)))
     matrices = [form_distances(scorer, signatures, n) for n in range(scorer.info.draws)]
     return {"distances": np.array(matrices), **_flat(measures.scores(matrices, [name[:-2] for name in names]))}
 
 
-def _flat(found: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flat(nested: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Numbers of nested dictionaries by their path; a query without a measure has NaN."""
     flat: dict[str, Any] = {}
-    for key, value in found.items():
+    for key, value in nested.items():
         if isinstance(value, Mapping):
             flat |= _flat(value, f"{prefix}{key}.")
         else:

@@ -23,14 +23,17 @@ def batch(perturbed=False, number=0, bodies=1):
 
 def test_the_order_of_points_and_of_positions_is_of_no_account():
     """But for which points are the tokens, the first ones."""
-    made = batch()
+    sample = batch()
     network = build_field(TOY).eval()
     order = torch.cat([torch.randperm(TOY.tokens), TOY.tokens + torch.randperm(TOY.points - TOY.tokens)])
-    asked = torch.randperm(made.positions.shape[1])
+    asked = torch.randperm(sample.positions.shape[1])
     with torch.no_grad():
-        one = network(made.points, made.normals, made.positions, made.position_normals)
+        one = network(sample.points, sample.normals, sample.positions, sample.position_normals)
         other = network(
-            made.points[:, order], made.normals[:, order], made.positions[:, asked], made.position_normals[:, asked]
+            sample.points[:, order],
+            sample.normals[:, order],
+            sample.positions[:, asked],
+            sample.position_normals[:, asked],
         )
     assert torch.allclose(one.positions[:, asked], other.positions, atol=1e-5)
     assert torch.allclose(one.rotations[:, asked], other.rotations, atol=1e-4)
@@ -42,13 +45,13 @@ def test_terms_of_the_loss_by_hand():
     turn = torch.tensor(Rotation.from_euler("z", 90, degrees=True).as_matrix()).float()
     targets, normals = positions @ turn.T, torch.tensor([[[1.0, 0, 0], [0, 0, 1]]])
     none = torch.eye(3).expand(1, 2, 3, 3)
-    found = losses(Unbent(2 * positions, none), positions, targets, normals, normals @ turn.T)
+    terms = losses(Unbent(2 * positions, none), positions, targets, normals, normals @ turn.T)
     # The end lies at (2, 0, 0), not at (0, 1, 0); edge and first normal are off by the root of 2, the second is right.
-    assert found.tolist() == pytest.approx([5**0.5 / 2, 2 + 1, 1], abs=1e-3)
+    assert terms.tolist() == pytest.approx([5**0.5 / 2, 2 + 1, 1], abs=1e-3)
     right = losses(Unbent(targets, turn.expand(1, 2, 3, 3)), positions, targets, normals, normals @ turn.T)
     assert right.tolist() == pytest.approx([0, 0, 0], abs=1e-3)
-    assert float(weighted(found, replace(TOY, edge=0.5, isometry=2.0))) == pytest.approx(
-        found[0] + 0.5 * found[1] + 2 * found[2]
+    assert float(weighted(terms, replace(TOY, edge=0.5, isometry=2.0))) == pytest.approx(
+        terms[0] + 0.5 * terms[1] + 2 * terms[2]
     )
 
 
@@ -62,8 +65,8 @@ def test_batches_are_a_matter_of_their_number():
 
 
 def test_sizes_that_do_not_fit_are_refused():
-    for changes, told in (({"width": 33}, "33 for 2 heads"), ({"tokens": 65}, "only 64 points")):
-        with pytest.raises(ConfigurationError, match=told):
+    for changes, message in (({"width": 33}, "33 for 2 heads"), ({"tokens": 65}, "only 64 points")):
+        with pytest.raises(ConfigurationError, match=message):
             check_sizes(replace(TOY, **changes))
     with pytest.raises(ConfigurationError, match="did you mean plain"):
         field_named("plane")

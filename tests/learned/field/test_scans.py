@@ -42,16 +42,16 @@ class ScannedPaddles:
         if number == self.stops:
             raise KeyboardInterrupt
         self.made.append(number)
-        found = Paddles(self.seed).surfaces(number, bodies)
-        corners = np.repeat(np.arange(found.canonical.shape[1])[:, None], 3, axis=1)
+        surfaces = Paddles(self.seed).surfaces(number, bodies)
+        corners = np.repeat(np.arange(surfaces.canonical.shape[1])[:, None], 3, axis=1)
         weights = np.tile([1.0, 0, 0], (len(corners), 1))
         return Scans(
-            identifiers=found.identifiers,
-            canonical=found.canonical,
-            faces=found.faces,
+            identifiers=surfaces.identifiers,
+            canonical=surfaces.canonical,
+            faces=surfaces.faces,
             scans=tuple(
-                tuple(Scan(mesh=Mesh(each, found.faces), corners=corners, weights=weights) for each in of_body)
-                for of_body in found.posed
+                tuple(Scan(mesh=Mesh(each, surfaces.faces), corners=corners, weights=weights) for each in of_body)
+                for of_body in surfaces.posed
             ),
             drawn_again={"toys": 1},
         )
@@ -110,10 +110,10 @@ def test_a_batch_is_a_matter_of_its_number() -> None:
 
 
 def test_targets_are_where_the_vertices_belong() -> None:
-    found = Paddles(3).surfaces(0, 1)
+    surfaces = Paddles(3).surfaces(0, 1)
     made = ScannedPaddles(seed=3)(0, 1)
-    still = replace(made.scans[0][0], mesh=Mesh(7 * found.canonical[0] + 1, found.faces))
-    body = centred(Mesh(found.canonical[0], found.faces))
+    still = replace(made.scans[0][0], mesh=Mesh(7 * surfaces.canonical[0] + 1, surfaces.faces))
+    body = centred(Mesh(surfaces.canonical[0], surfaces.faces))
     for seen in (Seen.of(still, body), Seen.of(still, body).mirrored()):
         assert seen.target_normals == pytest.approx(seen.normals, abs=1e-5)
         outward = vertex_normals(Mesh(seen.vertices.astype(float), seen.faces))
@@ -135,9 +135,9 @@ def test_a_training_on_scans_goes_on_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         fit("toy", 0, data(ScannedPaddles(stops=9 + LAG)), tmp_path / "halves", SCANS, quiet)
     scans._KEPT.clear()
-    said: list[str] = []
-    fit("toy", 0, data(), tmp_path / "halves", SCANS, said.append)
-    assert any(line.startswith("going on after step") for line in said)
+    messages: list[str] = []
+    fit("toy", 0, data(), tmp_path / "halves", SCANS, messages.append)
+    assert any(line.startswith("going on after step") for line in messages)
     assert (tmp_path / "halves" / WEIGHTS).read_bytes() == (tmp_path / "whole" / WEIGHTS).read_bytes()
     card = read_card(tmp_path / "whole")
     assert card["bodies"] == bodies_made(16, 2, 2) == 21

@@ -93,14 +93,14 @@ def test_a_training_that_is_stopped_goes_on_and_ends_with_the_same_weights(tmp_p
     assert files(tmp_path) == {CHECKPOINT}
     with pytest.raises(TrainingError, match="batch 7 cannot be made: .*NaN"):
         fit("toy", 0, toy_stream(Broken()), tmp_path, OPTIONS, quiet)
-    said: list[str] = []
-    fit("toy", 0, toy_stream(), tmp_path, OPTIONS, said.append)
-    assert "going on after step 7 of 16" in said
+    messages: list[str] = []
+    fit("toy", 0, toy_stream(), tmp_path, OPTIONS, messages.append)
+    assert "going on after step 7 of 16" in messages
     assert (tmp_path / WEIGHTS).read_bytes() == (finished / WEIGHTS).read_bytes()
 
 
 def test_options_that_do_not_fit_are_refused_before_data_is_made() -> None:
-    for options, told in (
+    for options, message in (
         ({"epochs": 3}, "no body is seen twice"),
         ({"batch": 3}, "bodies=N"),
         ({"resolution": 64}, "leave --resolution out"),
@@ -108,9 +108,9 @@ def test_options_that_do_not_fit_are_refused_before_data_is_made() -> None:
         ({"bodies": 1}, "at least 2"),
         ({"learning_rate": 0}, "learning_rate"),
     ):
-        with pytest.raises(ConfigurationError, match=told):
+        with pytest.raises(ConfigurationError, match=message):
             fitting.checked_plan("toy", options)
-        with pytest.raises(ConfigurationError, match=told):
+        with pytest.raises(ConfigurationError, match=message):
             DeformationField().check_options(options)
 
 

@@ -27,9 +27,9 @@ def again(
     folder: Path, options: Mapping[str, Any] = OPTIONS, *, seed: int = 0, data: TrainingData | None = None
 ) -> list[str]:
     """Ask for the same training, or for another; returns what it says."""
-    said: list[str] = []
-    fit(TINY.name, seed, data or toy_data(), folder, options, said.append)
-    return said
+    messages: list[str] = []
+    fit(TINY.name, seed, data or toy_data(), folder, options, messages.append)
+    return messages
 
 
 def test_the_folder_holds_a_model_and_pictures_and_nothing_else(trained: Path) -> None:
@@ -38,8 +38,8 @@ def test_the_folder_holds_a_model_and_pictures_and_nothing_else(trained: Path) -
 
 def test_the_card_tells_the_schedule_that_was_used(trained: Path) -> None:
     card = read_card(trained)
-    told = {name: value for name, value in OPTIONS.items() if name not in ("device", "threads")}
-    assert told.items() <= card["schedule"].items()
+    settings = {name: value for name, value in OPTIONS.items() if name not in ("device", "threads")}
+    assert settings.items() <= card["schedule"].items()
     assert card["schedule"]["batch_at_the_end"] == OPTIONS["batch"]
     assert (card["schedule"]["early_alpha"], card["schedule"]["alpha"], card["schedule"]["beta"]) == (0.01, 1, 1)
     assert card["departures_from_the_paper"] == [
@@ -68,10 +68,12 @@ def test_the_card_tells_the_losses_of_the_last_epoch(trained: Path) -> None:
 def test_the_card_tells_the_measures_of_the_finished_model(trained: Path) -> None:
     network, card = load_model(trained)
     for kind, pairs in (("training", toy_data().pairs()), ("unseen", toy_data().unseen())):
-        found = gather(pairs, 32)
-        predictions = torch.stack([predict(network, image) for image in found.images])
+        gathered = gather(pairs, 32)
+        predictions = torch.stack([predict(network, image) for image in gathered.images])
         # The card was written before the weights were rounded to half precision.
-        assert measures(predictions, found.targets[found.target_of]) == pytest.approx(card["final"][kind], abs=5e-3)
+        assert measures(predictions, gathered.targets[gathered.target_of]) == pytest.approx(
+            card["final"][kind], abs=5e-3
+        )
     assert card["final"]["training"]["mask overlap"] > 0.8
 
 
@@ -118,7 +120,7 @@ def test_no_pair_is_no_training(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("tiny")
 def test_a_measure_that_is_no_number_is_null_on_the_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Predictions that nowhere overlap their targets have no error of depth."""
-    found = {"mask overlap": 0.0, "depth error": float("nan")}
-    monkeypatch.setattr("learned.paired.fitting.measures", lambda *_: found)
+    values = {"mask overlap": 0.0, "depth error": float("nan")}
+    monkeypatch.setattr("learned.paired.fitting.measures", lambda *_: values)
     again(tmp_path / "model", {**OPTIONS, "epochs": 2, "early_epochs": 1})
     assert read_card(tmp_path / "model")["final"]["unseen"] == {"mask overlap": 0.0, "depth error": None}

@@ -42,10 +42,10 @@ def watched(made: list[int], stop: int = 99) -> TrainingData:
     return replace(toy_data(), pairs=pairs)
 
 
-def assert_same(found: Pairs, expected: Pairs) -> None:
-    assert found.identifiers == expected.identifiers
-    assert torch.equal(found.images, expected.images)
-    assert torch.equal(found.targets[found.target_of], expected.targets[expected.target_of])
+def assert_same(pairs: Pairs, expected: Pairs) -> None:
+    assert pairs.identifiers == expected.identifiers
+    assert torch.equal(pairs.images, expected.images)
+    assert torch.equal(pairs.targets[pairs.target_of], expected.targets[expected.target_of])
 
 
 def test_an_interrupted_gathering_goes_on_behind_what_it_has(tmp_path: Path) -> None:
@@ -54,13 +54,13 @@ def test_an_interrupted_gathering_goes_on_behind_what_it_has(tmp_path: Path) -> 
         gather_kept(watched(first, stop=5), RESOLUTION, False, tmp_path, quiet)
     assert first == [0, 1, 2, 3, 4]
     again: list[int] = []
-    said: list[str] = []
-    found = gather_kept(watched(again), RESOLUTION, False, tmp_path, said.append)
+    messages: list[str] = []
+    pairs = gather_kept(watched(again), RESOLUTION, False, tmp_path, messages.append)
     assert again == [3, 4, 5]
-    assert said == ["found 3 pairs that were gathered before"]
-    assert_same(found, gather(toy_pairs(BUILDS), RESOLUTION))
+    assert messages == ["found 3 pairs that were gathered before"]
+    assert_same(pairs, gather(toy_pairs(BUILDS), RESOLUTION))
     once_more: list[int] = []
-    assert_same(gather_kept(watched(once_more), RESOLUTION, False, tmp_path, quiet), found)
+    assert_same(gather_kept(watched(once_more), RESOLUTION, False, tmp_path, quiet), pairs)
     assert once_more == []
 
 
@@ -68,8 +68,8 @@ def test_an_interrupted_gathering_goes_on_behind_what_it_has(tmp_path: Path) -> 
 def test_pairs_of_another_recipe_or_a_damaged_file_are_made_again(tmp_path: Path, change: str) -> None:
     gather_kept(watched([]), RESOLUTION, False, tmp_path, quiet)
     path = tmp_path / "gathered" / "00000.npz"
-    made: list[int] = []
-    data, resolution, crop = watched(made), RESOLUTION, change == "crop"
+    gathered: list[int] = []
+    data, resolution, crop = watched(gathered), RESOLUTION, change == "crop"
     if change == "data":
         data = replace(data, digest="ellipsoids 2")
     elif change == "resolution":
@@ -77,9 +77,9 @@ def test_pairs_of_another_recipe_or_a_damaged_file_are_made_again(tmp_path: Path
     elif change != "crop":
         content = path.read_bytes()
         path.write_bytes(b"noise" if change == "damage" else content[: len(content) // 2])
-    found = gather_kept(data, resolution, crop, tmp_path, quiet)
-    assert made[:3] == [0, 1, 2]
-    assert_same(found, gather(toy_pairs(BUILDS), resolution, crop))
+    pairs = gather_kept(data, resolution, crop, tmp_path, quiet)
+    assert gathered[:3] == [0, 1, 2]
+    assert_same(pairs, gather(toy_pairs(BUILDS), resolution, crop))
 
 
 def test_a_cropped_image_shows_neither_size_nor_place() -> None:
@@ -104,8 +104,8 @@ def test_a_finished_model_keeps_no_pairs_and_is_the_same(tmp_path: Path, trained
     with pytest.raises(KeyboardInterrupt):
         fit(TINY.name, 0, watched([], stop=4), tmp_path, OPTIONS, quiet)
     assert files(tmp_path) == {"gathered"}
-    made: list[int] = []
-    fit(TINY.name, 0, watched(made), tmp_path, OPTIONS, quiet)
-    assert made == [3, 4, 5]
+    gathered: list[int] = []
+    fit(TINY.name, 0, watched(gathered), tmp_path, OPTIONS, quiet)
+    assert gathered == [3, 4, 5]
     assert files(tmp_path) == files(trained)
     assert (tmp_path / "weights.safetensors").read_bytes() == (trained / "weights.safetensors").read_bytes()

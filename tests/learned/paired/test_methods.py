@@ -45,8 +45,8 @@ def equal(first: CanonicalForm, second: CanonicalForm) -> bool:
 def test_listing_the_methods_does_not_import_torch() -> None:
     heavy = "('torch', 'matplotlib', 'safetensors')"
     code = f"import sys, learned.paired.methods; print([m for m in {heavy} if m in sys.modules])"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[]"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_the_form_is_one_open_surface_of_unit_area(method: Learned) -> None:

@@ -115,11 +115,11 @@ def test_whatever_stands_on_a_card_is_taken_or_refused_by_name(trained: Path, da
         inner, name = card[name], data.draw(st.sampled_from(sorted(card[name])))
     inner[name] = data.draw(JSON)
     try:
-        found = network_of(card, trained)
+        network = network_of(card, trained)
     except ConfigurationError as error:
         assert error.hint == "train the model again"
     else:
-        assert 1 <= found.resolution <= LARGEST
+        assert 1 <= network.resolution <= LARGEST
 
 
 @pytest.mark.parametrize(("field", "settled", "other"), [("convolutions_per_block", 1, 2), ("group_norm", False, True)])

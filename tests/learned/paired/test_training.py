@@ -89,9 +89,9 @@ def test_a_loss_that_is_not_a_number_names_its_images_and_leaves_the_checkpoint(
     names = names_of_batch(pairs, epoch=3, batch=2)
     assert caught.value.problem == f"the loss is not a number in epoch 3, batch 2 ({names})"
     assert "learning_rate" in caught.value.hint
-    said: list[str] = []
-    assert equal(run(pairs, tmp_path, say=said.append), expected)
-    assert "going on after epoch 2 of 4" in said
+    messages: list[str] = []
+    assert equal(run(pairs, tmp_path, say=messages.append), expected)
+    assert "going on after epoch 2 of 4" in messages
 
 
 def test_a_huge_step_size_ends_in_a_named_error(pairs: Pairs, tmp_path: Path) -> None:
@@ -126,9 +126,9 @@ def test_out_of_memory_halves_the_batch(
     (tmp_path / "half").mkdir()
     half = run(pairs, tmp_path / "half", Schedule(**(vars(PLAN) | {"batch": 2})))
     out_of_memory_above(monkeypatch, 2, error)
-    said: list[str] = []
-    result = run(pairs, tmp_path, Schedule(**(vars(PLAN) | {"batch": 4})), say=said.append)
-    assert "out of memory; going on with batches of 2" in said
+    messages: list[str] = []
+    result = run(pairs, tmp_path, Schedule(**(vars(PLAN) | {"batch": 4})), say=messages.append)
+    assert "out of memory; going on with batches of 2" in messages
     assert result.progress.batch == 2
     assert equal(result, half)
 
@@ -165,7 +165,7 @@ def test_measures_by_hand() -> None:
     target = torch.tensor([[[0.5, 0.5], [0.0, 0.0]], [[1.0, 1.0], [0.0, 0.0]]])
     prediction = torch.tensor([[[0.25, 0.5], [0.0, 0.9]], [[0.9, 0.5], [0.2, 0.6]]])
     # Of the mask one pixel is hit, one is missed (a half is not above a half), and one is wrong.
-    found = measures(prediction[None], target[None])
-    assert found == {"mask overlap": pytest.approx(1 / 3), "depth error": pytest.approx(0.25)}
+    single = measures(prediction[None], target[None])
+    assert single == {"mask overlap": pytest.approx(1 / 3), "depth error": pytest.approx(0.25)}
     both = measures(torch.stack([prediction, target]), torch.stack([target, target]))
     assert both == {"mask overlap": pytest.approx(2 / 3), "depth error": pytest.approx(0.25 / 3)}

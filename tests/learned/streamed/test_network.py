@@ -61,13 +61,13 @@ def test_places_are_the_means_of_what_a_coarse_pixel_shows() -> None:
     fresh.pixels[0, 0] = np.nan
     # Two points in the first pixel that shows something, of which the mean is told.
     fresh.pixels[0, 0, 3:5] = [rows[0] + 0.5, columns[0] + 0.5]
-    told = batch_of(fresh, 0, chosen).places
-    assert told is not None
-    assert told.shape == (4, 4, 4, 4)
-    assert told[0, 3].sum() == 1
-    row, column = np.argwhere(told[0, 3].numpy())[0]
-    np.testing.assert_allclose(told[0, :3, row, column], fresh.places[0, 3:5].mean(axis=0), rtol=1e-5)
-    assert place_loss(told[:, :3] + 1, told) == pytest.approx(3)
+    coarse = batch_of(fresh, 0, chosen).places
+    assert coarse is not None
+    assert coarse.shape == (4, 4, 4, 4)
+    assert coarse[0, 3].sum() == 1
+    row, column = np.argwhere(coarse[0, 3].numpy())[0]
+    np.testing.assert_allclose(coarse[0, :3, row, column], fresh.places[0, 3:5].mean(axis=0), rtol=1e-5)
+    assert place_loss(coarse[:, :3] + 1, coarse) == pytest.approx(3)
 
 
 def test_one_code_for_all_poses_costs_nothing_however_small_the_codes_are() -> None:

@@ -83,18 +83,18 @@ def test_a_batch_that_cannot_be_made_names_itself_and_loses_nothing(tmp_path: Pa
         with pytest.raises(TrainingError, match=rf"batch {broken} cannot be made: .*toy-{broken}-0 has no pose"):
             fit("toy", 0, toy_stream(Ellipsoids(broken=broken)), tmp_path, OPTIONS, quiet)
         assert files(tmp_path) == {CHECKPOINT}
-    said: list[str] = []
-    fit("toy", 0, toy_stream(), tmp_path, OPTIONS, said.append)
-    assert "going on after step 9 of 60" in said
+    messages: list[str] = []
+    fit("toy", 0, toy_stream(), tmp_path, OPTIONS, messages.append)
+    assert "going on after step 9 of 60" in messages
     assert weights(tmp_path) == weights(finished)
 
 
 @pytest.mark.slow
 def test_workers_change_nothing_and_one_that_dies_is_replaced(tmp_path: Path, finished: Path) -> None:
-    said: list[str] = []
+    messages: list[str] = []
     make = Ellipsoids(killed=tmp_path / "killed")
-    fit("toy", 0, toy_stream(make), tmp_path / "model", {**OPTIONS, "workers": 2}, said.append)
-    assert any("it is made again" in line for line in said)
+    fit("toy", 0, toy_stream(make), tmp_path / "model", {**OPTIONS, "workers": 2}, messages.append)
+    assert any("it is made again" in line for line in messages)
     assert (tmp_path / "killed").exists()
     assert weights(tmp_path / "model") == weights(finished)
 
@@ -140,21 +140,21 @@ def test_a_training_that_is_killed_goes_on_and_leaves_no_process(tmp_path: Path,
 
 
 def test_options_that_do_not_fit_are_refused() -> None:
-    for options, told in (
+    for options, message in (
         ({"epochs": 3}, "no body is seen twice"),
         ({"batch": 3}, "bodies=N"),
         ({"resolution": 64}, "has resolution 32"),
         ({"step": 3}, "did you mean steps"),
         ({"bodies": 1}, "at least 2"),
     ):
-        with pytest.raises(ConfigurationError, match=told):
+        with pytest.raises(ConfigurationError, match=message):
             fitting.checked_plan("toy", options)
 
 
 def test_a_finished_model_of_another_plan_is_left_alone(finished: Path) -> None:
-    said: list[str] = []
-    fit("toy", 0, toy_stream(), finished, OPTIONS, said.append)
-    assert said == [f"{finished} holds this model already"]
+    messages: list[str] = []
+    fit("toy", 0, toy_stream(), finished, OPTIONS, messages.append)
+    assert messages == [f"{finished} holds this model already"]
     with pytest.raises(ConfigurationError, match="another training"):
         fit("toy", 0, toy_stream(), finished, {**OPTIONS, "steps": 61}, quiet)
 
@@ -208,9 +208,9 @@ def test_the_finished_model_has_the_averaged_weights(tmp_path: Path) -> None:
     step = TrainingLoop._step
 
     def noted(self: TrainingLoop, *arguments: Any) -> torch.Tensor:
-        found = step(self, *arguments)
+        loss = step(self, *arguments)
         newest.append(self.network.head.bias.detach().clone())  # type: ignore[union-attr, operator]
-        return found
+        return loss
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(TrainingLoop, "_step", noted)
@@ -226,9 +226,9 @@ def test_the_finished_model_has_the_averaged_weights(tmp_path: Path) -> None:
 def test_the_weights_are_kept_at_every_doubling_of_the_bodies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loop, "FIRST_SNAPSHOT", 20)
     fit("toy", 0, toy_stream(), tmp_path, OPEN, quiet)
-    kept = sorted((tmp_path / SNAPSHOTS).iterdir())
-    assert [path.stem for path in kept] == ["0000000020", "0000000040", "0000000080", "0000000160"]
-    assert load_file(str(kept[0]))["head.bias"].dtype == torch.float16
+    snapshots = sorted((tmp_path / SNAPSHOTS).iterdir())
+    assert [path.stem for path in snapshots] == ["0000000020", "0000000040", "0000000080", "0000000160"]
+    assert load_file(str(snapshots[0]))["head.bias"].dtype == torch.float16
     fit("toy", 0, toy_stream(), tmp_path / "cosine", OPTIONS, quiet)
     assert SNAPSHOTS not in files(tmp_path / "cosine")
 
@@ -266,9 +266,9 @@ def test_a_model_whose_card_is_older_than_an_option_stays_what_it_is(tmp_path: P
         for name in ("schedule", "falling", "average"):
             del part[name]
     path.write_text(json.dumps(card))
-    said: list[str] = []
-    fit("toy", 0, toy_stream(), tmp_path / "old", OPTIONS, said.append)
-    assert said == [f"{tmp_path / 'old'} holds this model already"]
+    messages: list[str] = []
+    fit("toy", 0, toy_stream(), tmp_path / "old", OPTIONS, messages.append)
+    assert messages == [f"{tmp_path / 'old'} holds this model already"]
     image = both(500, 0.3, 0.7)[0]
     forms = [StreamedLearner(configuration="toy").load(folder).predict(image)[0] for folder in (finished, path.parent)]
     np.testing.assert_array_equal(forms[0].vertices, forms[1].vertices)
