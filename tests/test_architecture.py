@@ -64,12 +64,18 @@ def may_import(name: str, target: str) -> bool:
 
 
 @pytest.mark.parametrize(("name", "path"), list(modules()), ids=lambda value: value if isinstance(value, str) else "")
-def test_a_package_imports_only_from_layers_below(name, path):
+def test_a_module_imports_only_from_layers_below_and_the_harness_no_method_by_name(name, path):
+    ours = [target for target in imports(path) if known(target)]
     if name == "benchmark":
-        assert not [target for target in imports(path) if known(target)]
+        assert not ours
         return
-    ours = [target for target in imports(path) if known(target) and package(target)]
-    assert [target for target in ours if not may_import(name, target)] == []
+    assert [target for target in ours if package(target) and not may_import(name, target)] == []
+    if name.startswith("benchmark"):
+        assert [target for target in imports(path) if target.startswith(("baselines", "learned"))] == []
+    if name.startswith("baselines"):  # a method imports no harness
+        allowed = ("benchmark.api.contracts", "benchmark.errors", "benchmark.geometry", "baselines")
+        of_suite = [target for target in imports(path) if target.startswith(("benchmark.", "retrieval", "learned"))]
+        assert [target for target in of_suite if not target.startswith(allowed)] == []
 
 
 def test_an_arrow_from_the_store_to_the_runner_would_fail():
@@ -80,15 +86,3 @@ def test_an_arrow_from_the_store_to_the_runner_would_fail():
 
 def test_every_module_has_a_layer():
     assert [name for name, _ in modules() if name != "benchmark" and not package(name)] == []
-
-
-@pytest.mark.parametrize(("name", "path"), [(n, p) for n, p in modules() if n.startswith("benchmark")])
-def test_the_harness_imports_no_method_by_name(name, path):
-    assert [target for target in imports(path) if target.startswith(("baselines", "learned"))] == []
-
-
-@pytest.mark.parametrize(("name", "path"), [(n, p) for n, p in modules() if n.startswith("baselines")])
-def test_a_method_imports_no_harness(name, path):
-    allowed = ("benchmark.api.contracts", "benchmark.errors", "benchmark.geometry", "baselines")
-    ours = [target for target in imports(path) if target.startswith(("benchmark.", "retrieval", "learned"))]
-    assert [target for target in ours if not target.startswith(allowed)] == []

@@ -91,25 +91,11 @@ def test_distances_give_the_scores_again(results):
 
 
 @pytest.mark.slow
-def test_forms_and_descriptors_are_those_of_each_shape(results):
-    forms = results.forms(key_of(results, "identity"))
-    assert list(forms) == ["thick0", "thick1", "thick2", "thin0", "thin1", "thin2"]
-    for form in forms.values():
-        assert form.area == pytest.approx(1, abs=1e-5)
-    width = {name: np.ptp(form.vertices[:, 1]) for name, form in forms.items()}
-    assert min(width["thick0"], width["thick1"]) > max(width["thin0"], width["thin1"])
-    descriptors = results.descriptors(key_of(results, "shape-dna"))
-    assert descriptors.shape[0] == 6
-    with pytest.raises(ConfigurationError, match="shape-dna makes no forms; ask for its descriptors"):
-        results.forms(key_of(results, "shape-dna"))
-    with pytest.raises(ConfigurationError, match="identity describes no shapes; ask for its forms"):
-        results.descriptors(key_of(results, "identity"))
-
-
-@pytest.mark.slow
 def test_what_is_not_there_is_named(results, folder, tmp_path):
     with pytest.raises(ConfigurationError, match="holds no record 'abc'; take a key from records"):
         results.distances("abc")
+    with pytest.raises(ConfigurationError, match="identity describes no shapes; ask for its forms"):
+        results.descriptors(key_of(results, "identity"))
     with pytest.raises(ConfigurationError, match="has no scores: failed; choose a finished one"):
         results.queries(key_of(results, "fails"))
     with pytest.raises(StorageError, match="none is no folder; name a results folder"):

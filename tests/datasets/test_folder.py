@@ -19,38 +19,30 @@ def numbered(folder, count=4):
     return folder
 
 
+def listed(folder):
+    return [(entry.identifier, entry.subject) for entry in folder_dataset(folder).entries]
+
+
 def test_classes_come_from_the_file_names(tmp_path):
     dataset = folder_dataset(write_rods(tmp_path / "rods"))
-    assert [(e.identifier, e.subject, e.pose) for e in dataset.entries[:2]] == [
-        ("thick0", "thick", "0"),
-        ("thick1", "thick", "1"),
+    assert [(e.identifier, e.subject, e.pose) for e in dataset.entries[1:4:2]] == [
+        *(("thick1", "thick", "1"), ("thin0", "thin", "0"))
     ]
     assert dataset.name == "rods"
     assert dataset.load(dataset.entries[0]).n_faces == rod(0.1, 0).n_faces
 
 
 def test_classes_come_from_sub_folders(tmp_path):
-    for subject in ("cat", "dog"):
-        for number in (10, 9):
-            write_off(tmp_path / subject / f"{number}.off", rod(0.1, number))
-    dataset = folder_dataset(tmp_path)
-    assert [(e.identifier, e.subject) for e in dataset.entries] == [
-        ("cat/9", "cat"),
-        ("cat/10", "cat"),
-        ("dog/9", "dog"),
-        ("dog/10", "dog"),
-    ]
+    for name in ("cat/10", "cat/9", "dog/10", "dog/9"):
+        write_off(tmp_path / f"{name}.off", rod(0.1, 1.0))
+    assert listed(tmp_path) == [("cat/9", "cat"), ("cat/10", "cat"), ("dog/9", "dog"), ("dog/10", "dog")]
 
 
-def test_classes_come_from_a_cla_file(tmp_path):
+@pytest.mark.parametrize(("order", "men"), [("0123", "01"), ("3021", "03")])
+def test_classes_come_from_a_cla_file_in_the_order_of_the_numbers(tmp_path, order, men):
     numbered(tmp_path)
-    (tmp_path / "test.cla").write_text(CLA)
-    assert [(e.identifier, e.subject) for e in folder_dataset(tmp_path).entries] == [
-        ("0", "man"),
-        ("1", "man"),
-        ("2", "woman"),
-        ("3", "woman"),
-    ]
+    (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n{}\n{}\n\nwoman 0 2\n{}\n{}\n".format(*order))
+    assert listed(tmp_path) == [(number, "man" if number in men else "woman") for number in "0123"]
 
 
 @pytest.mark.parametrize(
@@ -107,17 +99,6 @@ def test_a_cla_file_that_counts_from_1_is_told_so(tmp_path):
     (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n1\n2\n\nwoman 0 2\n3\n4\n")
     with pytest.raises(DatasetError, match="lists model 4, .*counts from 1, the meshes from 0: subtract 1"):
         folder_dataset(tmp_path)
-
-
-def test_shapes_of_a_cla_file_are_in_the_order_of_their_numbers(tmp_path):
-    numbered(tmp_path)
-    (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n3\n0\n\nwoman 0 2\n2\n1\n")
-    assert [(e.identifier, e.subject) for e in folder_dataset(tmp_path).entries] == [
-        ("0", "man"),
-        ("1", "woman"),
-        ("2", "woman"),
-        ("3", "man"),
-    ]
 
 
 def test_a_number_that_two_files_bear_is_named(tmp_path):
@@ -226,19 +207,22 @@ def test_a_tilde_that_no_shell_has_expanded_is_no_path():
             open_dataset(name, None)
 
 
-def test_settings_of_the_whole_set(tmp_path):
-    text = 'canonical_pose = 1\ncamera = "back"\nhalf_width = 2\nstand_in_for = "tosca"\n'
-    dataset = settled(tmp_path, text)
-    assert [canonical_entry(dataset, subject).identifier for subject in ("thick", "thin")] == ["thick1", "thin1"]
-    assert cameras(dataset) == dict.fromkeys(("thick", "thin"), Camera((0, -1, 0)))
+@pytest.mark.parametrize(
+    ("text", "canonical", "of_classes"),
+    [
+        ('canonical_pose = 1\ncamera = "back"\n', ["thick1", "thin1"], [Camera((0, -1, 0))] * 2),
+        (
+            '[canonical_pose]\nthin = "2"\n[camera]\nthin = { direction = [-2, 0, 0] }\n',
+            *(["thick0", "thin2"], [FRONT, Camera((-1, 0, 0))]),
+        ),
+    ],
+    ids=["whole set", "class"],
+)
+def test_settings_of_a_set_or_of_a_class(tmp_path, text, canonical, of_classes):
+    dataset = settled(tmp_path, 'half_width = 2\nstand_in_for = "tosca"\n' + text)
+    assert [canonical_entry(dataset, subject).identifier for subject in ("thick", "thin")] == canonical
+    assert list(cameras(dataset).values()) == of_classes
     assert (dataset.half_width, dataset.stand_in_for) == (2.0, "tosca")
-
-
-def test_settings_of_a_class(tmp_path):
-    text = '[canonical_pose]\nthin = "2"\n[camera]\nthin = { direction = [-2, 0, 0] }\n'
-    dataset = settled(tmp_path, text)
-    assert [canonical_entry(dataset, subject).identifier for subject in ("thick", "thin")] == ["thick0", "thin2"]
-    assert cameras(dataset) == {"thick": FRONT, "thin": Camera((-1, 0, 0))}
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,9 @@ def test_rays_of_a_distorted_camera_are_those_of_opencv(tmp_path, coefficients):
     matrix = np.array([[525.0, 0, 319.5], [0, 526, 239.5], [0, 0, 1]])
     # What is true of an inverse: distorting the rays again gives the pixels.
     directions = rays[::7, ::7].reshape(-1, 2)
-    seen = cv2.projectPoints(np.c_[directions, np.ones(len(directions))], np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
+    seen = cv2.projectPoints(
+        np.c_[directions, np.ones(len(directions))], np.zeros(3), np.zeros(3), matrix, np.array(coefficients)
+    )
     np.testing.assert_allclose(seen[0].reshape(-1, 2), np.c_[u.ravel(), v.ravel()], atol=1e-3)
 
 

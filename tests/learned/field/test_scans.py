@@ -21,9 +21,8 @@ from learned.field.fitting import checked_plan, fit
 from learned.field.methods import DeformationField
 from learned.field.scans import MakesScanBatches, Seen, bodies_made
 from learned.frame import centred
-from learned.training import loop
 from tests.learned.field.toy import OPTIONS, TOY, Paddles
-from tests.learned.streamed.toy import toy_stream
+from tests.learned.streamed.toy import settle, toy_stream
 from tests.learned.toy import quiet, toy_data
 
 LAG = 5
@@ -59,10 +58,7 @@ class ScannedPaddles:
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setitem(configuration.FIELDS, TOY.name, TOY)
-    monkeypatch.setattr(loop, "ROW", 4)
-    monkeypatch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
-    monkeypatch.setattr(training, "LOOKED_AT", 2)
+    settle(monkeypatch, configuration.FIELDS, TOY, training)
     monkeypatch.setattr(scans, "LAG", LAG)
     scans._KEPT.clear()
     ScannedPaddles.made.clear()

@@ -20,25 +20,16 @@ from benchmark.plugins.conformance.checks import OF_METHODS_AND_SCORERS
 from learned.field import configuration, fitting, training
 from learned.field.fitting import fit
 from learned.field.methods import DeformationField
-from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT
 from tests.geometry.surfaces import flat_grid, limbed_body
 from tests.learned.field.toy import OPTIONS, TOY, Paddles, bent_spheroid, paddles
-from tests.learned.streamed.toy import Ellipsoids, toy_stream
+from tests.learned.streamed.toy import Ellipsoids, settle, toy_stream
 from tests.learned.toy import files, misfit, quiet
-
-
-def settle(patch: pytest.MonkeyPatch) -> None:
-    """Give the toy field a name, and write a checkpoint every fourth step."""
-    patch.setitem(configuration.FIELDS, TOY.name, TOY)
-    patch.setattr(loop, "ROW", 4)
-    patch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
-    patch.setattr(training, "LOOKED_AT", 2)
 
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    settle(monkeypatch)
+    settle(monkeypatch, configuration.FIELDS, TOY, training)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +37,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder of a finished toy model."""
     folder = tmp_path_factory.mktemp("models") / "field-toy-seed0"
     with pytest.MonkeyPatch.context() as patch:
-        settle(patch)
+        settle(patch, configuration.FIELDS, TOY, training)
         fit("toy", 0, toy_stream(), folder, OPTIONS, quiet)
     yield folder
 

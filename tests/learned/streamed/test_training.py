@@ -30,7 +30,7 @@ from learned.streamed.network import build_streamed
 from learned.training import loop
 from learned.training.checkpoint import CHECKPOINT, SNAPSHOTS
 from learned.training.loop import TrainingLoop
-from tests.learned.streamed.toy import TOY, Ellipsoids, both, toy_stream
+from tests.learned.streamed.toy import TOY, Ellipsoids, both, settle, toy_stream
 from tests.learned.toy import files, quiet
 
 OPTIONS: dict[str, Any] = {
@@ -46,11 +46,7 @@ OPTIONS: dict[str, Any] = {
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give the toy network a name, and write a checkpoint every fourth step."""
-    monkeypatch.setitem(configuration.STREAMED, TOY.name, TOY)
-    monkeypatch.setattr(loop, "ROW", 4)
-    monkeypatch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
-    monkeypatch.setattr(training, "LOOKED_AT", 2)
+    settle(monkeypatch, configuration.STREAMED, TOY, training)
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +54,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder of a finished toy model."""
     folder = tmp_path_factory.mktemp("models") / "streamed-toy-seed0"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(configuration.STREAMED, TOY.name, TOY)
-        patch.setattr(loop, "ROW", 4)
-        patch.setattr(training, "LOOKED_AT", 2)
+        settle(patch, configuration.STREAMED, TOY, training)
         fit("toy", 0, toy_stream(), folder, OPTIONS, quiet)
     yield folder
 

@@ -6,13 +6,17 @@ import os
 import signal
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
+import pytest
 import trimesh
 
 from benchmark.api.streaming import N_POINTS, Fresh, MakesSurfaces, StreamedData, Surfaces
 from benchmark.errors import DatasetError
 from learned.streamed.configuration import PLAIN, Streamed
+from learned.training import loop
 from tests.learned.toy import toy_data
 
 TOY = replace(PLAIN, name="toy", resolution=32, width=8, code_size=16)
@@ -110,3 +114,11 @@ def surface_stream(surfaces: MakesSurfaces, validation: MakesSurfaces) -> Stream
 def toy(**changes: object) -> Streamed:
     """The toy network with changes."""
     return replace(TOY, **changes)
+
+
+def settle(patch: pytest.MonkeyPatch, known: dict[str, Any], configuration: Any, training: ModuleType) -> None:
+    """Give a toy network its name, and write a checkpoint every fourth step."""
+    patch.setitem(known, configuration.name, configuration)
+    patch.setattr(loop, "ROW", 4)
+    patch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
+    patch.setattr(training, "LOOKED_AT", 2)
