@@ -7,8 +7,8 @@ from sklearn.isotonic import IsotonicRegression
 from sklearn.manifold import smacof as sklearn_smacof
 
 from baselines._kernels.isotonic import isotonic_regression
-from baselines.non_metric_mds import NonMetricMDS, non_metric_scaling
-from tests.baselines.embedding import PointShape, points_on_ellipsoid, spread
+from baselines.non_metric_mds import non_metric_scaling
+from tests.baselines.embedding import spread
 
 pytestmark = pytest.mark.kernels
 
@@ -52,9 +52,3 @@ def test_the_stress_is_as_low_as_that_of_scikit_learn():
     )
     _, course = non_metric_scaling(dissimilarities, start, max_iterations=300, rtol=0)
     assert course[-1] <= 1.001 * stress
-
-
-def test_points_in_space_are_recovered():
-    points = points_on_ellipsoid()
-    form = NonMetricMDS().canonicalise(PointShape(points))
-    np.testing.assert_allclose(spread(form.vertices), spread(points), atol=1e-7)

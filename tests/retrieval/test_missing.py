@@ -5,7 +5,6 @@ import pytest
 
 from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
-from retrieval.splits import scores_of_splits
 
 
 def gallery(seed, most=14):
@@ -67,20 +66,3 @@ def test_all_answered_is_no_difference():
     np.testing.assert_array_equal(
         values(evaluate(distances, labels, answered=every)), values(evaluate(distances, labels))
     )
-
-
-def test_splits_count_missing_shapes_alike():
-    rng = np.random.default_rng(3)
-    labels = list(np.repeat(["a", "b", "c", "d"], 4))
-    noise = rng.random((16, 16))
-    answered = np.array([0, 1, 3, 4, 5, 6, 9, 10, 12, 13, 14])
-    distances = (noise + noise.T)[np.ix_(answered, answered)]
-    splits = [("a", "b", "c"), ("b", "d", "c")]
-    of_splits = scores_of_splits(distances, labels, splits, answered=answered)
-    for number, split in enumerate(splits):
-        inside = [k for k, label in enumerate(labels) if label in split]
-        rows = [k for k, place in enumerate(answered) if place in inside]
-        places = [inside.index(answered[k]) for k in rows]
-        alone = evaluate(distances[np.ix_(rows, rows)], [labels[k] for k in inside], answered=places)
-        for name in ("NN", "FT", "ST", "DCG"):
-            assert of_splits[name][number] == pytest.approx(alone.means[name]), (split, name)

@@ -21,19 +21,22 @@ def distances_of(n: int, seed: int, ties: bool) -> NDArray[Any]:
     return np.linalg.norm(points[:, None] - points[None], axis=2)
 
 
+@pytest.mark.parametrize("missing", [[], [2, 7, 8, 11, 15]])
 @pytest.mark.parametrize("ties", [False, True])
-def test_each_split_scores_as_its_own_matrix_does(ties: bool) -> None:
+def test_each_split_scores_as_its_own_matrix_does(ties: bool, missing: list[int]) -> None:
     # Classes of all sizes in any order; one of them has a single member.
     labels = np.random.default_rng(5).permutation(np.repeat(list("abcdef"), [7, 5, 6, 1, 4, 9])).tolist()
-    distances = distances_of(len(labels), 3, ties)
+    answered = np.setdiff1d(np.arange(len(labels)), missing)
+    distances = distances_of(len(labels), 3, ties)[np.ix_(answered, answered)]
     splits = all_splits("abcdef", 3)
-    scores = scores_of_splits(distances, labels, splits)
+    scores = scores_of_splits(distances, labels, splits, answered=answered)
     for row, split in enumerate(splits):
-        inside = np.flatnonzero([label in split for label in labels])
-        single = evaluate(distances[np.ix_(inside, inside)], [labels[i] for i in inside])
-        expected = (single.means["NN"], single.means["FT"], single.means["ST"], single.means["DCG"])
-        assert [scores[name][row] for name in PRINTED] == pytest.approx(expected, abs=1e-12)
-    assert ties == (evaluate(distances, labels).tied_queries > 0)
+        inside = [place for place, label in enumerate(labels) if label in split]
+        rows = [row for row, place in enumerate(answered) if place in inside]
+        places = [inside.index(answered[row]) for row in rows]
+        single = evaluate(distances[np.ix_(rows, rows)], [labels[place] for place in inside], answered=places).means
+        assert {name: scores[name][row] for name in PRINTED} == pytest.approx({name: single[name] for name in PRINTED})
+    assert missing or ties == (evaluate(distances, labels).tied_queries > 0)
 
 
 def test_a_gallery_by_hand() -> None:
