@@ -162,26 +162,19 @@ def drop_rights() -> None:
     library.capset(header, rights)
 
 
-def orphans(grace: float) -> list[psutil.Process]:
-    """Processes that are still there although their command has ended, after some time to go."""
-    end, left = time.monotonic() + grace, psutil.Process().children(recursive=True)
-    while left and time.monotonic() < end:
+def kill_orphans(grace: float) -> list[str]:
+    """Kill what is still there although its command has ended, after some time to go, and return what that was."""
+    end, killed = time.monotonic() + grace, []
+    while (left := psutil.Process().children(recursive=True)) and time.monotonic() < end:
         with suppress(ChildProcessError):
             while os.waitpid(-1, os.WNOHANG)[0]:
                 pass
-        left = psutil.Process().children(recursive=True)
         time.sleep(0.02)
-    return left
-
-
-def kill_orphans(grace: float) -> list[str]:
-    """Kill what a command left, and return what that was."""
-    left = []
-    for process in orphans(grace):
+    for process in left:
         with suppress(psutil.Error):
-            left.append(f"process {process.pid}, {' '.join(process.cmdline())[:120]}")
+            killed.append(f"process {process.pid}, {' '.join(process.cmdline())[:120]}")
             process.kill()
-    return left
+    return killed
 
 
 # Cases ---------------------------------------------------------------------------------------------------------------
