@@ -60,6 +60,7 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
         status = {"status": first["status"], "reason": first.get("reason", "")}
         return {**_EMPTY, **status, "n_wanted": n_wanted}
     is_single, first = n_wanted == 1, records[0]
+    only = first if is_single else {}
     galleries = _of_galleries([result.record for result in results], [*first["scores"], "coverage"], n_galleries)
     scores = _means(galleries)
     phases = [record["cost"]["seconds_per_shape"] for record in records]
@@ -72,14 +73,14 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
         for result in results
         if result not in scored
     ]
-    only = first if is_single else {}
+    spread_over = galleries if len(galleries) > 1 else [record["scores"] for record in records]
     return {
         **_EMPTY,
         "status": "ok",
         "reason": "; ".join(failures) or "not run",
         "coverage": scores.pop("coverage"),
         "scores": scores,
-        "deviation": None if is_single else _deviations(galleries if len(galleries) > 1 else _scores(records), scores),
+        "deviation": None if is_single else _deviations(spread_over, scores),
         **_over_preparations(results, [*scores], n_galleries),
         "chance": _means([chance_of(record) for record in records]),
         "supported": only.get("supported", {}),
@@ -102,10 +103,6 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
         "outdated": "; ".join(_union(result.outdated for result in scored if result.outdated)),
         "records": tuple(records),
     }
-
-
-def _scores(records: Iterable[Record]) -> list[Figures]:
-    return [record["scores"] for record in records]
 
 
 def _of_galleries(records: Iterable[Record], names: Sequence[str], n_galleries: int) -> list[Figures]:

@@ -99,8 +99,6 @@ def _refused(table: TableContent) -> Iterator[str]:
 def _trainings(table: TableContent) -> Iterator[str]:
     """Return which schedule made the models, and on which data; rows that share them share a line."""
     trainings: list[tuple[str, str]] = []
-    printed = {row.method for row in (*paper.ROWS, *paper.ABLATION)}
-    is_printed = False
     for row in table.rows:
         by_schedule: dict[tuple[str, bool], dict[str, None]] = {}
         for model in (model for line in table.lines if line.method == row.method for model in line.models):
@@ -108,9 +106,9 @@ def _trainings(table: TableContent) -> Iterator[str]:
         for (schedule, has_extra), (first, *others) in by_schedule.items():
             named = first + (f" (and {len(others)} more such sets)" if others else "")
             trainings.append((f"trained on {'extra data, ' if has_extra else ''}{named}: {schedule}", row.title))
-            is_printed = is_printed or row.method in printed
     yield from (f"{'; '.join(titles)}: {training}" for training, titles in _titles(trainings).items())
-    if is_printed and not table.is_own:
+    learned = {line.method for line in table.lines if line.models}
+    if not table.is_own and learned & {row.method for row in (*paper.ROWS, *paper.ABLATION)}:
         yield f"The paper's schedule: {paper.SCHEDULE}."
 
 

@@ -125,12 +125,12 @@ def ranked_cells(table: TableContent, artefacts: ArtefactReader) -> list[RankedC
 
 def classes_of(cells: Sequence[RankedCell]) -> list[str]:
     """Return the names of all classes."""
-    return list(dict.fromkeys(label for each in cells for record in each.line.records for label in record["labels"]))
+    return list(dict.fromkeys(label for cell in cells for record in cell.line.records for label in record["labels"]))
 
 
 def poses_of(cells: Sequence[RankedCell]) -> list[str]:
     """Return the names of all poses, where the classes of a data set take the same ones."""
-    galleries = (gallery for each in cells for gallery in each.galleries)
+    galleries = (gallery for cell in cells for gallery in cell.galleries)
     return list(dict.fromkeys(pose for gallery in galleries for pose in gallery.kinds(POSES)))
 
 
