@@ -9,7 +9,6 @@ from benchmark.external.records import keep_distances
 from benchmark.external.scoring import FORMATS, Task, evaluated
 from benchmark.pipeline.storage.store import Store
 from benchmark.text import say, say_lines
-from retrieval.metrics import evaluate_queries
 
 
 def score(options: Score) -> None:
@@ -19,13 +18,12 @@ def score(options: Score) -> None:
     gallery = read_labels(options.labels)
     matrix = read_ranked(options.distances, gallery) if options.ranked else read_distances(options.distances)
     task = Task.of(matrix, gallery, read_labels(options.query_labels) if options.query_labels else None)
-    scores = evaluate_queries(task.answers())
     title = options.title or options.distances.stem
-    say_lines(FORMATS[options.format](title, evaluated(task, scores)))
+    say_lines(FORMATS[options.format](title, evaluated(task)))
     if options.folder is not None:
         store = Store.open(options.folder)
         dataset = options.dataset or options.labels.resolve().stem
-        record = keep_distances(store, task, scores, title, dataset, options.input)
+        record = keep_distances(store, task, title, dataset, options.input)
         name_skipped(store)
         name = record["data"]["name"]
         say(f"kept as {record['method']}: 'tables -d {name}' and 'report -d {name}' show it", err=True)

@@ -10,8 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmark.api.contracts import Input
 from benchmark.arrays import Arrays, digest_of
 from benchmark.datasets.base import Entry, Watched
@@ -34,7 +32,6 @@ from benchmark.plugins.specs import ScorerSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.text import LONGEST_NAME
 from retrieval.chance import chance_levels
-from retrieval.metrics import Scores
 
 
 def method_name(title: str) -> str:
@@ -84,7 +81,7 @@ def _record(
 # Distances -----------------------------------------------------------------------------------------------------------
 
 
-def keep_distances(store: Store, task: Task, scores: Scores, title: str, dataset: str, input_: Input) -> Record:
+def keep_distances(store: Store, task: Task, title: str, dataset: str, input_: Input) -> Record:
     """Keep a square matrix with one label a shape as an external row.
 
     Raises
@@ -111,20 +108,9 @@ def keep_distances(store: Store, task: Task, scores: Scores, title: str, dataset
         EXTERNAL: artefact.digest,
         "versions": versions_of(["measures"]),
     }
-    scored = {
-        "scorer": NO_SCORER,
-        "scores": scores.means,
-        "chance": chance_levels(labels),
-        "per_query": {
-            name: [None if np.isnan(value) else round(float(value), 6) for value in values]
-            for name, values in scores.per_query.items()
-        },
-        "tied_queries": scores.tied_queries,
-        "lone_queries": scores.lone_queries,
-        "shapes": names,
-        "labels": labels,
-        "artefacts": [artefact.key],
-    }
+    scored = measures.scores([list(task.values)], labels)  # row by row, for the matrix need not be symmetric
+    del scored["codebook_deviation"]
+    scored |= {"scorer": NO_SCORER, "shapes": names, "labels": labels, "artefacts": [artefact.key]}
     record = _record(data, gallery, title, of_row, scored)
     store.write_record(record)
     return record

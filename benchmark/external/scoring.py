@@ -178,9 +178,9 @@ def score(distances: object, labels: object, query_labels: object = None) -> Eva
     return evaluated(task)
 
 
-def evaluated(task: Task, scores: Scores | None = None) -> Evaluation:
+def evaluated(task: Task) -> Evaluation:
     """Return measures, intervals and chance of a task."""
-    scores = scores or evaluate_queries(task.answers())
+    scores = evaluate_queries(task.answers())
     names = [measure.name for measure in MEASURES]
     values = np.column_stack([scores.per_query[name] for name in names])
     ends = intervals(np.rint(values / UNIT), [tuple(sorted(classes)) for classes in task.queries.classes])

@@ -14,7 +14,6 @@ from benchmark.external.files import as_distances, read_labels
 from benchmark.external.records import keep_distances
 from benchmark.external.scoring import Task
 from benchmark.pipeline.storage.store import Store
-from retrieval.metrics import evaluate_queries
 from tests.cli.test_workflow import call
 from tests.records import record
 from tests.toy import write_rods
@@ -265,5 +264,5 @@ def test_rows_of_other_shapes_are_refused_with_a_name(beside, files, tmp_path):
     kept = ("--results", beside, "--dataset", "line")
     task = Task.of(as_distances(D), read_labels(tmp_path / "labels.txt"))
     with pytest.raises(ConfigurationError, match="the first that differs is 'xa0'"):
-        keep_distances(Store.open(beside), task, evaluate_queries(task.answers()), "Theirs", "line", "mesh")
+        keep_distances(Store.open(beside), task, "Theirs", "line", "mesh")
     call("score", files / "m.txt", "--labels", files / "labels.txt", *kept)  # those with its names are taken
