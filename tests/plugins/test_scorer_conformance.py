@@ -44,10 +44,10 @@ def test_a_right_scorer_passes(findings):
         (
             'return {"shares": counts / weights.sum()}',
             "return counts",
-            "answer",
+            "signature",
             "returned ndarray, not named arrays",
         ),
-        ('{"shares": counts / weights.sum()}', '{"shares": counts * np.nan}', "answer", "finite numbers"),
+        ('{"shares": counts / weights.sum()}', '{"shares": counts * np.nan}', "signature", "finite numbers"),
         (RETURN, "return shares", "dissimilarities", "returned an array of shape (6, 64)"),
         (RETURN, "return np.triu(cdist(shares, shares))", "dissimilarities", "symmetric"),
         ('"cityblock")', '"cityblock") * 0.0', "dissimilarities", "tells no two of 6 signatures apart"),
@@ -57,9 +57,9 @@ def test_a_right_scorer_passes(findings):
             "repeatable",
             "differ by",
         ),
-        ("distances / mean", "distances", "rigid motion", "depends on position or size"),
+        ("distances / mean", "distances", "motion", "depends on position or size"),
         ("counts / weights.sum()}", "counts / weights.sum() + abs(form.vertices[0, 0])}", "relabelling", "numbering"),
-        ("if not mean > 0:", "if 1 / mean < 0:", "awkward shapes", "a point"),
+        ("if not mean > 0:", "if 1 / mean < 0:", "awkward forms", "a point"),
     ],
 )
 def test_a_fault_is_found_by_its_check(findings, old, new, check, message):

@@ -16,7 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.execution.processes.process import is_child
 from benchmark.plugins.conformance import checks
-from benchmark.plugins.conformance.cases import DatasetCase, Skipped, Warned, explain
+from benchmark.plugins.conformance.cases import DatasetCase, ScorerCase, Skipped, Warned, explain
 from benchmark.plugins.conformance.shapes import figure
 from benchmark.plugins.inspection import inspect, plugins_in
 from benchmark.plugins.registry import methods, plugin_methods, variants
@@ -216,7 +216,9 @@ def _checks(spec: PluginSpec[Any, Any], folder: Path, options: Any = ()) -> Iter
     """Check a plugin: the name of each check before it is made, then its result; models go to a folder."""
     case, gate = checks.case_of(spec, models=folder, options=options), None
     table = checks.OF_DATA_SETS if isinstance(case, DatasetCase) else checks.OF_METHODS_AND_SCORERS
-    for name, tried in table.items():
+    names = checks.NAMES_OF_SCORERS if isinstance(case, ScorerCase) else {}
+    for known_name, tried in table.items():
+        name = names.get(known_name, known_name)
         if gate == "" or not tried.applies(case):
             continue
         if gate is None:

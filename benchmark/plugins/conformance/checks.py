@@ -513,6 +513,9 @@ OF_METHODS_AND_SCORERS = {
     "awkward shapes": Check(_awkward),
 }
 
+#: What some of them are called for a scorer.
+NAMES_OF_SCORERS = {"answer": "signature", "rigid motion": "motion", "awkward shapes": "awkward forms"}
+
 OF_DATA_SETS = {
     "entries": Check(_entries),
     "meshes": Check(_meshes),
