@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import Record, answered_shapes, by_place, scorer_name
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.inspection import inspect
@@ -219,13 +219,13 @@ class ResultsFolder:
             raise ConfigurationError(f"{self.folder} holds no record '{key}'", "take a key from records()")
         record = dict(self._results[key].record)
         if record["status"] != "ok":
-            raise ConfigurationError(f"{told(record)} has no scores: {record['status']}", "choose a finished one")
+            raise ConfigurationError(f"{job_name(record)} has no scores: {record['status']}", "choose a finished one")
         return record
 
     def _absent(self, record: Record, what: str) -> StorageError:
         changed = self._results[record["key"]].outdated
         why = f"made before the last change ({changed})" if changed else "made elsewhere, or freed"
-        return StorageError(f"the {what} of {told(record)} are not in {self.folder}: {why}", "run it again here")
+        return StorageError(f"the {what} of {job_name(record)} are not in {self.folder}: {why}", "run it again here")
 
 
 def open_results(

@@ -27,7 +27,7 @@ from benchmark.pipeline.recipes import distances_recipe, draws_of, source_data
 from benchmark.pipeline.storage.environment import environment
 from benchmark.pipeline.storage.keys import bare_key, digest
 from benchmark.pipeline.storage.lock import key_of
-from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import Record, answered_shapes, as_text, portable, scorer_name
 from benchmark.pipeline.storage.store import StorageError
 from benchmark.plugins.modules import helpers_of
@@ -82,7 +82,7 @@ def write_bundle(
     entries: dict[str, Entry] = {}
     faults: dict[str, BenchmarkError] = {}
     for record in records:
-        name = told(record)
+        name = job_name(record)
         say(f"packing {name}")
         try:
             entries[name], contents = _packed(record, artefacts, with_forms=with_forms)

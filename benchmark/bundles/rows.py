@@ -163,8 +163,8 @@ class RowCheck:
         answered = set(self.answered)
         places = [number for number, name in enumerate(record["shapes"]) if name in answered]
         scored = measures.scores(computed, record["labels"], places if len(places) < len(record["shapes"]) else None)
-        told = [(part, name, value) for part in ("scores", "supported") for name, value in record.get(part, {}).items()]
-        for part, name, value in told:
+        recorded = [(part, *figure) for part in ("scores", "supported") for figure in record.get(part, {}).items()]
+        for part, name, value in recorded:
             computed_value = scored.get(part, {}).get(name, np.nan)
             if not abs(computed_value - value) <= SCORE_TOLERANCE:
                 problem = f"it says {name} {number(value, 3)}, and its {holds} give {number(computed_value, 3)}"

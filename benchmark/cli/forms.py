@@ -258,7 +258,7 @@ def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callabl
         start = time.perf_counter()
         place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
         try:
-            made = form_of_object(job.files.observe(), maker, job.files.image.stem, seed=options.seed)
+            result = form_of_object(job.files.observe(), maker, job.files.image.stem, seed=options.seed)
         except ShapeError as error:
             if len(jobs) == 1:
                 raise
@@ -266,11 +266,11 @@ def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callabl
             report(f"{place}{job.files.image}: {error}")
             continue
         seconds = time.perf_counter() - start
-        write_form(job.target, made.form.mesh)
+        write_form(job.target, result.form.mesh)
         if job.picture:
-            save_png(frame_picture(made.observed.depths, made.observed.mask, made.form.mesh), job.picture)
-        facts = _facts(made.form.notes) if len(jobs) == 1 else []
-        report(", ".join([f"{place}{job.target}: {len(made.form.vertices)} vertices, {seconds:.2f} s", *facts]))
+            save_png(frame_picture(result.observed.depths, result.observed.mask, result.form.mesh), job.picture)
+        facts = _facts(result.form.notes) if len(jobs) == 1 else []
+        report(", ".join([f"{place}{job.target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
     return failures
 
 

@@ -167,15 +167,15 @@ def verb(section: str, place: str, *shared: Any) -> Callable[[type[_Verb]], type
     module, function = place.split(".")
 
     def declare(options: type[_Verb]) -> type[_Verb]:
-        made = dataclass(frozen=True, kw_only=True)(options)
+        complete = dataclass(frozen=True, kw_only=True)(options)
         at = shared.index(...) if ... in shared else len(shared)
         own = [name for name in options.__annotations__ if name not in shared]
         names = (*shared[:at], *own, *shared[at + 1 :])
-        declared = {name: made.__dataclass_fields__[name].metadata["parameter"] for name in names}
+        declared = {name: complete.__dataclass_fields__[name].metadata["parameter"] for name in names}
 
         def call(**values: Any) -> None:
             body = getattr(import_module(f"benchmark.cli.{module}"), function)
-            if body(made(**values)) is False:
+            if body(complete(**values)) is False:
                 sys.exit(NOT_OK)
 
         name = function.removesuffix("_")
@@ -185,7 +185,7 @@ def verb(section: str, place: str, *shared: Any) -> Callable[[type[_Verb]], type
             _OF_DATA[name] = command
         else:
             SECTIONS.setdefault(section, []).append(command)
-        return made
+        return complete
 
     return declare
 

@@ -19,7 +19,7 @@ from benchmark.execution.plan import make_plan
 from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import in_words
 from benchmark.pipeline.storage.keys import bare_key
-from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select, variants
@@ -134,7 +134,7 @@ def why(options: Why) -> None:
     """Print a line for each job, or all that is known of one."""
     store = Store.open(options.results)
     if record := _record_of_key(options.target, store):
-        say(told(record))
+        say(job_name(record))
         _explain(record["key"], record)
         return
     jobs = planned_jobs(replace(options, methods=(options.target,)), store)

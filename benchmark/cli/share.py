@@ -17,7 +17,7 @@ from benchmark.cli.selection import recorded
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.errors import ConfigurationError
 from benchmark.execution.claims import Claims
-from benchmark.pipeline.storage.merging import merge_records, publish, records_under, told
+from benchmark.pipeline.storage.merging import job_name, merge_records, publish, records_under
 from benchmark.pipeline.storage.store import Store, remove, sweep_leftovers, unneeded
 from benchmark.plugins.registry import methods, variant
 from benchmark.report.artefact_reader import ArtefactReader
@@ -46,7 +46,7 @@ def merge(options: Merge) -> bool:
     name_skipped(store)
     for there, other in merged.conflicts:
         scores = f"{scores_in_words(there)} here, {scores_in_words(other)} there"
-        say(f"conflict: {told(there)} ({there['key'][:12]}): {scores}")
+        say(f"conflict: {job_name(there)} ({there['key'][:12]}): {scores}")
     say(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
     return not merged.conflicts
 

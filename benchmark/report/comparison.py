@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input
 from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.perturbations.dataset import parsed
-from benchmark.pipeline.storage.merging import told
+from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from benchmark.report.content import TableContent, contents
 from benchmark.report.escaping import markdown_table, markdown_text
@@ -96,7 +96,7 @@ class Comparison:
 
 def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
     """Compare the newest records with scores of each gallery, input, method and seed."""
-    return _compare(*({told(record): record for record in _newest(side).values()} for side in (first, second)))
+    return _compare(*({job_name(record): record for record in _newest(side).values()} for side in (first, second)))
 
 
 def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:

@@ -105,7 +105,7 @@ def _is_for_all(record: Record) -> bool:
     return not data["quick"] and data["source"] == data["name"] and bool(record["target"])
 
 
-def told(record: Record) -> str:
+def job_name(record: Record) -> str:
     """Return where a record belongs, in words."""
     gallery, input_, method, seed, scorer = place(record)
     by = "" if scorer == DEFAULT_SCORER else f" by {scorer}"
