@@ -1,4 +1,4 @@
-"""The jobs of a plan on a dask cluster, whose workers see the results folder and the data under the same paths."""
+"""Run jobs on a dask cluster whose workers see the results folder and the data under the same paths."""
 
 from __future__ import annotations
 
@@ -42,25 +42,25 @@ from benchmark.text import brief, say
 
 T = TypeVar("T")
 
-#: Seconds for the scheduler to answer at first, and to be back once it was lost.
+#: Seconds to wait for a first answer of the scheduler, and for its return once it was lost.
 _CONNECTING, _GONE = 10.0, 10.0
 
-#: Seconds to wait for the first worker, or for another one when all are lost.
+#: Seconds to wait for a worker when there is none.
 _NOBODY = 600.0
 
-#: Seconds without a heartbeat, or for the answer of a finished task to arrive, after which a worker counts as lost.
+#: Seconds without a heartbeat, or without the result of a finished task, after which a worker counts as lost.
 SILENCE = 60.0
 
-#: Seconds for a worker to write down where a task is that is stopped.
+#: Seconds for a worker to write the traceback of a stopped task.
 _LAST_WORDS = 10.0
 
-#: Parts of an inventory that decide what a worker computes.
+#: Parts of an inventory that determine results.
 _PARTS = ("code", "packages", "plugin", "models")
 
 
 @dataclass
 class WorkerNode:
-    """A dask worker with its inventory, as far as it has come, and the number of tasks that it is at."""
+    """A dask worker with its inventory, once known, and its number of running tasks."""
 
     address: str
     host: str
@@ -69,35 +69,36 @@ class WorkerNode:
     is_ready: bool = False
     refusal: ConfigurationError | None = None
     heartbeat: float = 0.0
-    #: When a heartbeat was noticed here.
+    #: Local time of the last heartbeat.
     heard: float = field(default_factory=time.monotonic)
     running: int = 0
 
     @property
     def is_lost(self) -> bool:
-        """Return whether it is gone or silent; it is trusted again as soon as it is heard."""
+        """Whether it is gone or silent; it is used again after its next heartbeat."""
         return time.monotonic() - self.heard > SILENCE
 
     @property
     def free(self) -> int:
-        """Return how many more tasks it can be given."""
+        """Number of further tasks that it can take."""
         return self.threads - self.running if self.is_ready and not self.is_lost else 0
 
 
 class DaskPool:
-    """The workers of a dask cluster; see :mod:`benchmark.execution.pools`.
+    """Workers of a dask cluster; see :mod:`benchmark.execution.pools`.
 
-    Each is asked for its inventory before it gets work, and is left out if it would do other work than was planned.
-    Tasks are given to one worker by name, for a run wants to know whose death costs what; dask tries nothing again.
+    A worker must report its inventory before it gets tasks, and is left out if it would compute something else than was
+    planned. Tasks are assigned to workers by address, without retries by dask, so that the suite knows what a lost
+    worker was doing.
 
     Parameters
     ----------
     url
         Address of the scheduler.
     jobs
-        The jobs; they name what the workers must have.
+        The jobs, which determine what workers need.
     most
-        Tasks at a time; None for all threads of all workers.
+        Most tasks at a time; None for all threads of all workers.
 
     Raises
     ------
@@ -106,7 +107,7 @@ class DaskPool:
     """
 
     def __init__(self, url: str, jobs: Sequence[Job], most: int | None = None) -> None:
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is said here, in one line
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # this module reports errors itself, in one line
         self.url = url
         self._most = most
         self._name = f"canonical-forms-{secrets.token_hex(8)}"
@@ -117,9 +118,9 @@ class DaskPool:
         self._running: dict[str, Running] = {}
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of versions, which are told worker by worker
+                warnings.simplefilter("ignore")  # about versions, which are reported for each worker
                 self._client = Client(url, timeout=_CONNECTING, set_as_default=False, name=self._name)
-        except Exception as error:  # what is raised depends on the kind of address
+        except Exception as error:  # the type depends on the kind of address
             raise ConfigurationError(
                 f"no dask scheduler answers at {url} ({brief(one_line(error))})", "start one or correct --scheduler"
             ) from error
@@ -146,20 +147,20 @@ class DaskPool:
 
     @property
     def size(self) -> int:
-        """Tasks that the workers can do at a time."""
+        """Number of tasks that can run at a time."""
         slots = sum(node.running + node.free for node in self._nodes.values())
         return slots if self._most is None else min(slots, self._most)
 
     @property
     def waits_for(self) -> str:
-        """Return what the run waits for where no worker can be used."""
+        """What the run waits for if no worker can be used; "" otherwise."""
         if self.size:
             return ""
         asked = sum(not node.inventory.done() for node in self._nodes.values())
         return f"{asked} workers of {self.url} say what they have" if asked else f"no worker at {self.url} yet"
 
     def begin(self, task: Task) -> Running:
-        """Give a task to the worker that is least at work."""
+        """Give a task to the worker with the most free threads."""
         node = max(self._nodes.values(), key=lambda node: node.free, default=None)
         if node is None or not node.free:
             raise OSError(0, f"all workers of {self.url} are at work")
@@ -174,14 +175,14 @@ class DaskPool:
         return self._running[name]
 
     def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
-        """Wait a moment, then look who has come and who has gone.
+        """Wait a moment, then update workers and tasks.
 
         Raises
         ------
         BenchmarkError
-            If the scheduler is gone, or no worker comes for long.
+            If the scheduler is gone, or there was no worker for long.
         ConfigurationError
-            If no worker sees the results folder and would do what was planned.
+            If all workers were left out.
         """
         time.sleep(INTERVAL)
         now = time.monotonic()
@@ -206,7 +207,7 @@ class DaskPool:
             )
 
     def stop(self, running: Running) -> None:
-        """End a task, after it has written down where it is."""
+        """End a task after it has written its traceback."""
         node, answer = running.worker
         _aside(partial(self._client.run, stop, answer.key, workers=[node.address], on_error="ignore"))
         until = time.monotonic() + _LAST_WORDS
@@ -216,29 +217,29 @@ class DaskPool:
         self.end(running)
 
     def end(self, running: Running) -> None:
-        """End a task, if it still runs; its worker hears of it from the scheduler."""
+        """Cancel a task, if it still runs."""
         node, answer = running.worker
         if self._running.pop(answer.key, None):
             _aside(partial(answer.cancel, force=True))
             node.running -= 1
 
     def _hear(self, event: tuple[float, Any]) -> None:
-        """Take note of how far a task is, as its worker says."""
+        """Store the progress that a worker reports."""
         name, *status = event[1]
         if name in self._running:
             self._running[name].status = Status(*status)
 
     def _update(self, running: Running) -> None:
-        """Look whether a task has ended."""
+        """Check whether a task has ended."""
         node, answer = running.worker
         if answer.done():
             try:
                 running.is_finished, running.exit_code, status, running.trace, records = answer.result(timeout=SILENCE)
-            except Exception:  # cancelled, killed, or without an answer
+            except Exception:  # cancelled, killed, or no result
                 running.exit_code = LOST
             else:
                 running.status = Status(*status)
-                for record in records:  # a network file system may show them seconds later
+                for record in records:  # they may appear late on a network file system
                     if record["key"] not in self._store.records:
                         self._store.write_record(record)
         elif node.is_lost:
@@ -247,7 +248,7 @@ class DaskPool:
             self.end(running)
 
     def _watch(self) -> None:
-        """Ask the scheduler for its workers, again and again; in a thread, for it may never answer."""
+        """Poll the scheduler for its workers, in a thread because the call may never return."""
         while not self._over.wait(INTERVAL * 5):
             with suppress(Exception):
                 if self._client.status == "running":
@@ -258,7 +259,7 @@ class DaskPool:
         info = self._info
         for address, known in info.items():
             if address not in self._nodes:
-                # Not by a task, at which a worker without the suite would end.
+                # Not by a task, which would end a worker without the suite.
                 ask = partial(self._client.run, asyncio.to_thread, inspect, self._question, workers=[address])
                 self._nodes[address] = WorkerNode(address, known["host"], int(known["nthreads"]), _aside(ask))
             node = self._nodes[address]
@@ -270,7 +271,7 @@ class DaskPool:
             self._nodes.pop(address).heard = -inf
 
     def _admit(self, node: WorkerNode) -> None:
-        """Compare the inventory of a worker with that of this machine."""
+        """Accept or refuse a worker by its inventory."""
         hint = "install there the suite and the packages that are here"
         try:
             there = json.loads(node.inventory.result()[node.address])
@@ -280,7 +281,7 @@ class DaskPool:
                 problem = "; ".join(changed_names(part, here, other) for part, here, other in parts if here != other)
         except KeyError:
             problem = "another version of this suite"
-        except Exception as error:  # the suite is not there, or the worker has gone
+        except Exception as error:  # the suite is not installed, or the worker is gone
             problem = one_line(error)
         node.is_ready = not problem
         if problem:
@@ -289,7 +290,7 @@ class DaskPool:
 
 
 def _aside(call: Callable[[], T]) -> futures.Future[T]:
-    """Call something that may never return in a thread of its own; its result comes in time."""
+    """Call a function that may never return in a separate thread."""
     future: futures.Future[T] = futures.Future()
 
     def run() -> None:
@@ -304,38 +305,38 @@ def _aside(call: Callable[[], T]) -> futures.Future[T]:
 
 # Inside a dask worker ------------------------------------------------------------------------------------------------
 
-# Plain values are taken and returned, never objects. A dask worker that runs for weeks may have older code in its
-# memory than is on its disk, and is left out then.
+# Arguments and results are plain values, never objects. A worker that has older code in memory than on disk is left
+# out.
 
-#: Code that this process has in its memory.
+#: Code that this process has loaded.
 _IN_MEMORY = suite_texts()
 
-#: Tasks to stop, after they have written down where they are.
+#: Names of tasks to stop after they have written a traceback.
 _stopped: set[str] = set()
 
-#: Processes of each thread of this worker, with the run that they work for: the code of another one may differ.
+#: Pool of each thread of this worker, with its run: the code of another run may differ.
 _pools: dict[int, tuple[str, LocalPool]] = {}
 
 
 def do(description: str, run: str, name: str, share: int) -> tuple[bool, int | None, Any, str, list[Any]]:
-    """Do a task in a process beside this dask worker.
+    """Run a task in a child process of this dask worker.
 
-    The process ends when this worker is killed, or the cluster has cancelled the task, because its run is gone or has
-    given it to another worker.
+    The process ends when the worker is killed, or when the task is cancelled because its run is gone or has given it to
+    another worker.
 
     Parameters
     ----------
     description
-        The task as :func:`benchmark.execution.job_specs.to_json` writes it.
+        The task, written by :func:`benchmark.execution.job_specs.to_json`.
     run, name
-        Name of the run, and of the task in the cluster.
+        Names of the run and of the task in the cluster.
     share
-        Number of the tasks that share the memory of this machine.
+        Number of tasks that share the memory of this machine.
 
     Returns
     -------
     tuple
-        What :class:`benchmark.execution.pools.Running` tells of its end, and the records of those jobs that have one.
+        The fields of :class:`benchmark.execution.pools.Running` at its end, and the records of its finished jobs.
     """
     task, worker, pool = task_of(description), get_worker(), _pool(run, share)
     running = pool.begin(task)
@@ -358,7 +359,7 @@ def do(description: str, run: str, name: str, share: int) -> tuple[bool, int | N
 
 
 def _pool(run: str, share: int) -> LocalPool:
-    """Return the processes of this thread."""
+    """Return the pool of this thread."""
     known, pool = _pools.get(threading.get_ident(), ("", None))
     if pool is None or known != run:
         if pool is not None:
@@ -371,24 +372,24 @@ def _pool(run: str, share: int) -> LocalPool:
 
 
 def stop(name: str) -> None:
-    """Stop a task, after it has written down where it is; its answer says so."""
+    """Stop a task after it has written its traceback, which is part of its result."""
     _stopped.add(name)
 
 
 def _is_wanted(worker: Any, name: str) -> bool:
-    """Return whether the cluster has not cancelled a task."""
+    """Return whether a task has not been cancelled."""
     task = worker.state.tasks.get(name)
     return task is not None and task.state in ("executing", "long-running")
 
 
 def inspect(question: str) -> str:
-    """Return, as JSON, what decides the results of some jobs on this machine, or ``problem`` and ``hint``.
+    """Return the inventory of this machine for some jobs as JSON, or ``problem`` and ``hint``.
 
     Parameters
     ----------
     question
-        JSON with ``jobs`` as :func:`benchmark.execution.job_specs.to_json` writes them, ``marker``, a file in the
-        results folder, and what is ``written`` there.
+        JSON with ``jobs``, written by :func:`benchmark.execution.job_specs.to_json`, and the path ``marker`` of a file
+        in the results folder with the text ``written``.
     """
     guard = Guard("the inspection of this machine", "look at the log of the worker")
     try:
@@ -425,7 +426,7 @@ def suite() -> dict[str, Any]:
 
 
 def _is_shared(marker: Path, written: str) -> bool:
-    """Return whether this machine sees what another one has written into a folder, and may write there, too."""
+    """Return whether this machine sees a file that another one has written, and may write beside it."""
     with suppress(OSError, ValueError):
         return marker.read_text(encoding="utf-8") == written and os.access(marker.parent, os.W_OK)
     return False

@@ -1,4 +1,4 @@
-"""Jobs, as they are planned, wait in the queue and travel to workers, and the tasks that they are cut into."""
+"""Jobs, which are planned, queued and sent to workers, and the tasks into which they are divided."""
 
 from __future__ import annotations
 
@@ -32,42 +32,42 @@ class Job:
     Parameters
     ----------
     key
-        Name of its record; "" where none can be made.
+        Key of its record; "" if it cannot run.
     facts
-        What the record tells of gallery and method besides scores.
+        Entries of the record that describe gallery and method.
     table
-        Identifier of the table that it belongs to.
+        Identifier of its table.
     dataset, data_root
-        Where the shapes come from.
+        Source of the shapes.
     identifiers
         The shapes of the gallery, in matrix order.
     input, method, seed
-        What is made of them.
+        How they are processed.
     results
         Folder of the store.
     recipe
         Everything that determines the scores.
     models
-        Trained models by the names of their trainings; empty for a method that does not learn.
+        Trained models by training; empty if the method does not learn.
     trainings
-        The training whose model treats a shape, by identifier.
+        Training whose model is applied to a shape, by identifier.
     all_unseen
-        Whether it is an error that a model was trained on one of the shapes.
+        Whether training on a shape of the gallery is an error.
     split_size
-        Test subjects in each of all the ways to choose some; 0 where nobody asks for them.
+        Test subjects in a split, of which all are scored; 0 for no splits.
     scorer
-        What compares the forms.
+        Compares the forms.
     ranks_again
-        Whether nothing but its measures is to be made: its distances are kept from an older record.
+        Whether only measures are missing: the distances of an older record are still valid.
     large_files
-        Bytes of those files of its shapes that are larger than :data:`LARGE_FILE`, by identifier.
+        Sizes in bytes of the files larger than :data:`LARGE_FILE`, by identifier.
     state
-        ``cached``: a record is there. ``failed``: it failed before and is not repeated unasked. ``published``: a record
-        came with the suite, none was made here. ``stale``: there is a record of another recipe. ``missing``: there is
-        none. ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does not take the
+        ``cached``: has a record. ``failed``: failed before and runs again only on request. ``published``: has a record
+        that came with the suite, but none made here. ``stale``: has a record of another recipe. ``missing``: has no
+        record. ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does not take the
         input.
     reason
-        Why it is in this state.
+        Reason for the state.
     """
 
     key: str
@@ -98,28 +98,28 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Gallery, input and method, as people name a job, and the scorer where it is not the default one."""
+        """Gallery, input and method, and the scorer if it is not the default."""
         by = "" if self.scorer.name == DEFAULT else f" by {self.scorer.name}"
         return f"{self.gallery} {self.input} {self.method.name}{by}"
 
     @property
     def model_of(self) -> dict[str, Model]:
-        """Trained model of each shape by identifier."""
+        """Trained model of each shape, by identifier."""
         return {identifier: self.models[training] for identifier, training in self.trainings.items()}
 
     @property
     def is_foreign(self) -> bool:
-        """Return whether code that is none of this suite makes a part of it."""
+        """Whether code from outside the suite takes part."""
         return self.method.is_foreign or self.scorer.is_foreign or is_own(self.dataset)
 
     @property
     def to_run(self) -> bool:
-        """Return whether a run would compute it."""
+        """Whether a run would compute it."""
         return self.state in ("missing", "stale", "published")
 
     @property
     def package(self) -> str:
-        """Jobs of one package may share a process: all built-in methods of a package, or those of one plugin file."""
+        """Package or plugin file of its method and scorer; jobs of one package may share a process."""
         packages = dict.fromkeys(_package(module) for module in (self.method.module, self.scorer.module))
         return " ".join(package for package in packages if package != "retrieval")
 
@@ -129,18 +129,18 @@ def _package(module: str) -> str:
 
 
 class Task(msgspec.Struct, frozen=True):
-    """A part of some jobs, for one process: shapes to treat, or a block of distances, or else the ranking.
+    """A part of one or more jobs for one process: shapes to process, a block of distances, or the ranking.
 
     Parameters
     ----------
     jobs
-        Jobs of shapes share data set, input, seed and package; a block has one job.
+        Jobs of a task of shapes share data set, input, seed and package; a block belongs to one job.
     identifiers
-        Shapes, each to be treated by all of the jobs that have it in their gallery before the next one.
+        Shapes; all jobs process one before the next.
     block
-        Draw of the scorer, and number of the first shape, of a block of shapes to compare with those before it.
+        Draw of the scorer and number of the first row of a block of distances.
     is_part
-        Whether it was cut from another task: it is not counted, not joined with others and not cut again.
+        Whether it was cut from another task; if so, it is neither counted, merged nor cut again.
     """
 
     jobs: tuple[Job, ...]
@@ -151,18 +151,18 @@ class Task(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Status:
-    """Progress of a task, as its process said last.
+    """Latest progress reported for a task.
 
     Parameters
     ----------
     job
-        Key of the job that it is at; "" before the first one.
+        Key of the current job; "" before the first.
     steps
-        Shapes of its batch that are behind it.
+        Number of finished shapes.
     shape
-        Identifier of the shape that it is at; "" between shapes.
+        Identifier of the current shape; "" between shapes.
     is_starting
-        Whether a process starts that imports the plugin of the job, which is no work of the job.
+        Whether the process of a plugin is starting; this time does not count towards the timeout.
     """
 
     job: str = ""
@@ -172,17 +172,17 @@ class Status:
 
 
 def to_json(task: Task | Job) -> str:
-    """Write a task or a job; a parameter of a method is written as text, which the method reads again."""
+    """Write a task or a job as JSON; parameters of methods are written as text and parsed again on reading."""
     return json.dumps(msgspec.to_builtins(task, enc_hook=format_value))
 
 
 def task_of(text: str) -> Task:
-    """Return the task that was written; raises ``ConfigurationError`` if there is no such method or scorer here."""
+    """Read a task; raise ``ConfigurationError`` if its method or scorer does not exist here."""
     return _read(text, Task)
 
 
 def job_of(text: str) -> Job:
-    """Return the job that was written; see :func:`task_of`."""
+    """Read a job; see :func:`task_of`."""
     return _read(text, Job)
 
 
@@ -191,10 +191,10 @@ def _read(text: str, kind: type[T]) -> T:
 
 
 def first_tasks(jobs: Iterable[Job]) -> list[Task]:
-    """Cut the shapes of jobs into tasks; a job whose distances are kept is ranked at once.
+    """Divide the shapes of jobs into tasks; a job with valid distances is only ranked.
 
-    Jobs that treat the same shapes go together, so that a shape is prepared, and its geodesics are computed, once for
-    all methods. Large files come first: at the end, all would wait for the last of them.
+    Jobs on the same shapes share tasks, so that preparation and geodesics of a shape are computed once for all methods.
+    Large files come first, since the run would otherwise end with one worker busy and the others idle.
     """
     tasks: list[Task] = []
     groups: dict[tuple[Any, ...], list[Job]] = {}
@@ -207,7 +207,7 @@ def first_tasks(jobs: Iterable[Job]) -> list[Task]:
     for group in groups.values():
         sizes = {identifier: job.large_files.get(identifier, 0) for job in group for identifier in job.identifiers}
         identifiers = sorted(sizes, key=lambda identifier: -sizes[identifier])
-        if any(job.is_foreign for job in group):  # galleries are sorted by class; neither order nor size is to tell it
+        if any(job.is_foreign for job in group):  # neither order nor file size may reveal classes
             secrets.SystemRandom().shuffle(identifiers)
         for start in range(0, len(identifiers), LARGEST_BATCH):
             chosen = tuple(identifiers[start : start + LARGEST_BATCH])
@@ -216,13 +216,13 @@ def first_tasks(jobs: Iterable[Job]) -> list[Task]:
 
 
 def comparison_tasks(job: Job) -> list[Task]:
-    """Cut the distances of a job into blocks of rows under each draw; code of plugins compares a gallery at once."""
+    """Divide the distances of a job into blocks of rows for each draw; plugins compare a whole gallery at once."""
     starts = range(0, 1 if job.method.describes or job.scorer.is_foreign else len(job.identifiers), BLOCK)
     return [Task((job,), block=(draw, start)) for draw in draws_of(job.method, job.scorer) for start in starts]
 
 
-#: Shapes in one batch.
+#: Most shapes in one task.
 LARGEST_BATCH = 40
 
-#: Bytes of a file beyond which preparing its shape takes longer than all else: some 100 000 vertices.
+#: File size in bytes above which preparation dominates the cost of a shape: some 100 000 vertices.
 LARGE_FILE = 2**23

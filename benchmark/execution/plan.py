@@ -1,4 +1,4 @@
-"""Plan of a run, with reasons: protocols x methods -> jobs. Nothing is computed here, records are only read."""
+"""Plan a run: list the jobs of galleries and methods with their states and reasons, from existing records."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
 
-#: Recipe parts in the order in which a change is worth telling.
+#: Parts of a recipe, in the order in which changes are reported.
 PARTS = ("gallery", "parameters", "models", "seed", "scorer", "view", "versions", "plugin")
 
-#: Status of a job that was stopped because somebody edited the code; it is run again without being asked.
+#: Status of a job that was stopped because the code was edited; the next run repeats it.
 CHANGED = "changed"
 
-#: Status of a job whose results could not be written; it is run again without being asked.
+#: Status of a job whose results could not be written; the next run repeats it.
 UNSAVED = "unsaved"
 
 
@@ -49,7 +49,7 @@ def _size(path: Path) -> int:
 
 
 def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, Any]:
-    """Return what a record tells of gallery and method, so that tables need neither the data nor the plugin."""
+    """Return the entries of a record that describe gallery and method; tables then need no data and no plugin."""
     facts = {
         "gallery": gallery.name,
         "input": input_,
@@ -58,18 +58,18 @@ def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec
         "family": spec.info.family,
         "parameters": dict(spec.parameters),
         "data": data_facts(gallery),
-        # Only what is built in, or installed, means something to others.
+        # The path of a plugin file means nothing elsewhere.
         "target": "" if any(m.endswith(".py") for m in (spec.module, scorer.module)) else spec.target,
     }
     if spec.describes:
         facts["scorer"] = NO_SCORER
-    elif scorer.name != DEFAULT:  # the default one goes without saying
+    elif scorer.name != DEFAULT:  # the default one is not recorded
         facts |= {"scorer": scorer.name, "scorer_title": scorer.title}
     return dict(keys.plain(facts))
 
 
 def data_facts(gallery: Gallery) -> dict[str, Any]:
-    """Return what a record tells of the shapes of a gallery."""
+    """Return the entries of a record that describe the shapes of a gallery."""
     dataset, subjects = gallery.dataset, tuple(entry.subject for entry in gallery.entries)
     return {
         "name": dataset.name,
@@ -101,13 +101,13 @@ def make_plan(
     galleries, inputs, methods
         The selection.
     store
-        Where finished jobs are looked up.
+        Holds the records of finished jobs.
     seed
         Base seed.
     retry
         Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
     scorer
-        What compares the forms; None for the usual one.
+        Compares the forms; None for the default one.
     """
     planning = _Planning(store, seed, frozenset(retry), scorer or ScorerSpec())
     specs, chosen_inputs = list(methods), list(inputs)
@@ -124,7 +124,7 @@ def make_plan(
 
 @dataclass
 class _Planning:
-    """The records that all jobs of a plan are compared with."""
+    """Records with which the jobs of a plan are compared."""
 
     store: Store
     seed: int
@@ -148,12 +148,12 @@ class _Planning:
         return by_place(self._published.values())
 
     def job(self, gallery: Gallery, input_: Input, spec: MethodSpec, data: Mapping[str, Any]) -> Job:
-        """Return the job of a row, and whether a run would make it."""
+        """Return the job of a row with its state."""
         missing = spec.missing_packages()
-        # A descriptor compares its descriptors itself: one job, whatever compares the forms.
+        # A descriptor compares its own descriptors: one job serves all scorers.
         scorer = ScorerSpec() if not missing and spec.describes else self.scorer
         source = gallery.source
-        if is_path(source) and not is_known(source):  # to be understood from any working directory
+        if is_path(source) and not is_known(source):  # workers may have another working directory
             source = str(Path(source).absolute())
         job = Job(
             key="", facts=_facts(gallery, input_, spec, scorer), table=gallery.table.identifier, dataset=source,
@@ -186,7 +186,7 @@ class _Planning:
         return replace(job, state=state, reason=reason, ranks_again=bool(older and self._has_distances(older[-1], job)))
 
     def _proven(self, method: str) -> set[str]:
-        """Digests of the models by which a method has made results, here or else elsewhere."""
+        """Digests of the models that a method has used, here or, if there are none, in published records."""
         for places in (self._before, self._published_before):
             of_method = (records for place, records in places.items() if place.method == method)
             if proven := {digest for records in of_method for record in records for digest in models_proven_by(record)}:
@@ -194,7 +194,7 @@ class _Planning:
         return set()
 
     def _state(self, job: Job, place: Place, *, is_quick: bool) -> tuple[State, str]:
-        """Return whether a run would make a job, and why."""
+        """Return the state of a job and the reason for it."""
         record, folders = self._here.get(job.key), edited(job.recipe["versions"])
         edit = words_of_edit(folders) if folders else ""
         if record is not None and (changed := changed_files(record.get("files", {}))):
@@ -222,7 +222,7 @@ class _Planning:
         return "failed", "; ".join(filter(None, (f"{status}: {record.get('reason', '')}", edit)))
 
     def _has_distances(self, older: Record, job: Job) -> bool:
-        """Return whether a record differs from a job in its measures alone, and all that it was made from is kept."""
+        """Return whether a record differs from a job only in its measures, and its artefacts still exist."""
         if older["status"] != "ok" or not older.get("artefacts"):
             return False
         before, now = (
@@ -233,7 +233,7 @@ class _Planning:
 
 
 def _job_recipe(gallery: Gallery, job: Job, data: Mapping[str, Any], models: Mapping[str, Model]) -> dict[str, Any]:
-    """Everything that determines the scores of a job, with :func:`data_recipe`."""
+    """Return everything that determines the scores of a job; see also :func:`data_recipe`."""
     recipe = {
         **data,
         "method": job.method.base_name,
@@ -251,14 +251,14 @@ def _job_recipe(gallery: Gallery, job: Job, data: Mapping[str, Any], models: Map
 
 
 def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], str] | None = None) -> dict[str, Any]:
-    """Input, digest of the shapes and their labels, and of the camera's frame for the view input.
+    """Return the input and digests of the shapes and their labels, and for the view input of the camera.
 
     Parameters
     ----------
     gallery, input_
-        The shapes.
+        Source of the shapes.
     known
-        What is known of the data of shapes, by source and identifier, to which this adds; None for nothing.
+        Cache of the data of shapes by source and identifier, which is extended; None for no cache.
     """
     dataset, texts = gallery.dataset, {} if known is None else known
 
@@ -281,14 +281,14 @@ def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], st
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Name the parts of a recipe that changed.
+    """Describe the difference between two recipes.
 
     Parameters
     ----------
     before
-        Recipe of a job.
+        Recipe of an older job.
     now
-        That of another one with the same place in the plan, or those parts of it that are known.
+        Recipe, or some parts of it, of the job that now has its place in the plan.
     """
     plain = keys.plain(now)
     changes: list[str] = []
@@ -308,15 +308,15 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def changed_names(part: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Name the first of the entries in which a part of a recipe differs."""
+    """Describe the first three differences in a part of a recipe."""
     changed = sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
-    if part == "versions":  # digests, which tell nobody anything
+    if part == "versions":  # digests mean nothing to a reader
         return f"versions changed: {', '.join(changed)}"
     return f"{part} changed: {', '.join(f'{name} {before.get(name)} -> {now.get(name)}' for name in changed[:3])}"
 
 
 def unavailable_record(job: Job) -> Record:
-    """Return what tables know of a job that cannot be done here: a package or a model is missing."""
+    """Return the record of a job that cannot run here because a package or a model is missing."""
     recipe = {"unavailable": job.reason, "gallery": job.gallery, "input": job.input, "method": job.method.name}
     if job.scorer.name != DEFAULT:
         recipe["scorer"] = job.scorer.name

@@ -1,8 +1,8 @@
-"""Where the tasks of a run are done: in processes of this machine, or in this process for debugging.
+"""Pools of workers: processes of this machine, or this process itself for debugging.
 
-A pool has a ``size``, what it ``waits_for``, and four methods: ``begin`` a task, which raises ``OSError`` where that
-cannot be done just now; ``wait`` until one has ended, or a moment; ``stop`` one, after it has written down where it is;
-``end`` one at once.
+A pool has a ``size``, a text ``waits_for``, and four methods. ``begin`` starts a task, or raises ``OSError`` if it
+finds no worker; ``wait`` returns when a task has ended or after a moment; ``stop`` ends a task after it has written its
+traceback; ``end`` ends it immediately.
 """
 
 from __future__ import annotations
@@ -28,39 +28,39 @@ from benchmark.text import say
 if TYPE_CHECKING:
     from benchmark.execution.dask_pool import DaskPool
 
-#: Exit code of a process that could not write what it had to: by custom, an error of input or output.
+#: Exit code of a process that could not write its results (``EX_IOERR``).
 UNWRITTEN = 74
 
-#: Exit code of a task that was lost with the machine that it ran on: by custom, a failure that may pass.
+#: Exit code of a task whose worker was lost (``EX_TEMPFAIL``).
 LOST = 75
 
-#: Bytes that a process needs at least; there are no more of them than have so much.
+#: Least memory of a process, in bytes; limits the number of processes.
 _SMALLEST = 2**29
 
-#: Seconds for which a process waits for its next task.
+#: Seconds after which an idle process ends.
 _IDLE = 30.0
 
 
 class Running:
-    """A task under way, and what does it, as its pool knows it."""
+    """A running task with its worker."""
 
     def __init__(self, task: Task, worker: Any = None) -> None:
         self.task = task
         self.worker = worker
         self.status = Status()
         self.is_finished = False
-        #: How its process ended before the task was finished, or :data:`LOST`; it may have ended with 0, too.
+        #: Exit code of a process that ended before its task was finished (possibly 0), or :data:`LOST`.
         self.exit_code: int | None = None
-        #: Where it was when it crashed or was stopped, as a traceback.
+        #: Traceback of where it crashed or was stopped.
         self.trace = ""
-        #: When it began, and when somebody looked at it last.
+        #: Times at which it began and was last checked.
         self.begun = self.looked = time.monotonic()
-        #: Seconds for which the process of a plugin has been starting.
+        #: Seconds since the process of a plugin began to start.
         self.starting = 0.0
 
     @property
     def has_ended(self) -> bool:
-        """Whether it is finished, or will never be."""
+        """Whether it is finished or has failed."""
         return self.is_finished or self.exit_code is not None
 
     @property
@@ -73,21 +73,21 @@ Pool: TypeAlias = "LocalPool | DaskPool"
 
 
 def lane_of(task: Task) -> str:
-    """Return the lane of the tasks that may be done in one process with this one; "" for none."""
+    """Return the lane of a task; a process serves one lane. "" stands for tasks with foreign code."""
     if any(job.is_foreign for job in task.jobs):
         return ""
     return " ".join(sorted({job.package for job in task.jobs}))
 
 
 class LocalPool:
-    """Processes on this machine; one that has finished a task does others of the same lane.
+    """Processes of this machine; each is used for further tasks of its lane.
 
     Parameters
     ----------
     size
-        How many; no more than there is memory for.
+        Number of processes; lowered if there is not enough memory.
     share
-        Tasks that share the memory of this machine, where others than those of this pool do.
+        Number of tasks that share the memory of this machine, if more than ``size``.
     """
 
     waits_for = ""
@@ -104,28 +104,28 @@ class LocalPool:
         self.close()
 
     def close(self) -> None:
-        """End the processes that wait."""
+        """End the idle processes."""
         while self._idle:
             self._idle.pop()[1].end()
 
     def begin(self, task: Task) -> Running:
-        """Give a task to a process that waits, or start one."""
+        """Give a task to an idle process or to a new one."""
         running = Running(task, self._process(lane_of(task)))
         running.worker.send({"task": to_json(task)})
         return running
 
     def _process(self, lane: str) -> Process:
-        """Return a process of a lane; those of others that wait make room for it."""
+        """Return a process of a lane; end the idle processes of other lanes if a new one must start."""
         for place, (before, process) in enumerate(self._idle):
             if before == lane and process.exit_code is None:
                 del self._idle[place]
                 return process
         self.close()
-        # A process beside it runs the code of a plugin: both together get the share of one.
+        # The process of a plugin runs beside its worker, so each gets half of the memory.
         return Process(do_task, memory=self._memory if lane else self._memory // 2, idle=_IDLE)
 
     def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
-        """Wait until one of some tasks ends, or a moment."""
+        """Wait until one of the tasks ends, at most a moment."""
         until = time.monotonic() + INTERVAL
         while not any(running.has_ended for running in tasks) and (left := until - time.monotonic()) > 0:
             wait_for([running.worker for running in tasks], left)
@@ -145,12 +145,12 @@ class LocalPool:
             running.is_finished = running.worker.receive(0.0, note) is not None
         except ProcessEnded as error:
             running.exit_code = error.code
-        except (BenchmarkError, ForeignError, MemoryError) as error:  # none of a job, which would be its record
+        except (BenchmarkError, ForeignError, MemoryError) as error:  # not an error of a job, which would have a record
             say(f"a task ends: {error}", err=True)
             running.exit_code = 1
 
     def stop(self, running: Running) -> None:
-        """End a task, after it has written down where it is."""
+        """End a task after it has written its traceback."""
         running.worker.stop()
         self.end(running)
 
@@ -161,9 +161,9 @@ class LocalPool:
 
 
 class PoolHere(LocalPool):
-    """Does tasks in this process, for debugging: there is no timeout, and a crash ends the run.
+    """Run tasks in this process, for debugging: without timeout, and a crash ends the run.
 
-    What code of plugins makes a part of is done in a process: this one does not import them.
+    Tasks with foreign code still run in a process, since the main process does not import plugins.
     """
 
     def __init__(self) -> None:
@@ -174,7 +174,7 @@ class PoolHere(LocalPool):
         return Running(task) if lane_of(task) else super().begin(task)
 
     def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
-        """Do the task that this process is to do, or wait."""
+        """Run the tasks of this process, or wait for those of another."""
         for running in tasks:
             if running.worker is not None:
                 super().wait([running], look)
@@ -194,7 +194,7 @@ class PoolHere(LocalPool):
 
 
 def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
-    """Do a task, in its process."""
+    """Run a task, in a child process."""
     latest = Status()
 
     def report(status: Status) -> None:
@@ -206,6 +206,6 @@ def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> t
     lock.forget()  # the code may have changed since the task before
     try:
         work(task_of(facts["task"]), report)
-    except (StorageError, OSError):  # not even a record could be written; whoever waits for it says so
+    except (StorageError, OSError):  # not even a record could be written; the parent reports it
         os._exit(UNWRITTEN)
     return {}, {}

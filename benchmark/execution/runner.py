@@ -1,4 +1,4 @@
-"""Work of a process: treat shapes, compare a block of a gallery, or rank it and write its record."""
+"""Run a task: process shapes, compute a block of distances, or rank a gallery and write its record."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.remote import close_to_plugins
 
-#: The gallery that this process compared last, by the key of its job: its next block needs the same.
+#: Gallery that this process compared last, by the key of its job: the next block usually needs it again.
 _compared: dict[str, GalleryRanking] = {}
 
 
 def work(task: Task, tell: Callable[[Status], object]) -> None:
-    """Do a task; whatever goes wrong becomes the record of the job in which it went wrong.
+    """Run a task; an error becomes the record of the job in which it occurs.
 
     Parameters
     ----------
     task
         The task.
     tell
-        Told before each step.
+        Called with the status before each step.
     """
     if not (task.block and task.jobs[0].key in _compared):
         _compared.clear()
@@ -53,7 +53,7 @@ def work(task: Task, tell: Callable[[Status], object]) -> None:
 
 
 def keep(job: Job, store: Store, content: Mapping[str, Any]) -> Record:
-    """Complete a record with what every record tells, and write it."""
+    """Add the entries that all records have, and write the record."""
     record = {
         **job.facts,
         "key": job.key,
@@ -67,14 +67,14 @@ def keep(job: Job, store: Store, content: Mapping[str, Any]) -> Record:
 
 
 def failure(status: str, reason: str, trace: str = "") -> dict[str, Any]:
-    """Content of the record of a job that brought no scores."""
+    """Return the content of the record of a failed job."""
     return {"status": status, "reason": reason, "traceback": trace}
 
 
 def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
-    """Make the forms of some shapes of a job and keep them, in a process of its own.
+    """Compute and store the forms of some shapes of a job, in a child process.
 
-    Of a shape that cannot be treated, the reason is kept.
+    For a refused shape, the reason is stored.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
     identifiers
         The shapes.
     say
-        Told each shape when it is done.
+        Called with the identifier of each finished shape.
     """
     close_to_plugins()
     job = job_of(description)
@@ -96,7 +96,7 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
 
 
 def _treat(task: Task, tell: Callable[[Status], object]) -> None:
-    """Treat each shape by all methods in turn; a job that has failed, here or in another batch, is left alone."""
+    """Process each shape by all methods in turn, except those of jobs that have failed, here or in another task."""
     store = Store.open(task.jobs[0].results)
     preparation: Preparation | None = None
     runs: dict[str, MethodRun] = {}
@@ -116,7 +116,7 @@ def _treat(task: Task, tell: Callable[[Status], object]) -> None:
             if identifier not in shapes_of[job.key] or job.key not in runs or job.key in store.records:
                 continue
             tell(Status(job.key, done, identifier))
-            with _guarded(job, store, identifier), suppress(ShapeError):  # ranking finds the reason in the store
+            with _guarded(job, store, identifier), suppress(ShapeError):  # the reason is in the store
                 result = runs[job.key].treat(entries[identifier])
                 computed[job.key] += [artefact.key for artefact in result.artefacts if not artefact.was_cached]
     lock.forget()
@@ -129,12 +129,12 @@ def _treat(task: Task, tell: Callable[[Status], object]) -> None:
                 _require_same_code(job, preparation.dataset)
             except _CodeChanged:
                 for key in computed[job.key]:
-                    store.discard(key)  # nobody knows which of the two codes made it
+                    store.discard(key)  # made by either version of the code
                 raise
 
 
 def _rank(job: Job, store: Store, task: Task, tell: Callable[[str], object]) -> None:
-    """Write the record of a job whose shapes are treated, or keep a block of distances for that."""
+    """Write the record of a job whose shapes are finished, or compute a block of its distances."""
     begun = time.perf_counter()
     ranking = _compared.get(job.key)
     preparation = ranking.run.preparation if ranking else _preparation(job, store)
@@ -174,11 +174,11 @@ def _method_run(job: Job, preparation: Preparation, store: Store) -> MethodRun:
 
 
 class _CodeChanged(BenchmarkError):
-    """Somebody edited the code while a run was under way."""
+    """The code was edited during the run."""
 
 
 def _require_same_code(job: Job, dataset: Dataset) -> None:
-    """Raise unless this process reads the code that the plan was made for."""
+    """Raise unless the code on disk is the one for which the plan was made."""
     versions = recipes.job_versions(dataset, job.input, job.method, job.scorer)
     now = {"plugin": None, "versions": versions, **recipes.job_plugins(dataset, job.method, job.scorer)}
     if lock.key_of(job.recipe) != job.key:
@@ -192,7 +192,7 @@ def _require_same_code(job: Job, dataset: Dataset) -> None:
 
 @contextmanager
 def _guarded(job: Job, store: Store, identifier: str = "") -> Iterator[None]:
-    """Turn whatever the body raises into the record of the job."""
+    """Turn an error in the body into the record of the job."""
     where = f"{identifier}: " if identifier else ""
     try:
         yield
@@ -206,7 +206,7 @@ def _guarded(job: Job, store: Store, identifier: str = "") -> Iterator[None]:
         keep(job, store, failure("failed", f"{where}{message(error)}"))
     except ForeignError as error:
         keep(job, store, failure("failed", f"{where}{error}", error.trace))
-    except BaseException as error:  # also what ends a program: a method must not end the run
+    except BaseException as error:  # including SystemExit: a method must not end the run
         if isinstance(error, KeyboardInterrupt) and not is_child():
-            raise  # somebody interrupts jobs that are done in this process
+            raise  # Ctrl-C with jobs that run in the main process
         keep(job, store, failure("failed", f"{where}{one_line(error)}", traceback.format_exc()))

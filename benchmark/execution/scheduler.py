@@ -1,4 +1,4 @@
-"""A run of jobs: what waits goes to a pool, and what its tasks leave is handed on; a fault costs one job alone."""
+"""Run jobs on a pool of workers and yield their records; a fault costs one job."""
 
 from __future__ import annotations
 
@@ -21,44 +21,44 @@ from benchmark.execution.runner import failure, keep
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 
-#: Times that a job may die by somebody else's hand, or with its machine, before it is not tried again.
+#: Times that a job may be killed from outside, or lose its machine, before it counts as failed.
 _MAX_DEATHS, _MAX_LOSSES = 2, 5
 
-#: Processes that may fail in turn to start, or to begin, which is no fault of a job.
+#: Consecutive processes that may fail to start before the run ends.
 _MAX_FAILED_STARTS = 6
 
-#: Seconds before the system is asked again for a process that it refused.
+#: Seconds to wait after the system refused to start a process.
 _PATIENCE = 1.0
 
-#: Told what runs, jobs with the shapes that they are at, and how many shapes are done in all.
+#: Progress callback: gets the running jobs with their current shapes, and the number of finished shapes.
 Watch = Callable[[Sequence[str], int], None]
 
-#: Shapes from which on it takes longer to compare a gallery than to hand out a task and read its signatures again.
+#: Gallery size from which comparing shapes takes longer than starting a task and reading the signatures.
 LARGE = 200
 
-#: Shapes in the smallest part of a task: with code of a plugin, a process is started for each.
+#: Fewest shapes in a part of a task; with foreign code, each part starts a process.
 SMALLEST_PART = 5
 
 
 @dataclass
 class JobQueue:
-    """The tasks of a run that wait; true while there are any.
+    """Queue of waiting tasks; true while there are any.
 
-    The shapes of a job are treated, then it is ranked; where workers would be idle, its distances are made in blocks
-    before. Its record ends it, whoever wrote it.
+    A job processes its shapes, then its ranking; if workers would be idle, its distances are computed in blocks in
+    between. A job is over once its record exists, even if another run wrote it.
 
     Parameters
     ----------
     pending
-        Jobs that have not ended, by key.
+        Unfinished jobs, by key.
     store
-        Where their records are.
+        Store of their records.
     claims
-        The jobs that other runs are at.
+        Locks on jobs, shared with other runs.
     elsewhere
-        Those of them that are among the jobs.
+        Jobs that another run is working on.
     shapes_done
-        Number of shapes that are behind the tasks of the run.
+        Number of finished shapes.
     """
 
     pending: dict[str, Job]
@@ -68,7 +68,7 @@ class JobQueue:
     shapes_done: int = 0
     _shapes: deque[Task] = field(default_factory=deque)
     _rankings: deque[Task] = field(default_factory=deque)
-    #: Tasks of each job that wait or are at work.
+    #: Number of waiting or running tasks of each job.
     _open: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
@@ -78,7 +78,7 @@ class JobQueue:
         return bool(self._shapes or self._rankings or self.elsewhere)
 
     def take(self, free: int, workers: int) -> Task | None:
-        """Return a task for one of the free workers; None if nothing is ready."""
+        """Return a task for a free worker; None if none is ready."""
         for waiting in (self._rankings, self._shapes):
             while waiting:
                 if others := [job for job in waiting[0].jobs if not self._claim(job)]:
@@ -89,7 +89,7 @@ class JobQueue:
         return None
 
     def finish(self, task: Task) -> None:
-        """Take note that a task is done; a job that has no other one is ranked, or over."""
+        """Record that a task is finished; the last one of a job is followed by its ranking."""
         self.shapes_done += 0 if task.is_part else len(task.identifiers)
         for job in task.jobs:
             self._open[job.key] -= 1
@@ -97,18 +97,18 @@ class JobQueue:
                 self._add([Task((job,), is_part=bool(task.block))])
 
     def put_back(self, task: Task, done: int = 0, without: str = "", *, apart: bool = False) -> None:
-        """Let the rest of a task wait again.
+        """Queue the rest of a task again.
 
         Parameters
         ----------
         task
             The task.
         done
-            Number of its shapes that are behind it.
+            Number of its finished shapes.
         without
-            Key of a job that is over; "" if none is.
+            Key of a job to leave out; "" for none.
         apart
-            Whether that job is not over, but waits for a process of its own.
+            Whether to queue that job as a separate task instead of dropping it.
         """
         left = task.identifiers[done:]
         if apart:
@@ -125,14 +125,14 @@ class JobQueue:
         waiting.appendleft(replace(task, jobs=jobs, identifiers=left))
 
     def take_over(self) -> None:
-        """Take over what another run has given up; what it has done is handed on like everything else."""
+        """Take over jobs that other runs have released, finished or not."""
         free = [job for key, job in self.elsewhere.items() if self.claims.take(key)]
         for job in free:
             del self.elsewhere[job.key]
         self._add(first_tasks(job for job in free if job.key not in self.store.records))
 
     def ended(self) -> Iterator[tuple[Job, Record]]:
-        """Hand on the records of the jobs that have ended."""
+        """Yield the finished jobs with their records."""
         for key, job in list(self.pending.items()):
             if key not in self.store.records and (self._open[key] or key in self.elsewhere):
                 continue
@@ -149,14 +149,14 @@ class JobQueue:
             self._open.update(job.key for job in task.jobs)
 
     def _claim(self, job: Job) -> bool:
-        """Claim a job; False where another run is at it, or it has its record."""
+        """Claim a job; return False if another run holds it or its record exists."""
         if self.claims.has(job.key) or self.claims.take(job.key):
             return job.key not in self.store.records
         self.elsewhere[job.key] = job
         return False
 
     def _drop(self, *keys: str) -> None:
-        """Leave jobs out of all tasks that wait."""
+        """Remove jobs from all waiting tasks."""
         for waiting in (self._rankings, self._shapes):
             tasks = list(waiting)
             waiting.clear()
@@ -169,10 +169,9 @@ class JobQueue:
             self._open[key] = 0
 
     def _part_of(self, task: Task, workers: int) -> Task:
-        """Return a task of shapes, or where little is left a part of it: no worker is to end long before the others.
+        """Return a task of shapes, cut to one worker's share of the remaining work, so that all workers end together.
 
-        A share of what is left for each worker: guided self-scheduling (Polychronopoulos and Kuck, IEEE Transactions on
-        Computers C-36, 1987).
+        This is guided self-scheduling (Polychronopoulos and Kuck, IEEE Transactions on Computers C-36, 1987).
         """
         left = sum(len(other.identifiers) * len(other.jobs) for other in (task, *self._shapes))
         most = max(SMALLEST_PART, ceil(left / (workers * len(task.jobs))))
@@ -185,9 +184,9 @@ class JobQueue:
         return replace(task, identifiers=task.identifiers[:end])
 
     def _ranking(self, task: Task, free: int, workers: int) -> Task:
-        """Return a task of a ranking: the first block of a large one where workers would be idle, else several small.
+        """Return a ranking: the first block of a large one if workers would be idle, or several small ones in one task.
 
-        Starting a process for each small one would take longer.
+        One process for each small ranking would take longer.
         """
         if task.is_part or task.block:
             return task
@@ -216,23 +215,23 @@ def _is_large(task: Task) -> bool:
 
 
 class Scheduler:
-    """Does jobs and hands back their records as they end.
+    """Run jobs and yield their records as they finish.
 
-    A hang, a crash or a leak costs the job in which it happens; the rest of the batch goes on in another process. A job
-    in which a process crashed that did others, too, is first tried once more alone.
+    A hang, a crash or a memory leak costs only the job in which it happens; the rest of its task continues in another
+    process. If the process had run other jobs too, the job is first tried once more in its own process.
 
     Parameters
     ----------
     jobs
         The jobs, at least one.
     pool
-        Does tasks.
+        Workers.
     claims
-        The jobs that other runs are at.
+        Locks on jobs, shared with other runs.
     timeout
         Seconds of work after which a job is stopped; None for no limit.
     watch
-        Told about progress.
+        Progress callback.
     """
 
     def __init__(self, jobs: Sequence[Job], pool: Pool, claims: Claims, timeout: float | None, watch: Watch) -> None:
@@ -248,12 +247,12 @@ class Scheduler:
         self._not_before = 0.0
 
     def records(self) -> Iterator[tuple[Job, Record]]:
-        """Work until every job has its record.
+        """Run until every job has its record.
 
         Raises
         ------
         BenchmarkError
-            If nothing can be started for long, or the results folder is gone.
+            If no process can be started, or the results folder has vanished.
         """
         self._require_folder()
         try:
@@ -279,7 +278,7 @@ class Scheduler:
                 self._require_folder()
                 self._queue.put_back(task)
                 self._not_before = time.monotonic() + _PATIENCE
-                if not self._running:  # else one of them may have to end first
+                if not self._running:  # otherwise one of them may free what is needed
                     self._failed_start(str(error.strerror))
 
     def _failed_start(self, reason: str) -> None:
@@ -302,7 +301,7 @@ class Scheduler:
             )
 
     def _look_at(self, running: Running) -> None:
-        """End what takes too long, and take note of what has ended; the time since the last look is its job's."""
+        """Charge the time since the last check to the current job, and handle a task that has ended or timed out."""
         now, job = time.monotonic(), running.status.job
         running.starting = running.starting + now - running.looked if running.status.is_starting else 0.0
         if job:
@@ -322,7 +321,7 @@ class Scheduler:
             self._blame(running, "timeout", _why_stopped(running, self._timeout))
 
     def _died(self, running: Running) -> None:
-        """A task ended in the middle: blame the job that it was at, unless somebody killed its process."""
+        """Handle a task that ended early: blame its current job, unless the process was killed from outside."""
         code, job = running.exit_code or 0, running.status.job
         self._require_folder()
         if code == UNWRITTEN:
@@ -336,7 +335,7 @@ class Scheduler:
         elif -code in BY_HAND:
             reason = "the process was killed twice, by somebody or for its memory"
             self._killed(running, _MAX_DEATHS, f"{reason}; run it alone with -j 1, or --retry it")
-        elif len(running.task.jobs) > 1 and job in self._queue.pending:  # what broke it may be another one
+        elif len(running.task.jobs) > 1 and job in self._queue.pending:  # another job may be the cause
             self._queue.put_back(running.task, running.status.steps, job, apart=True)
         else:
             blamed = self._queue.pending.get(job)
@@ -344,7 +343,7 @@ class Scheduler:
             self._blame(running, "crashed", f"the process ended with {ending(code)}; {more}")
 
     def _killed(self, running: Running, most: int, reason: str) -> None:
-        """Somebody else ended it: another try, if it has one left."""
+        """Handle a task killed from outside: try again while the limit is not reached."""
         self._deaths[running.status.job] += 1
         if self._deaths[running.status.job] < most:
             self._queue.put_back(running.task, running.status.steps)
@@ -352,7 +351,7 @@ class Scheduler:
             self._blame(running, "killed", reason)
 
     def _blame(self, running: Running, kind: str, reason: str) -> None:
-        """Write the record of the job that broke a task, the first where it named none; the others go on."""
+        """Write the record of the job that broke a task, the first if none was reported; the others continue."""
         key = running.status.job or running.keys[0]
         job = self._queue.pending.get(key)
         if job and key not in self._store.records:
@@ -361,7 +360,7 @@ class Scheduler:
         self._queue.put_back(running.task, running.status.steps, key)
 
     def _tell(self) -> None:
-        """Tell which jobs are at work, or what is waited for, and how many shapes are done."""
+        """Report the running jobs, or what the run waits for, and the number of finished shapes."""
         names, shapes = [], self._queue.shapes_done
         for running in self._running:
             task, status = running.task, running.status

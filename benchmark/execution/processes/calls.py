@@ -1,4 +1,4 @@
-"""A function called in a process of its own: whatever it does, the caller hears of it in one line."""
+"""Call a function in a separate process; any failure becomes a one-line error."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from benchmark.machine import memory_per_process
 
 
 class BrokenCall(BenchmarkError):
-    """Code that was called in a process of its own crashed, hung, ended its process, or raised what it should not."""
+    """Code called in a separate process crashed, hung, ended its process, or raised an unexpected error."""
 
 
 class KilledCall(BrokenCall):
-    """Somebody else may have ended the process."""
+    """The process was killed, possibly by a user or by the system."""
 
 
 @dataclass(frozen=True)
 class Guard:
-    """Terms of a call of somebody else's code.
+    """Conditions of a call of foreign code.
 
     Parameters
     ----------
     what
-        Whose code it is, to begin messages with.
+        Name of the code, with which messages begin.
     hint
-        What to do if it breaks.
+        What the user can do if it fails.
     limit
-        Seconds that it may take, from one line that it says to the next; None for no limit.
+        Longest silence in seconds; None for no limit.
     all_memory
-        Whether it may take more than most of the machine's memory.
+        Whether it may use all memory of the machine.
     quiet
-        Whether nothing that it prints is seen.
+        Whether to discard what it prints.
     """
 
     what: str
@@ -50,26 +50,25 @@ class Guard:
 def call_apart(
     function: Callable[..., Any], *arguments: Any, guard: Guard, say: Callable[[str], None] | None = None
 ) -> Any:
-    """Call a function in a process of its own and return what it returns, which travels as JSON.
+    """Call a function in a separate process and return its result, which must fit into JSON.
 
     Parameters
     ----------
     function
-        A function of a module.
+        A module-level function.
     *arguments
-        What it is called with.
+        Its arguments.
     guard
-        On what terms.
+        Conditions of the call.
     say
-        Told what the function says while it is at work; with it, the function is given one more argument, to say a line
-        to.
+        Callback for progress. If given, the function gets one more argument: a function that reports a line.
 
     Raises
     ------
     BenchmarkError
-        What the function raised of this kind, with its own class where that is one of :mod:`benchmark.errors`.
+        If the function raised one; its class is kept if it is one of :mod:`benchmark.errors`.
     BrokenCall
-        If it raises anything else, ends the process, crashes it or takes too long.
+        If it raises anything else, ends or crashes the process, or takes too long.
     """
     memory = None if guard.all_memory else memory_per_process()
     try:
@@ -103,5 +102,5 @@ def _call(
     arrays: Arrays,
     requester: Requester,
 ) -> tuple[Facts, Arrays]:
-    """Call the function, in its process."""
+    """Call the function in the child process."""
     return {"returned": function(*arguments, *((requester.tell,) if speaks else ()))}, {}

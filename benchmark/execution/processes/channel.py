@@ -1,4 +1,4 @@
-"""Messages between processes of which one may run foreign code: JSON and raw arrays, never objects."""
+"""Messages between processes, one of which may run untrusted code: JSON and raw arrays, never objects."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Facts = Mapping[str, Any]
 Message = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
-#: Bytes of the longest JSON of a message.
+#: Longest JSON part of a message, in bytes.
 LONGEST = 2**28
 
 #: Length of the JSON that follows.
@@ -33,7 +33,7 @@ _HEAD = struct.Struct(">Q")
 
 
 def wait_for(ends: Iterable[HasFileno], timeout: float | None, event: int = select.POLLIN) -> bool:
-    """Wait until one of some ends has something to receive, or takes something; returns whether one has."""
+    """Wait until one of the channels is ready for an event; return whether one is."""
     poll = select.poll()
     for end in ends:
         poll.register(end, event)
@@ -41,16 +41,16 @@ def wait_for(ends: Iterable[HasFileno], timeout: float | None, event: int = sele
 
 
 class Channel:
-    """One end of a private pipe; half a message never holds whoever reads.
+    """One end of a private pipe; reading never blocks on an incomplete message.
 
-    Arrays are copied, not shared: whoever sent them could change or shorten a shared file while it is read here.
+    Arrays are copied, not shared: the sender could change or truncate shared memory while it is read here.
 
     Parameters
     ----------
     end
         A connected socket.
     patience
-        Seconds that the other end may take no byte of what is sent to it; None for no limit.
+        Seconds for which the other end may accept no data; None for no limit.
     """
 
     def __init__(self, end: socket.socket, patience: float | None = None) -> None:
@@ -67,9 +67,9 @@ class Channel:
         Raises
         ------
         ValueError, TypeError
-            If the facts do not fit into JSON, or an array holds objects; nothing was sent then.
+            If the facts cannot be written as JSON, or an array holds objects; then nothing is sent.
         OSError
-            If nobody takes it.
+            If the other end is closed or accepts no data.
         """
         sent = {name: np.asanyarray(array) for name, array in (arrays or {}).items()}
         if any(array.dtype.hasobject for array in sent.values()):
@@ -83,14 +83,14 @@ class Channel:
             self._send_bytes(_bytes_of(array.T if array.flags.fnc else np.ascontiguousarray(array)))
 
     def receive(self, timeout: float | None = None) -> Message | None:
-        """Return the next message; None if it is not there, as a whole, in time.
+        """Return the next message; None if it does not arrive completely in time.
 
         Raises
         ------
         EOFError
-            If there is nobody at the other end.
+            If the other end is closed.
         Exception
-            Of many kinds, if it is no message: whoever sent it may send anything.
+            Of many kinds, if the data is not a message: the sender is not trusted.
         """
         until = None if timeout is None else time.monotonic() + timeout
         while (message := next(self._incoming)) is None:
@@ -109,7 +109,7 @@ class Channel:
                     raise TimeoutError from None
 
     def _messages(self) -> Iterator[Message | None]:
-        """Yield messages as they come; None where the next one is not there as a whole."""
+        """Yield messages as they arrive; None while the next one is incomplete."""
         while True:
             head = bytearray(_HEAD.size)
             yield from self._fill(head)

@@ -1,4 +1,4 @@
-"""What runs in a :class:`~benchmark.execution.processes.process.Process`: it answers requests until there are none."""
+"""Main program of a :class:`~benchmark.execution.processes.process.Process`: answer requests."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
 
 
 def run(pipe: str, trace: str, parent: str) -> None:
-    """Answer requests until there are no more; whatever threads and exit handlers they leave, this process ends."""
+    """Answer requests until the pipe closes, then exit without waiting for threads or exit handlers."""
     process.own_mark, process.own_trace = os.environ[reaper.MARK], int(trace)
     for handle in (int(pipe), int(trace)):
         os.set_inheritable(handle, False)
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the program
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the main process handles Ctrl-C
     _die_with(int(parent))
     sys.argv[:] = [""]
     threading.excepthook = _report
@@ -49,7 +49,7 @@ def run(pipe: str, trace: str, parent: str) -> None:
         for output in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError, AttributeError):
                 output.flush()
-    finally:  # what foreign code has done to this process may break anything, words first
+    finally:  # foreign code may have broken anything here, printing included
         os._exit(code)
 
 
@@ -63,7 +63,7 @@ def _answer_all(channel: Channel) -> None:
         if terms["is_plugin"]:
             os.environ.pop(DATA_VARIABLE, None)
             watch_opened_files()
-        serve: Serve = pickle.loads(start[1]["function"].tobytes())  # noqa: S301  # of whoever started this process
+        serve: Serve = pickle.loads(start[1]["function"].tobytes())  # noqa: S301  # sent by the parent
         channel.send({KIND: BEGUN})
         while (request := channel.receive(terms["idle"])) is not None:
             before = _State()
@@ -76,7 +76,7 @@ def _answer_all(channel: Channel) -> None:
 
 
 def _answer(serve: Serve, facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
-    """Facts and arrays of the answer, or what was raised."""
+    """Return the facts and arrays of the answer, or of the error that was raised."""
     try:
         answer, results = serve(facts, arrays, requester)
         return {**answer, KIND: ANSWER}, results
@@ -84,12 +84,12 @@ def _answer(serve: Serve, facts: Facts, arrays: Arrays, requester: Requester) ->
         return {**as_facts(error), KIND: ERROR}, {}
     except MemoryError:
         return {KIND: RAISED, "reason": "MemoryError: out of memory", "trace": ""}, {}
-    except BaseException as error:  # also what ends a program
+    except BaseException as error:  # SystemExit included
         return {KIND: RAISED, "reason": one_line(error), "trace": traceback.format_exc()}, {}
 
 
 class _State:
-    """Signals, timers, threads and children of this process before foreign code is at work in it."""
+    """Signal handlers, threads and children of this process before foreign code runs in it."""
 
     def __init__(self) -> None:
         self._handlers = {number: signal.getsignal(number) for number in signal.valid_signals()}
@@ -97,7 +97,7 @@ class _State:
         self._others = _others()
 
     def restore(self) -> bool:
-        """Stop all timers and bring back the handlers of signals; returns whether threads or children have come."""
+        """Stop all timers and restore the signal handlers; return whether threads or children were left behind."""
         for timer in _TIMERS:
             signal.setitimer(timer, 0)
         faulthandler.cancel_dump_traceback_later()
@@ -109,43 +109,43 @@ class _State:
 
 
 def _others() -> set[object]:
-    """Return the threads of this process, and a word for its children."""
+    """Return the threads of this process, and ``"children"`` if it has any."""
     others: set[object] = set(threading.enumerate())
-    with suppress(ChildProcessError, AttributeError):  # there is none, or the system cannot be asked
+    with suppress(ChildProcessError, AttributeError):  # no children, or not supported by the system
         os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         others.add("children")
     return others
 
 
 def _pass_on(number: int, frame: object) -> None:
-    """Let the processes that this one has started hear of a signal, too."""
+    """Forward a signal to the children of this process."""
     for other in list(process.running):
         other.signal(number)
 
 
 def _report(raised: Any) -> None:
-    """Print in one line what a thread raises, or an object that is deleted."""
+    """Print an error raised in a thread or a destructor on one line."""
     if raised.exc_value is not None and raised.exc_type is not SystemExit:
         where = getattr(raised, "err_msg", "a thread") or "an object that goes"
-        with suppress(OSError, ValueError, AttributeError):  # a method may have closed what it would be said to
+        with suppress(OSError, ValueError, AttributeError):  # foreign code may have closed the output
             say(f"{where} raises {one_line(raised.exc_value)}", err=True)
 
 
 def _die_with(parent: int) -> None:
-    """Ask the system to kill this process when its parent ends, however it ends."""
+    """Ask the system to kill this process when its parent ends."""
     if sys.platform != "linux":
         return
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:
-        os._exit(1)  # it ended before the system was asked
+        os._exit(1)  # the parent ended before the call
 
 
 def _limit_memory(limit: int) -> None:
-    """Let a job that eats memory fail alone with a ``MemoryError`` rather than take the machine down."""
+    """Limit the memory of this process, so that one job fails with ``MemoryError`` instead of the machine."""
     try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     except (ImportError, ValueError, OSError):
-        return  # not every system has this limit; the job then runs without one
+        return  # not supported by every system

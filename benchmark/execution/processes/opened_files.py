@@ -1,4 +1,4 @@
-"""Files that a plugin reads while it works: they are kept beside its results, which count while these stay the same."""
+"""Files that a plugin reads: their digests are stored with its results and show when those are outdated."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from benchmark.arrays import ABOUT
 from benchmark.source_code import FIRST_PARTY, ROOT
 
-#: Array that names the files beside a result.
+#: Array of a result that holds the names and digests of the files.
 FILES = f"{ABOUT}files"
 
-#: Folders whose files are no part of a plugin: of Python, of installed packages, of the suite, of the system.
+#: Folders whose files are not part of a plugin: Python, installed packages, the suite, the system.
 NOT_OF_PLUGINS = tuple(
     {str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
     | {str(Path(json.__file__).parents[1]), *(str(ROOT / name) for name in FIRST_PARTY), "/proc", "/sys", "/dev"}
@@ -34,24 +34,24 @@ _known: dict[tuple[str, int, int], str] = {}
 
 
 def watch_opened_files() -> None:
-    """Note each file that this process reads from now on; those that it writes or makes for a while are its own."""
+    """Record the files that this process reads from now on, except those that it writes itself."""
     sys.addaudithook(_hear)
 
 
 def opened_files() -> dict[str, str]:
-    """Return the digests of the files that were read, by path; what has gone since was made for a while."""
+    """Return the digests of the files that were read, by path; deleted files were temporary and are left out."""
     for path in [path for path, digest in _read.items() if not digest]:
         _read[path] = digest_of_file(path)
     return {path: digest for path, digest in sorted(_read.items()) if digest and not _is_own(path)}
 
 
 def leave_out(path: Path) -> None:
-    """Note that a file counts by other means, wherever it lies."""
+    """Leave out a file whose content is tracked elsewhere."""
     _own.add(str(path))
 
 
 def digest_of_file(path: str) -> str:
-    """Return the digest of a file: 32 hexadecimal digits; "" where there is none that can be read."""
+    """Return the digest of a file, 32 hexadecimal digits, or "" if it cannot be read."""
     try:
         facts = os.stat(path)  # noqa: PTH116  # a path as the audit hook hears it
         known_as = (path, facts.st_size, facts.st_mtime_ns)
@@ -63,17 +63,17 @@ def digest_of_file(path: str) -> str:
 
 
 def changed_files(files: Mapping[str, str]) -> list[str]:
-    """Return the paths of those files that are no longer what they were."""
+    """Return the paths of the files that have changed."""
     return [path for path, digest in files.items() if digest_of_file(path) != digest]
 
 
 def with_files(arrays: Mapping[str, NDArray[Any]], files: Mapping[str, str]) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a result with the files that were read for it."""
+    """Add the files that were read to the arrays of a result."""
     return {**arrays, FILES: np.array(json.dumps(files))} if files else dict(arrays)
 
 
 def files_among(arrays: dict[str, NDArray[Any]]) -> dict[str, str]:
-    """Take the files that a result was made from out of its arrays."""
+    """Remove and return the files recorded in the arrays of a result."""
     return dict(json.loads(str(arrays.pop(FILES)))) if FILES in arrays else {}
 
 

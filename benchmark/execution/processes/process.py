@@ -1,8 +1,8 @@
-"""A process beside this one that answers requests over a private pipe: it may crash, hang or run out of memory alone.
+"""Child processes that answer requests over a private pipe and can crash, hang or run out of memory in isolation.
 
-It runs in a session of its own, dies with this process, and takes along what it has started. No process serves two
-lanes: one runs the suite alone, or the code of one plugin file. This is the only module that starts processes;
-:mod:`benchmark.execution.processes.child` is what runs in them.
+Each runs in its own session and is killed, with all its descendants, when this process ends. A process serves one lane:
+the suite alone, or the code of one plugin file. No other module starts processes;
+:mod:`benchmark.execution.processes.child` is their main program.
 """
 
 from __future__ import annotations
@@ -33,39 +33,39 @@ from benchmark.execution.processes.channel import Channel, Facts, Message
 
 
 class Requester:
-    """Whoever sent the request that a process is at."""
+    """The sender of the current request."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
 
     def tell(self, progress: Any) -> None:
-        """Say how far the work is, as JSON."""
+        """Report progress, as a JSON value."""
         self._channel.send({KIND: PROGRESS, PROGRESS: progress})
 
 
-#: Answers a request, facts and arrays; the last argument is whoever sent it.
+#: Handler of a request: takes its facts, its arrays and the requester; returns facts and arrays.
 Serve = Callable[[Mapping[str, Any], Arrays, Requester], tuple[Facts, Arrays]]
 
-#: Seconds that a process has to end once it was killed, and to say where it is before that.
+#: Seconds to wait for a killed process to end, and for its traceback before that.
 GRACE, _LAST_WORDS = 5.0, 0.3
 
-#: Seconds that a process may take to begin on a machine that is busy with other work, or to take what is sent to it.
+#: Seconds that a process may take to start on a busy machine, or to accept what is sent to it.
 BIRTH = 60.0
 
-#: Seconds between two looks whether a process has ended: a child that it left may hold its pipe open.
+#: Seconds between checks whether a process has ended: a child that it left behind may hold its pipe open.
 INTERVAL = 0.1
 
-#: Bytes of a traceback that are read.
+#: Largest traceback to read, in bytes.
 _LONGEST_TRACE = 2**16
 
-#: Signals by which somebody, or the system for want of memory, ends a process that has done nothing wrong.
+#: Signals that end a process through no fault of its own: sent by a user, or by the system when memory runs out.
 BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
 
-#: Entry of the facts of each message of a process that says what it is.
+#: Key under which the facts of a message name its kind.
 KIND = "message"
 BEGUN, PROGRESS, ANSWER, ERROR, RAISED = "begun", "progress", "answer", "error", "raised"
 
-#: What a new process runs.
+#: Program of a new process.
 _PROGRAM = (
     "import sys; sys.path[:] = sys.argv[4:]; from benchmark.execution.processes.child import run; run(*sys.argv[1:4])"
 )
@@ -73,22 +73,22 @@ _PROGRAM = (
 _numbers = itertools.count()
 
 
-#: Mark of this process, and the file for its traceback, where it was started by another one; see :mod:`.child`.
+#: Mark of this process and file descriptor for its traceback, if it is a child; see :mod:`.child`.
 own_mark, own_trace = "", -1
 
-#: Processes that this one has started and not ended.
+#: Child processes that have not been ended.
 running: weakref.WeakSet[Process] = weakref.WeakSet()
 
 
 class ForeignError(Exception):
-    """Code in another process raised what is none of our errors.
+    """Code in another process raised an error that is not one of :mod:`benchmark.errors`.
 
     Parameters
     ----------
     reason
         Class and message, on one line.
     trace
-        Where it was raised, as a traceback.
+        Its traceback.
     """
 
     def __init__(self, reason: str, trace: str) -> None:
@@ -97,7 +97,7 @@ class ForeignError(Exception):
 
 
 class ProcessEnded(Exception):
-    """A process ended instead of answering: its exit code, or minus the number of the signal."""
+    """A process ended without answering; ``code`` is its exit code, or minus the number of a signal."""
 
     def __init__(self, code: int) -> None:
         super().__init__(ending(code))
@@ -105,30 +105,30 @@ class ProcessEnded(Exception):
 
 
 class Process:
-    """A running process that answers requests, one after the other.
+    """A child process that answers one request at a time.
 
     Parameters
     ----------
     serve
-        A function of a module, or a partial of one, called in the process for each request.
+        Module-level function, or a partial of one, that the process calls for each request.
     memory
-        Bytes that it may take; None for no limit of its own.
+        Memory limit in bytes; None for no limit.
     quiet
-        Whether nothing that it prints is seen.
+        Whether to discard what it prints.
     is_plugin
-        Whether it runs a plugin: the files that it reads are noted, and where the data lies is none of its business.
+        Whether it runs a plugin: it records the files that it reads, and is not given the path of the data sets.
     idle
-        Seconds without a request after which it leaves; None for no limit.
+        Seconds without a request after which it ends; None for no limit.
 
     Raises
     ------
     OSError
-        If the system starts no further process.
+        If the system cannot start another process.
     """
 
-    #: Whether the latest work has left threads or processes that are still there.
+    #: Whether the last request left threads or processes running.
     is_occupied = False
-    #: Where it was when it crashed or was stopped, as a traceback.
+    #: Traceback of where it crashed or was stopped.
     trace = ""
     _has_begun = False
 
@@ -141,9 +141,9 @@ class Process:
         is_plugin: bool = False,
         idle: float | None = None,
     ) -> None:
-        #: Digests of the files that it has read, by path.
+        #: Digests of the files that it read, by path.
         self.files: dict[str, str] = {}
-        # All that this process starts bears its mark, too.
+        # The descendants of this process inherit its mark.
         self._mark = f"{own_mark or token() + '-'}{next(_numbers)}-"
         self._trace = tempfile.TemporaryFile() if own_trace < 0 else None  # noqa: SIM115
         ours, theirs = socket.socketpair()
@@ -153,12 +153,12 @@ class Process:
             with theirs:
                 trace = self._trace.fileno() if self._trace else own_trace
                 self._process = _start(theirs.fileno(), trace, self._mark, quiet)
-        except BaseException:  # an interrupt, of one that nobody would know of
+        except BaseException:  # an interrupt must not leave an untracked process
             self._channel.close()
             reaper.kill_marked(self._mark)
             raise
         running.add(self)
-        # Only what this process says is pickled, never what it is told.
+        # Pickles travel from this process to the child only, never back.
         function = np.frombuffer(pickle.dumps(serve), np.uint8)
         self.send({"memory": memory, "is_plugin": is_plugin, "idle": idle}, {"function": function})
 
@@ -168,35 +168,35 @@ class Process:
         return self._process.poll()
 
     def send(self, facts: Facts, arrays: Arrays | None = None) -> None:
-        """Send a request; its answer is to be received before the next one."""
+        """Send a request; receive its answer before sending the next one."""
         try:
             self._channel.send(facts, arrays)
-        except OSError:  # it has ended, or takes nothing: whoever waits for the answer hears of its end
+        except OSError:  # it has ended or accepts no data; `receive` raises ProcessEnded
             self.signal(signal.SIGKILL)
 
     def receive(
         self, limit: float | None = None, progress: Callable[[Any], object] = lambda progress: None
     ) -> Message | None:
-        """Return facts and arrays of the answer; None if it says nothing for too long.
+        """Return the facts and arrays of the answer; None on a timeout.
 
         Parameters
         ----------
         limit
-            Seconds from one thing that it says to the next; None for no limit. To begin, it has a minute more, unless
-            the limit is zero.
+            Longest silence in seconds; None for no limit. A process that is starting has a minute more, unless the
+            limit is zero.
         progress
-            Told what it says meanwhile.
+            Called with each report of progress.
 
         Raises
         ------
         BenchmarkError
-            What the function raised of this kind, with its own class where that is one of :mod:`benchmark.errors`.
+            If the handler raised one; its class is kept if it is one of :mod:`benchmark.errors`.
         MemoryError
-            If the process has no more memory.
+            If the process ran out of memory.
         ForeignError
-            If the function raised anything else.
+            If the handler raised anything else.
         ProcessEnded
-            If it ended instead, or sends what is no message.
+            If the process ended, or sent something that is not a message.
         """
         while (message := self._next(limit)) is not None:
             kind = message[0].get(KIND)
@@ -216,12 +216,12 @@ class Process:
         progress: Callable[[Any], object] = lambda progress: None,
         limit: float | None = None,
     ) -> Message:
-        """Send a request and return facts and arrays of its answer; see :meth:`receive`.
+        """Send a request and return the facts and arrays of its answer; see :meth:`receive`.
 
         Raises
         ------
         TimeoutError
-            If it says nothing for too long.
+            If the process is silent for longer than the limit.
         """
         self.send(facts, arrays)
         if (answer := self.receive(limit, progress)) is None:
@@ -229,12 +229,12 @@ class Process:
         return answer
 
     def request_or_end_alike(self, facts: Facts, arrays: Arrays | None = None) -> Message:
-        """Send a request; if the process ends, this one ends alike, so that whoever watches over it finds the fault.
+        """Send a request; if the process dies, a child process dies the same way, so that its parent sees the cause.
 
         Raises
         ------
         BenchmarkError
-            Where nobody watches over this process: also if it ends, or raises what is none of our errors.
+            In the main process, also if the process ends or raises a foreign error.
         """
         try:
             return self.request(facts, arrays)
@@ -254,7 +254,7 @@ class Process:
             left = 0.0 if is_over else min(INTERVAL, max(0.0, until - time.monotonic()))
             try:
                 message = self._channel.receive(left)
-            except Exception as error:  # the pipe has ended, or whatever is at the other end
+            except Exception as error:  # the pipe was closed, or carries something that is not a message
                 raise self._ended() from error
             if message is None and is_over:
                 raise self._ended()
@@ -262,7 +262,7 @@ class Process:
                 return message
 
     def _answer(self, facts: dict[str, Any], arrays: dict[str, Any]) -> Message:
-        """Return facts and arrays of an answer, or raise what it tells."""
+        """Return the facts and arrays of an answer, or raise the error that it reports."""
         try:
             self.is_occupied = bool(facts.pop("is_occupied", False))
             self.files = {str(path): str(digest) for path, digest in facts.pop("files", {}).items()}
@@ -271,30 +271,30 @@ class Process:
             reason, trace = str(facts.get("reason")), str(facts.get("trace"))
             is_memory = reason.startswith("MemoryError")
             raised = from_facts(facts) if kind == ERROR else MemoryError() if is_memory else ForeignError(reason, trace)
-        except Exception as error:  # it is no answer at all
+        except Exception as error:  # not an answer
             raise self._ended() from error
         raise raised
 
     def stop(self) -> None:
-        """End it, after it has written down where it is."""
+        """End the process after it has written its traceback."""
         self.signal(signal.SIGUSR1)
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_LAST_WORDS)
         self.end()
 
     def signal(self, number: int) -> None:
-        """Send it a signal, if it still runs."""
+        """Send a signal to the process if it still runs."""
         with suppress(OSError):
             self._process.send_signal(number)
 
     def end(self) -> None:
-        """Kill it, if it still runs, and everything that it started."""
+        """Kill the process, if it still runs, and its descendants."""
         if self not in running:
             return
         with suppress(OSError):
-            os.killpg(self._process.pid, signal.SIGKILL)  # the session of the process bears its number
+            os.killpg(self._process.pid, signal.SIGKILL)  # its session has its process identifier
         self.signal(signal.SIGKILL)
-        reaper.kill_marked(self._mark)  # those that began sessions of their own
+        reaper.kill_marked(self._mark)  # those that started their own sessions
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE)
         running.discard(self)
@@ -305,7 +305,7 @@ class Process:
                 self.trace = self._trace.read(_LONGEST_TRACE).decode("utf-8", "replace")
 
     def _ended(self) -> ProcessEnded:
-        """End it; its exit code is 1 where it still runs, but sends what is no message."""
+        """End the process; the code is 1 if it still ran but sent something that is not a message."""
         try:
             code = self._process.wait(GRACE)
         except subprocess.TimeoutExpired:
@@ -315,7 +315,7 @@ class Process:
 
 
 def ending(code: int) -> str:
-    """Say how a process ended: ``"SIGSEGV"``, ``"exit code 3"``."""
+    """Describe how a process ended: ``"SIGSEGV"``, ``"exit code 3"``."""
     if code >= 0:
         return f"exit code {code}"
     try:
@@ -325,10 +325,10 @@ def ending(code: int) -> str:
 
 
 def end_like(code: int) -> NoReturn:
-    """End this process as another one ended, with its exit code or by minus the number of its signal."""
-    faulthandler.disable()  # the other one has told where it was
+    """End this process with the exit code, or by the signal, that ended another one."""
+    faulthandler.disable()  # the other process has written its traceback
     if code < 0:
-        with suppress(OSError):  # there is no handler for some signals
+        with suppress(OSError):  # some signals cannot have a handler
             signal.signal(-code, signal.SIG_DFL)
         os.kill(os.getpid(), -code)
     os._exit(abs(code))
@@ -341,7 +341,7 @@ def is_child() -> bool:
 
 @contextmanager
 def one_of_us() -> Iterator[None]:
-    """End a copy of this process that comes out of the body: both would go on, and copy again."""
+    """End any fork of this process that leaves the body; otherwise both copies would continue."""
     before = os.getpid()
     try:
         yield
@@ -351,7 +351,7 @@ def one_of_us() -> Iterator[None]:
 
 
 def _start(pipe: int, trace: int, mark: str, quiet: bool) -> subprocess.Popen[bytes]:
-    """Start a process with one end of a pipe, a file for its traceback, and a mark."""
+    """Start a process with one end of a pipe, a file descriptor for its traceback, and a mark."""
     output = subprocess.DEVNULL if quiet else None
     words = [sys.executable, "-c", _PROGRAM, str(pipe), str(trace), str(os.getpid()), *sys.path]
     return subprocess.Popen(
@@ -362,23 +362,23 @@ def _start(pipe: int, trace: int, mark: str, quiet: bool) -> subprocess.Popen[by
 
 @cache
 def token() -> str:
-    """First part of the marks of all processes of this program, for which a reaper is watching from now on."""
+    """Return the prefix of the marks of all child processes, after starting the reaper that watches for them."""
     mark = secrets.token_hex(16)
-    read, _write = os.pipe()  # which stays open for as long as this process lives
+    read, _write = os.pipe()  # open for the lifetime of this process
     watching = subprocess.Popen(
         [sys.executable, "-P", reaper.__file__, mark, str(os.getpid())],
         stdin=read,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={name: value for name, value in os.environ.items() if name != reaper.MARK},
-        start_new_session=True,  # what ends the program must not end its reaper
+        start_new_session=True,  # a signal to the program must not end the reaper
     )
     os.close(read)
-    watching.returncode = 0  # it outlives this process, which is no oversight to be warned of
+    watching.returncode = 0  # avoids a ResourceWarning: the reaper outlives this process on purpose
     return mark
 
 
 def adopt() -> None:
-    """Mark this process, so that whatever foreign code starts here ends with it; a child bears a mark already."""
+    """Mark this process, so that processes which foreign code starts here end with it; children are marked already."""
     if not own_mark:
         os.environ[reaper.MARK] = f"{token()}-here-"

@@ -1,9 +1,9 @@
-"""Ends what the processes of a program have started, also when the program itself is killed and can end nothing.
+"""Kill the descendants of a program, even after the program itself was killed.
 
-Every process that the suite starts bears a mark in its environment, which all that it starts inherits. The reaper is a
-process of its own that reads from a pipe of the program; when the pipe ends, so has the program, and whatever still
-bears its marks is killed. Run as a script, with the first part of the marks as its argument, this file is that process;
-so it imports nothing of the project.
+Every process of the suite has a mark in its environment, which its descendants inherit. The reaper is another process,
+which reads from a pipe of the program. When the pipe closes, the program has ended, and the reaper kills all processes
+that still have its mark. This file, run as a script with the prefix of the marks as its argument, is the reaper, so it
+imports nothing of the project.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 
-#: Environment variable by which the processes that a process of the suite started are known as its own.
+#: Environment variable that marks the processes of the suite.
 MARK = "CANONICAL_FORMS_WORKER"
 
-#: How often processes are looked for: one may be born while the others are killed.
+#: Passes over all processes: new ones may start while others are killed.
 _ROUNDS = 20
 
 
 def kill_marked(mark: str, pipe: str = "") -> None:
-    """Kill every process whose mark begins like this, or that holds a pipe, and those that they start meanwhile."""
+    """Kill all processes whose mark has this prefix or that hold a pipe, including those started meanwhile."""
     for _ in range(_ROUNDS):
         marked = list(_marked(mark, pipe))
         for process in marked:
@@ -47,13 +47,13 @@ def _marked(mark: str, pipe: str) -> Iterator[int]:
 
 
 def _holds(process: int, pipe: str) -> bool:
-    """Return whether a process holds a pipe: a copy of the program does, whose environment the system does not tell."""
+    """Return whether a process holds a pipe, as forks of the program do (their mark is not in /proc)."""
     folder = f"/proc/{process}/fd"
     return any(os.readlink(f"{folder}/{name}") == pipe for name in os.listdir(folder))  # noqa: PTH115, PTH208
 
 
 def _watch(mark: str, program: int) -> None:
-    """Wait for the end of the program; a copy of it that foreign code made may hold the pipe open."""
+    """Wait until the program ends; a fork made by foreign code may hold the pipe open."""
     while os.getppid() == program and not select.select([0], [], [], 1.0)[0]:
         pass
     kill_marked(mark, os.readlink("/proc/self/fd/0") if sys.platform == "linux" else "")  # noqa: PTH115
