@@ -1,4 +1,4 @@
-"""Files of arrays that know what they hold: whatever is damaged or missing in them is noticed when they are read."""
+"""Archives of arrays that describe their own content, so that reading notices whatever is damaged or missing."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from numpy.typing import NDArray
 
 Arrays = Mapping[str, NDArray[Any]]
 
-#: Entry that tells the key of the file, and kind and shape of each array.
+#: Entry with the key of the file, and the type and shape of each array.
 _CONTENTS = "__contents__"
 
-#: Begins the names of arrays that tell of others, and are no result themselves.
+#: Prefix of the names of arrays that are metadata, not results.
 ABOUT = "about:"
 
-#: Bytes of all arrays together beyond which a file is not read, however small it is itself.
+#: Largest total size of the arrays of a file, unpacked, in bytes.
 LARGEST = 2**31
 
-#: Marks, behind kind and shape, a symmetric matrix of which the rows of the upper triangle are kept.
+#: Follows type and shape if only the upper triangle of a symmetric matrix is stored.
 _UPPER = "upper triangle"
 
-#: Ways to pack a file that unfold in little memory.
+#: Compression methods that unpack in little memory.
 PACKED = frozenset({zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED})
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 class UnsafeArrays(ValueError):
-    """A file of arrays that may run a program or fill the memory, by the name of its fault."""
+    """A file of arrays could run code or fill the memory; ``name`` identifies the problem."""
 
     def __init__(self, name: str, problem: str) -> None:
         super().__init__(problem)
@@ -43,21 +43,20 @@ class UnsafeArrays(ValueError):
 
 
 def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> None:
-    """Write arrays as ``.npz``, with what they are.
+    """Write arrays to an ``.npz`` archive with a description of its content.
 
-    Where room is to be saved, half of a symmetric matrix is written: distances of a large gallery are most of a results
-    folder.
+    Compression stores only half of a symmetric matrix: the distances of large galleries dominate a results folder.
 
     Parameters
     ----------
     file
         Open binary file.
     key
-        What they are kept under.
+        Key that the archive is stored under.
     arrays
-        By name; none may hold objects.
+        Arrays by name; none may hold objects.
     compressed
-        Whether to take time to save room.
+        Whether to compress.
     """
     whole = {name: np.asanyarray(array) for name, array in arrays.items()}
     halved = {name for name, array in whole.items() if compressed and _is_symmetric(array)}
@@ -72,9 +71,9 @@ def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> Non
 
 
 def digest_of(arrays: Arrays) -> str:
-    """Return the digest of arrays, their names, types and shapes: 16 hexadecimal digits, the same for the same bits.
+    """Return a digest of the bits, names, types and shapes of arrays: 16 hexadecimal digits.
 
-    What begins with :data:`ABOUT` is left out.
+    Metadata, whose names begin with :data:`ABOUT`, are left out.
     """
     found = hashlib.sha256()
     for name in sorted(name for name in arrays if not name.startswith(ABOUT)):
@@ -87,21 +86,21 @@ def digest_of(arrays: Arrays) -> str:
 def load_arrays(
     source: Path | IO[bytes], key: str, wanted: Callable[[str], bool] | None = None, *, largest: int | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Read what :func:`save_arrays` wrote.
+    """Read an archive of :func:`save_arrays`.
 
-    Each array is read to its last byte, which is when its checksum is compared, and is compared with what the file says
-    of it: a shape that a damaged header makes smaller would pass for whole otherwise.
+    Each array is read to its last byte, so that its checksum is verified, and compared with the description: a damaged
+    header that makes an array smaller would otherwise go unnoticed.
 
     Parameters
     ----------
     source
-        The file, or its path.
+        Open file or path.
     key
-        What it is kept under.
+        Key that the archive is stored under.
     wanted
-        Chooses the arrays to read by name; all by default.
+        Predicate on names that selects the arrays to read; all by default.
     largest
-        Bytes of all arrays together beyond which none is read; None for :data:`LARGEST`.
+        Largest total size in bytes; None for :data:`LARGEST`.
 
     Raises
     ------
@@ -110,7 +109,7 @@ def load_arrays(
     UnsafeArrays
         If it is too large, or an array holds Python objects.
     Exception
-        Of many kinds, if it is damaged or something else.
+        Of many kinds, if the file is damaged or not such an archive.
     """
     with zipfile.ZipFile(source) as archive:
         parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
@@ -141,7 +140,7 @@ def _kind(array: NDArray[Any]) -> list[Any]:
 
 
 def _unfolded(array: NDArray[Any], kind: list[Any]) -> NDArray[Any]:
-    """The array that a file says it holds, unfolded where half of it was kept."""
+    """Return the array that the file describes, completed if only half of it was stored."""
     if not _is_half(kind):
         if _kind(array) == kind:
             return array
@@ -159,7 +158,7 @@ def _is_half(kind: list[Any]) -> bool:
 
 
 def _is_symmetric(array: NDArray[Any]) -> bool:
-    """Return whether a matrix of floats equals its transpose to the last bit, signs of zeros and kinds of NaN too."""
+    """Return whether a matrix of floats equals its transpose bit by bit, including signs of zeros and NaN payloads."""
     is_square = array.ndim == 2 and 0 < array.shape[0] == array.shape[1]
     if not is_square or array.dtype.kind != "f" or array.itemsize > 8 or not array.flags.c_contiguous:
         return False
@@ -168,14 +167,14 @@ def _is_symmetric(array: NDArray[Any]) -> bool:
 
 
 def _upper(count: int) -> NDArray[np.bool_]:
-    """Mask of the upper triangle with the diagonal."""
+    """Return the mask of the upper triangle with the diagonal."""
     return np.tri(count, dtype=bool).T
 
 
 def read_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
-    """Return the array of an archive; raises ``ValueError`` where it is not as large as is said of it."""
+    """Read one array of an archive; raise ``ValueError`` if its size differs from what the file says."""
     with archive.open(part) as file:
-        content = file.read(part.file_size)  # no more than was announced, whatever unfolds
+        content = file.read(part.file_size)  # at most the declared size, whatever the data unpack to
         if len(content) != part.file_size or file.read(1):
             raise ValueError("an array has another size than the file says")
     stream = io.BytesIO(content)

@@ -1,4 +1,4 @@
-"""The canonical form of what a depth camera sees."""
+"""Canonical forms of objects in depth images."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from benchmark.protocols.models import with_model
 
 __all__ = ["DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"]
 
-#: Numbers of fx, fy, cx, cy, and shapes of matrices that hold them.
+#: Valid shapes of intrinsics: fx, fy, cx, cy or a camera matrix.
 _FOUR, _MATRICES = (4,), ((3, 3), (4, 4))
 
 
 @dataclass(frozen=True, eq=False)
 class DepthForm:
-    """The canonical form of the object of one frame, and what it was made from.
+    """Canonical form of the object in one frame, with its input.
 
     Parameters
     ----------
     observed
         The object.
     shape
-        What the method was given.
+        Input of the method.
     form
-        The canonical form; its notes tell how the object was found, and what the method noted.
+        The canonical form; its notes say how the object was segmented and include the notes of the method.
     """
 
     observed: ObservedObject
@@ -59,43 +59,45 @@ def canonical_form_of_depth(
     half_width: float = HALF_WIDTH,
     seed: int = 0,
 ) -> CanonicalForm:
-    """Return the canonical form of the object of a depth image; a loop loads the model once.
+    """Return the canonical form of the object in a depth image; the model is loaded once and cached.
 
     Parameters
     ----------
     depth
-        Shape (h, w): depths along the optical axis, in metres or, of integers, in millimetres; 0, NaN and infinity mean
-        that nothing was seen.
+        Shape (h, w): depths along the optical axis, floats in metres or integers in millimetres; 0, NaN and infinity
+        mark missing values.
     intrinsics
         Matrix of the camera, shape (3, 3) or (4, 4), or fx, fy, cx, cy in pixels, or
         :class:`~benchmark.depth.intrinsics.Intrinsics`, which may be distorted.
     mask
-        Shape (h, w), not zero on the object; None finds it, see docs/how-to/depth-camera.md.
+        Shape (h, w), nonzero on the object; None segments it, see docs/how-to/depth-camera.md.
     method
-        Name of a method that makes forms of views, with parameters in brackets if need be.
+        Name of a method that accepts views, with optional parameters in brackets.
     scale
-        Units of ``depth`` per metre; None takes 1000 for integers and 1 for floats.
+        Units of ``depth`` per metre; None means 1000 for integers and 1 for floats.
     up
-        What is up in the camera's frame (right, down, forward), where no floor is seen; None takes the image's.
+        Upward direction in the camera's coordinates (right, down, forward) if no floor is visible; None means the
+        image's.
     half_width
-        Half the side of the frame that the object has to fit, in metres; models that know a scale know this one.
+        Half the side of the square frame that must contain the object, in metres; networks that see size are trained
+        with the default.
     seed
         Base seed.
 
     Returns
     -------
     CanonicalForm
-        ``vertices``, shape (n, 3), of unit area where the method is one of the learned; ``faces``, shape (m, 3);
-        ``notes``: how the object was found, and what the method noted.
+        ``vertices``, shape (n, 3), with unit area for learned methods; ``faces``, shape (m, 3); ``notes``: how the
+        object was segmented, and the notes of the method.
 
     Raises
     ------
     benchmark.depth.errors.DepthError
-        If depth, intrinsics or mask cannot be used, or no object is found that fits the frame.
+        If depth, intrinsics or mask are invalid, or no object fits the frame.
     ShapeError
         If the method refuses the shape.
     ConfigurationError
-        If there is no such method, or it makes no forms of views.
+        If there is no such method, or it computes no forms from views.
     """
     maker = method_of_depth(method)
     given = None if mask is None else np.asarray(mask)
@@ -105,7 +107,7 @@ def canonical_form_of_depth(
 
 @functools.lru_cache(maxsize=8)
 def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
-    """Return a method that makes forms of views; raises ``ConfigurationError`` for any other."""
+    """Return a method that computes forms from views; raise ``ConfigurationError`` for any other."""
     spec = variant(name, methods(plugins))
     if missing := spec.missing_packages():
         raise ConfigurationError(f"method '{name}' needs {', '.join(missing)}", f"pip install {' '.join(missing)}")
@@ -127,7 +129,7 @@ def form_of_object(
     half_width: float = HALF_WIDTH,
     seed: int = 0,
 ) -> DepthForm:
-    """Return the canonical form of an object that was seen.
+    """Return the canonical form of a segmented object.
 
     Parameters
     ----------
@@ -136,9 +138,9 @@ def form_of_object(
     maker
         The method; see :func:`method_of_depth`.
     name
-        What random choices depend on beside the seed.
+        Identifier of the shape; with the seed, it determines random draws.
     half_width, seed
-        As of :func:`canonical_form_of_depth`.
+        As in :func:`canonical_form_of_depth`.
 
     Raises
     ------
@@ -156,7 +158,7 @@ def form_of_object(
 
 
 def plain_notes(notes: Mapping[str, NDArray[Any]]) -> dict[str, float | str]:
-    """Return the notes of a method as texts and numbers."""
+    """Return the notes of a method as strings and floats."""
     return {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
 
 

@@ -1,4 +1,4 @@
-"""Every error that a user can cause, each with the hint in its message."""
+"""Errors that users can cause; each message ends with a hint."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class BenchmarkError(Exception):
     """
 
     def __init__(self, problem: str, hint: str = "") -> None:
-        # A method may pass anything.
+        # Plugins may pass anything.
         self.problem = str(problem)
         self.hint = str(hint) if hint else ""
         super().__init__(self.problem, self.hint)
@@ -27,7 +27,7 @@ class BenchmarkError(Exception):
 
 
 class ConfigurationError(BenchmarkError):
-    """The command line or a plugin asks for something that does not exist or does not fit."""
+    """An option, name or plugin is invalid."""
 
 
 class DatasetError(BenchmarkError):
@@ -35,11 +35,11 @@ class DatasetError(BenchmarkError):
 
 
 class ShapeError(BenchmarkError):
-    """A problem of one shape: it is counted under the table, and the others go on."""
+    """One shape cannot be used; it is counted below the table, and the other shapes are processed."""
 
 
 class TrainingError(BenchmarkError):
-    """Training cannot go on: a loss that is not a number, no memory, a checkpoint that does not fit."""
+    """Training cannot continue: the loss is not finite, memory is exhausted, or a checkpoint does not fit."""
 
 
 class UnreadableMesh(ShapeError):
@@ -47,29 +47,29 @@ class UnreadableMesh(ShapeError):
 
 
 class InvalidMesh(ShapeError):
-    """A mesh was read but its content cannot be used: NaN, faces out of range, nothing left after cleaning."""
+    """The content of a mesh cannot be used: NaN, faces out of range, nothing left after cleaning."""
 
 
 class InvalidForm(ShapeError):
-    """A method returned what is no canonical form, no descriptor or no distances: the fault is the method's."""
+    """A method returned something that is not a canonical form, descriptor or distance matrix."""
 
 
 class InvalidSignature(ShapeError):
-    """A scorer returned what is no signature of a form: the fault is the scorer's."""
+    """A scorer returned something that is not a signature."""
 
 
 class UnsupportedShape(ShapeError):
-    """A method cannot treat this shape; the message says why."""
+    """A method cannot process a shape; the message says why."""
 
 
 def as_facts(error: BenchmarkError) -> dict[str, str]:
-    """Return an error as texts, by which another process raises it again; see :func:`from_facts`."""
+    """Return an error as strings from which another process can rebuild it; see :func:`from_facts`."""
     kinds = (each for each in type(error).__mro__ if globals().get(each.__name__) is each)
     return {"kind": next(kinds).__name__, "problem": error.problem, "hint": error.hint}
 
 
 def from_facts(facts: Mapping[str, str]) -> BenchmarkError:
-    """Build the error that :func:`as_facts` described; one of a kind that is not of this module is plain."""
+    """Rebuild an error from :func:`as_facts`; classes that are not in this module become ``BenchmarkError``."""
     kind = globals().get(str(facts["kind"]))
     if not (isinstance(kind, type) and issubclass(kind, BenchmarkError)):
         kind = BenchmarkError
@@ -77,7 +77,7 @@ def from_facts(facts: Mapping[str, str]) -> BenchmarkError:
 
 
 def message(error: BaseException) -> str:
-    """Message of an exception, which code of somebody else may have to tell."""
+    """Return the message of an exception; ``__str__`` of a foreign exception may itself fail."""
     try:
         return str(error)
     except (Exception, SystemExit, GeneratorExit):
@@ -85,27 +85,27 @@ def message(error: BaseException) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """Class and message of an exception, on one line."""
+    """Return class and message of an exception on one line."""
     said = " ".join(message(error).split())
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 
-#: Names that an error tells where a verb lists them all, and that verb by what the name stands for.
+#: Number of names in an error if a command lists them all, and that command by kind of name.
 _FEW = 6
 _LISTED_BY = {"method": "list methods", "scorer": "list scorers", "data set": "list datasets", "table": "list tables"}
 
 
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
-    """Build the error for an unknown name, with the nearest known ones, or some of them and the verb that lists all.
+    """Return the error for an unknown name; its hint suggests similar names, or a command that lists all.
 
     Parameters
     ----------
     kind
-        What the name stands for: ``"method"``, ``"data set"``.
+        Kind of name: ``"method"``, ``"data set"``.
     name
-        The name that is not known.
+        The unknown name.
     known
-        The names that are.
+        Known names.
     """
     import difflib
 

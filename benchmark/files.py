@@ -1,4 +1,4 @@
-"""Files that are whole or absent: written beside their place, then moved there."""
+"""Write files atomically: to a temporary file, which then replaces the old one."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from typing import Any
 
 _SUFFIX = ".tmp"
 
-#: Seconds after which nobody is at a temporary file any more, though a process has the number of its writer again.
+#: Age in seconds from which a temporary file is abandoned, even if a process has the identifier of its writer.
 _LONGEST = 3600.0
 
 
 def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
-    """Write a file so that a reader, and a process killed at any moment, leave the old content or the new one.
+    """Write a file so that it has the old or the new content at any moment, even if the process is killed.
 
     Parameters
     ----------
     path
-        The file; its folder is made if need be. It gets the rights that the umask leaves. A device or a pipe, which
-        holds nothing to keep, is written to and not replaced.
+        The file; its folder is created if necessary, and its mode follows the umask. Devices and pipes are written
+        directly.
     write
         Called with the binary file to write to.
     durable
-        Whether the content is flushed to the disk before the file gets its name, so that a power cut cannot lose it.
+        Whether to flush the content to disk before the file is renamed, so that it survives a power failure.
 
     Raises
     ------
     OSError
-        If the file cannot be written; nothing is left behind then.
+        If the file cannot be written; then no temporary file remains.
     """
     if path.is_char_device() or path.is_fifo():
         with path.open("wb") as file:
             write(file)
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    # The name says who writes, so that what a killed process leaves behind can be told from what is being written.
+    # The process identifier in the name distinguishes files of killed writers from those being written.
     temporary = path.parent / f".{os.getpid()}-{secrets.token_hex(4)}{_SUFFIX}"
     try:
         with temporary.open("xb") as file:
@@ -55,16 +55,16 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
 
 
 def write_text(path: Path, text: str, *, durable: bool = False) -> None:
-    """Write a text in UTF-8 with :func:`write_atomically`."""
+    """Write text in UTF-8 with :func:`write_atomically`."""
     write_atomically(path, lambda file: file.write(text.encode("utf-8")), durable=durable)
 
 
 @contextlib.contextmanager
 def locked(folder: Path, *, alone: bool = False) -> Iterator[None]:
-    """Wait until nobody writes a folder with this, or reads it where ``alone`` is asked for, and keep others out.
+    """Hold a shared lock on a folder, or an exclusive one if ``alone``.
 
-    The system frees it when the process ends, however it ends. Without such a folder, or on a file system without
-    locks, nobody waits.
+    The system releases it when the process ends. There is no lock if the folder does not exist or the file system does
+    not support locks.
     """
     try:
         place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -80,7 +80,7 @@ def locked(folder: Path, *, alone: bool = False) -> Iterator[None]:
 
 
 def leftovers(folder: Path, *, deep: bool = True) -> Iterator[Path]:
-    """Temporary files in a folder, and in those below it, whose writers are no longer alive, or an hour old."""
+    """Yield temporary files in a folder and its subfolders that are an hour old or whose writers have ended."""
     for path in (folder.rglob if deep else folder.glob)(f".*-*{_SUFFIX}"):
         writer = path.name[1:].partition("-")[0]
         if writer.isdecimal() and (not is_alive(int(writer)) or _is_old(path)):
@@ -91,11 +91,11 @@ def _is_old(path: Path) -> bool:
     try:
         return time.time() - path.stat().st_mtime > _LONGEST
     except OSError:
-        return False  # it has just got its name
+        return False  # it was just renamed
 
 
 def sweep(folder: Path, *, deep: bool = True) -> int:
-    """Remove what killed writers left in a folder, and in those below it; returns the number of files."""
+    """Remove the temporary files that :func:`leftovers` yields; return their number."""
     count = 0
     for path in leftovers(folder, deep=deep):
         with contextlib.suppress(OSError):
@@ -105,11 +105,11 @@ def sweep(folder: Path, *, deep: bool = True) -> int:
 
 
 def is_alive(process: int) -> bool:
-    """Return whether there is a process with this number."""
+    """Return whether a process with this identifier exists."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
     except OSError:
-        return True  # it belongs to somebody else
+        return True  # it belongs to another user
     return True

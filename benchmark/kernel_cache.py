@@ -1,4 +1,4 @@
-"""A folder for compiled kernels where neither the suite's own nor the user's can be written."""
+"""Choose a folder for compiled kernels if neither the suite nor the home folder is writable."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-#: Environment variable by which numba is told where to keep compiled kernels.
+#: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
 
 _PACKAGE = Path(__file__).parent
 
 
 def choose_kernel_cache() -> None:
-    """Name a folder for compiled kernels, for this process and those that it starts, if numba would find none.
+    """Set a temporary folder for compiled kernels, for this process and its children, if numba would find none.
 
-    It lies among temporary files and belongs to the user alone: what lies in it is executed.
+    Only the user may write to it, because its content is executed.
     """
     own = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111  # raises nothing
     if VARIABLE in os.environ or os.access(_PACKAGE / "geometry", os.W_OK) or _can_be_made(own):
@@ -33,6 +33,6 @@ def choose_kernel_cache() -> None:
 
 
 def _can_be_made(folder: Path) -> bool:
-    """Return whether a folder is there, or can be made, and can be written to."""
+    """Return whether a folder is writable or can be created."""
     there = next(place for place in (folder, *folder.parents) if place.exists())
     return folder.is_absolute() and os.access(there, os.W_OK | os.X_OK)

@@ -1,6 +1,6 @@
-"""Compiled kernels on the disk: those that are older than code that was compiled into them go.
+"""Remove compiled kernels that are older than the code that was compiled into them.
 
-numba keeps a kernel until its own file changes; the kernels of other files that it calls are part of it, too.
+numba caches a kernel until its own file changes, although kernels of other files can be compiled into it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 
 from benchmark.source_code import FIRST_PARTY
 
-#: Endings of numba's files.
+#: Extensions of numba's cache files.
 _ENDINGS = (".nbi", ".nbc")
 
 
 def compiled_files(root: Path) -> Iterator[tuple[Path, Sequence[Path]]]:
-    """Return the modules under a root that have compiled kernels, each with their files."""
+    """Yield the modules under a root that have compiled kernels, with their cache files."""
     for package in FIRST_PARTY:
         for folder in sorted((root / package).rglob("__pycache__")):
             kept: dict[str, list[Path]] = {}
@@ -34,28 +34,28 @@ def compiled_files(root: Path) -> Iterator[tuple[Path, Sequence[Path]]]:
 
 
 def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> int:
-    """Remove compiled kernels that are older than their own module, or than one whose kernels or constants they use.
+    """Remove compiled kernels that are older than their module or one whose kernels or constants they use.
 
     Parameters
     ----------
     root
-        Folder that holds the packages of the suite.
+        Folder with the packages of the suite.
     changed
-        Files that are newer than the kernels; None goes by the times of files.
+        Files newer than the kernels; None compares modification times.
 
     Returns
     -------
     int
-        Number of files that were removed.
+        Number of removed files.
     """
     known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in _sources(root)}
     callees = cache(lambda source: _callees(source, known))
     last_edit = max((path.stat().st_mtime_ns for path in known.values()), default=0)
-    looked_at = min(last_edit, time.time_ns())  # no edit to come is older, whatever the clock of the last one
+    looked_at = min(last_edit, time.time_ns())  # the clock of the last edit may have been ahead
     count = 0
     for source, kept in compiled_files(root):
         if changed is None and all(path.stat().st_mtime_ns >= last_edit for path in kept):
-            continue  # newer than everything, so that no source need be parsed
+            continue  # newer than all sources, which need not be parsed
         behind = _compiled_together(source, callees)
         newest = max(path.stat().st_mtime_ns for path in behind)
         for path in kept:
@@ -63,7 +63,7 @@ def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> in
                 if path.stat().st_mtime_ns < newest if changed is None else behind & changed:
                     path.unlink()
                     count += 1
-                elif changed is None:  # later edits alone need be looked at
+                elif changed is None:  # the next call checks later edits only
                     os.utime(path, ns=(looked_at, looked_at))
     return count
 
@@ -74,7 +74,7 @@ def _sources(root: Path) -> Iterator[Path]:
 
 
 def _compiled_together(source: Path, callees: Callable[[Path], set[Path]]) -> set[Path]:
-    """A module with all those whose kernels and constants may be part of its own kernels."""
+    """Return a module and all those whose kernels and constants may be compiled into its own kernels."""
     found, pending = {source}, [source]
     while pending:
         new = callees(pending.pop()) - found
@@ -84,7 +84,7 @@ def _compiled_together(source: Path, callees: Callable[[Path], set[Path]]) -> se
 
 
 def _callees(source: Path, known: Mapping[str, Path]) -> set[Path]:
-    """Modules from which one imports kernels or constants."""
+    """Return the modules from which a module imports kernels or constants."""
     found = set()
     for node in ast.walk(ast.parse(source.read_bytes())):
         if isinstance(node, ast.ImportFrom) and node.module:

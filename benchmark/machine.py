@@ -1,4 +1,4 @@
-"""What a process may use of the machine: cores, memory, and one thread, for results do not depend on their number."""
+"""Cores and memory that a process may use; it computes with one thread, so that results do not depend on the number."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-#: Variables read by numerical libraries when they are loaded.
+#: Environment variables that numerical libraries read when they are loaded.
 VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -16,46 +16,46 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
 )
 
-#: Share of the memory of the machine, or of the cgroup, that all processes together may take.
+#: Share of the memory of the machine or container that all processes together may use.
 MEMORY_SHARE = 0.85
 
 _MOUNTED, _GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 
 def pin_threads() -> None:
-    """Pin the threads of this process and of those it starts; call it before a numerical library is imported."""
+    """Limit this process and its children to one thread; call this before importing a numerical library."""
     for name in VARIABLES:
         os.environ[name] = "1"
 
 
 def available_cores() -> int:
-    """Number of cores that this process may use, by its affinity and the quota of its container; at least one."""
+    """Return the number of cores that affinity and CPU quota allow; at least one."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, int(min(cores, cpu_limit())))
 
 
 def memory_per_process(processes: int = 1) -> int:
-    """Bytes that one of several processes may take: together, most of the memory of the machine or the container."""
+    """Return the memory limit of one of several processes in bytes; together they get most of the machine's memory."""
     import psutil
 
     return int(min(psutil.virtual_memory().total, memory_limit()) * MEMORY_SHARE / processes)
 
 
 def memory_limit() -> float:
-    """Bytes that the control groups of this process, such as those of a container, let it take."""
+    """Return the memory limit of the control groups of this process, in bytes."""
     limits = _read("memory", ("memory.max",), ("memory.limit_in_bytes",))
     return min((float(limit) for (limit,) in limits), default=float("inf"))
 
 
 def cpu_limit() -> float:
-    """Processors whose time the control groups of this process let it take."""
+    """Return the CPU quota of the control groups of this process, in cores."""
     quotas = _read("cpu", ("cpu.max",), ("cpu.cfs_quota_us", "cpu.cfs_period_us"))
     limits = [float(quota) / float(period) for quota, period in quotas]
     return min((limit for limit in limits if limit > 0), default=float("inf"))
 
 
 def _read(controller: str, files: tuple[str, ...], version_1: tuple[str, ...]) -> Iterator[list[str]]:
-    """Words of some files of a controller, for each group that this process is in: of its own folder in version 1."""
+    """Yield the words of files of a controller for each group of this process; version 1 has one folder each."""
     with suppress(OSError, ValueError):
         for line in _GROUPS.read_text(encoding="utf-8").splitlines():
             _, controllers, group = line.split(":", 2)

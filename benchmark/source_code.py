@@ -1,4 +1,4 @@
-"""Source code of the suite by folder: digests of its text, and of what it does. Nothing is imported."""
+"""Digests of the source text and of the code in each folder of the suite, without importing anything."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ _DIGITS = 16
 
 
 def digest_of_bytes(content: bytes) -> str:
-    """Return the digest of a content: 16 hexadecimal digits."""
+    """Return the digest of bytes: 16 hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()[:_DIGITS]
 
 
 @cache
 def text_of(folder: str) -> str:
-    """Return the digest of the modules that lie in a folder of the suite, byte for byte."""
+    """Return the digest of the text of the modules in a folder."""
     return digest_of_bytes(b"".join(path.name.encode() + path.read_bytes() for path in _modules(folder)))
 
 
 def digest_of_source(source: bytes) -> str:
-    """Return the digest of the code of one module; raises ``SyntaxError`` if it is none."""
+    """Return the digest of the code of a module; raise ``SyntaxError`` if it is not Python."""
     tree = _skeleton(_without_docstrings(ast.parse(source)))
     return digest_of_bytes(json.dumps(tree, separators=(",", ":")).encode())
 
 
 def suite_texts() -> dict[str, str]:
-    """Return the digest of the modules of each folder of the suite."""
+    """Return the digest of the text of each folder of the suite."""
     folders = {path.parent.relative_to(ROOT).as_posix() for name in FIRST_PARTY for path in (ROOT / name).rglob("*.py")}
     return {folder: text_of(folder) for folder in sorted(folders)}
 
 
 @cache
 def code_of(folder: str) -> str:
-    """Return the digest of the code of the modules in a folder: docstrings, comments and layout do not count."""
+    """Return the digest of the code in a folder, without docstrings, comments and layout."""
     trees = [(path.name, _skeleton(_without_docstrings(ast.parse(path.read_bytes())))) for path in _modules(folder)]
     return digest_of_bytes(json.dumps(trees, separators=(",", ":")).encode())
 
 
 def forget_sources() -> None:
-    """Read all sources again at the next call: they may have changed since."""
+    """Clear the caches, because sources may have changed."""
     text_of.cache_clear()
     code_of.cache_clear()
 
@@ -67,7 +67,7 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
 
 
 def _skeleton(node: Any) -> Any:
-    """A syntax tree as lists, without what is empty: versions of Python differ in the empty fields that they have."""
+    """Return a syntax tree as lists, without empty fields, in which versions of Python differ."""
     if isinstance(node, ast.AST):
         fields = ((name, value) for name, value in ast.iter_fields(node) if name not in ("kind", "type_comment"))
         return [type(node).__name__, *([n, _skeleton(v)] for n, v in fields if v is not None and v != [])]

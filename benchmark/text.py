@@ -1,4 +1,4 @@
-"""Text from outside: names that can be used, and titles and reasons made fit to be shown."""
+"""Text from users and plugins: check names, and clean titles and reasons before printing them."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from collections.abc import Sequence
 
 import click
 
-#: Characters of a reason that a table or a list of jobs shows; the record has it whole.
+#: Longest reason in tables and lists of jobs, in characters; records have it in full.
 LONGEST_REASON = 500
 
-#: Characters of the longest name, which becomes part of the names of files.
+#: Longest name, in characters: names become parts of file names.
 LONGEST_NAME = 60
 
-#: Environment variable of the folder of the official data sets where ``--data-root`` is not passed.
+#: Environment variable for the folder of the official data sets if ``--data-root`` is not given.
 DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
-#: Words on the command line that stand for several methods, so that none can be called like them.
+#: Words that select several methods on the command line and so cannot be the name of one.
 RESERVED = frozenset({"all", "finished"})
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 _BREAKS = frozenset("\t\n\v\f\r\x1c\x1d\x1e\x1f\x85\u2028\u2029")
 
-#: Colours and movements of the cursor, as programs write them into their errors.
+#: ANSI escape sequences for colours and cursor movements.
 _TERMINAL_CODES = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]")
 
 _BLANKS = re.compile(r"\s+")
@@ -32,20 +32,20 @@ _CUT = " ..."
 
 
 def is_name(name: object) -> bool:
-    """Return whether something can be called like this: lower-case words joined by hyphens, not too long."""
+    """Return whether this is a valid name: lower-case words joined by hyphens, not too long."""
     return isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name) is not None
 
 
 def clean(text: object) -> str:
-    r"""One line of text that no terminal, file or reader takes for anything else.
+    r"""Return text as one printable line.
 
-    Line breaks and tabs become one space, codes that colour a terminal go, and whatever else cannot be printed (control
-    characters, changes of direction, halves of characters) is written as Python writes it: ``\x00``.
+    Line breaks and tabs become one space, ANSI escape sequences are removed, and other characters that cannot be
+    printed (control characters, changes of direction, surrogates) are escaped as in Python: ``\x00``.
 
     Parameters
     ----------
     text
-        Anything; what is no text is shown as Python shows it.
+        Anything; ``str`` is applied to it.
     """
     told = str(text)
     if told.isprintable():
@@ -55,24 +55,24 @@ def clean(text: object) -> str:
 
 
 def brief(text: object) -> str:
-    """The same, cut off where it is longer than a reason may be in a table."""
+    """Return cleaned text, cut to :data:`LONGEST_REASON`."""
     told = clean(text)
     return told if len(told) <= LONGEST_REASON else told[: LONGEST_REASON - len(_CUT)] + _CUT
 
 
 def say(text: object = "", *, err: bool = False) -> None:
-    """Print one line, whatever it holds, to stdout or stderr."""
+    """Print one cleaned line to stdout or stderr."""
     click.echo(clean(text), err=err)
 
 
 def say_lines(text: str) -> None:
-    """Print what has several lines by design, each for itself."""
+    """Print text line by line."""
     for line in text.removesuffix("\n").split("\n"):
         say(line)
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of rows whose columns are aligned."""
+    """Return rows as lines with aligned columns."""
     rows = [[clean(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
