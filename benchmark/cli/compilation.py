@@ -1,8 +1,8 @@
-"""``compile``: what a machine does once, done before the first run by a process for each part of it.
+"""``compile``: compile all kernels before the first run.
 
-Kernels are compiled on their first use and kept beside the code. Workers of a run begin with the same ones, and each
-would compile them all for itself. Here every part is compiled by one process, and by the same steps as in a run, so
-that the kernels are those for the arrays that a run passes.
+Kernels are compiled on first use and cached beside the code. The workers of a run start with the same kernels, so each
+would compile all of them. Here one process compiles each part, by the steps of a run, so that the kernels fit the types
+of its arrays.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from benchmark.text import say
 
 
 def compile_(options: Compile) -> bool:
-    """Compile each part in a process of its own."""
+    """Compile each part in a separate process."""
     start = time.monotonic()
     drop_stale_kernels(ROOT)
     waiting, running, ok = list(PARTS), dict[str, Process](), True
@@ -62,14 +62,14 @@ def compile_(options: Compile) -> bool:
 
 
 def _compile(facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
-    """Compile one part, in its process; what this machine lacks is for the run to report, if it needs it."""
+    """Compile one part in a child process; missing packages are left for the run to report."""
     with suppress(BenchmarkError):
         PARTS[facts["part"]]()
     return {}, {}
 
 
 def _compile_bodies() -> None:
-    """Make one shape of each generator, in the second pose, which bends what the first one leaves at rest."""
+    """Generate one shape of each kind in the second pose; the first pose does not bend joints."""
     for name, source in CATALOGUE.items():
         if not source.folder:
             dataset = open_dataset(name, None)
@@ -77,13 +77,13 @@ def _compile_bodies() -> None:
 
 
 def _compile_scorer() -> None:
-    """Rank the figure against its bent self."""
+    """Compare a figure with a bent copy."""
     scorer = ScorerSpec().create()
     form_distances(scorer, [signature_of(scorer, figure(bend)) for bend in BENDS[:2]], draw=0)
 
 
 def _compile_methods() -> None:
-    """Treat a small figure, complete and as a camera sees it, by every method that does not learn."""
+    """Apply each method that does not learn to a small figure, complete and as a single view."""
     specs = [spec for spec in methods().values() if not spec.learns]
     rows = [row for spec in specs for row in (spec, *map(spec.with_parameters, VARIANTS.get(spec.base_name, ())))]
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:

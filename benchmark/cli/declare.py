@@ -1,4 +1,4 @@
-"""Options and arguments as fields of dataclasses, their types, and the names that a shell completes."""
+"""Declare options and arguments as dataclass fields, with their types and shell completion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 
 from benchmark.errors import ConfigurationError
 
-#: Stands for all methods, and for those of all finished jobs, variants included, whatever else is named.
+#: Values of ``--method`` that select all methods, and those of all finished jobs, variants included.
 EVERY, FINISHED = "all", "finished"
 
 #: Fewest vertices of a prepared mesh.
@@ -24,19 +24,19 @@ _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
 
 def option(*words: str, **attributes: Any) -> Any:
-    """Declare an option as a field of a dataclass; its default is shown unless it is nothing."""
+    """Declare an option as a dataclass field; help shows its default unless it is empty."""
     default = () if attributes.get("multiple") else attributes.get("default")
     attributes.setdefault("show_default", default not in ((), None, ""))
     return _declared(lambda name: click.Option([*words, name], **attributes), default)
 
 
 def flag(*words: str, **attributes: Any) -> Any:
-    """Declare an option without a value."""
+    """Declare a flag as a dataclass field."""
     return option(*words, is_flag=True, default=False, show_default=False, **attributes)
 
 
 def argument(metavar: str | None = None, **attributes: Any) -> Any:
-    """Declare an argument as a field of a dataclass."""
+    """Declare an argument as a dataclass field."""
     return _declared(lambda name: click.Argument([name], metavar=metavar, **attributes), None)
 
 
@@ -45,7 +45,7 @@ def _declared(make: Callable[[str], click.Parameter], default: object) -> Any:
 
 
 def timeout_option(what: str, default: str = "10m") -> Any:
-    """Declare the limit of the time that foreign code may take for something."""
+    """Declare the time limit of foreign code."""
     text = f"Time limit for {what}: 90s, 10m, 2h."
     return _declared(
         lambda name: click.Option(
@@ -59,7 +59,7 @@ def timeout_option(what: str, default: str = "10m") -> Any:
 
 
 class PathType(click.ParamType[Any]):
-    """What the system can look up as a path; whether there is anything is another question."""
+    """A valid path, whether or not it exists."""
 
     name = "path"
 
@@ -67,7 +67,7 @@ class PathType(click.ParamType[Any]):
         self.result = result
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse what cannot be a path: nothing at all, or more than the system takes."""
+        """Refuse empty paths and those that are too long for the system."""
         text, option = str(value), param.opts[-1] if param else self.name
         if not text:
             raise ConfigurationError(f"{option} is empty", "name a file or a folder; the current one is '.'")
@@ -87,7 +87,7 @@ PATH, NAME_OR_FOLDER = PathType(Path), PathType(str)
 
 
 def duration(text: str) -> float:
-    """Seconds, written as ``90``, ``90s``, ``10m`` or ``2h``."""
+    """Parse a duration such as ``90``, ``90s``, ``10m`` or ``2h``; return seconds."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", text.strip())
     if not match or float(match[1]) == 0:
         raise ValueError(f"'{text}' is not a duration; write 90s, 10m or 2h")
@@ -95,7 +95,7 @@ def duration(text: str) -> float:
 
 
 def vertex_count(text: str) -> int | str:
-    """A number of vertices, or ``all`` of them."""
+    """Parse a number of vertices or ``all``."""
     if text == "all":
         return text
     if not text.isdecimal() or int(text) < FEWEST_VERTICES:
@@ -103,11 +103,11 @@ def vertex_count(text: str) -> int | str:
     return int(text)
 
 
-# Names that a shell completes ----------------------------------------------------------------------------------------
+# Shell completion ----------------------------------------------------------------------------------------------------
 
 
 def complete_methods(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Methods, and the words for several; behind a bracket, the parameters of the method."""
+    """Complete methods and their parameters in brackets."""
     from importlib.metadata import entry_points
 
     from benchmark.plugins.inspection import entry_points_of

@@ -1,4 +1,4 @@
-"""The program and how it ends."""
+"""Entry point of the command line, and its exit codes."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from benchmark.machine import pin_threads
 from benchmark.plugins import close_process
 from benchmark.text import say
 
-#: How the program is called in messages.
+#: Name of the program in messages.
 PROGRAM = "python -m benchmark"
 
-#: The installed program, whose words a shell completes, and the environment variable by which the shell asks for them.
+#: Installed program that shells complete, and the environment variable of completion requests.
 _COMPLETED, _COMPLETE = "canonical-forms", "_CANONICAL_FORMS_COMPLETE"
 
-#: Exit code where the reader of the output goes away, as shells report the signal for it.
+#: Exit code if the reader of the output closes it: 128 + SIGPIPE.
 CLOSED_PIPE = 141
 
 
-#: What an interruption leaves of the work, by verb.
+#: Message after an interruption, by command.
 _REMAINS = {
     "run": "; finished jobs are kept, finished shapes too: run again to continue",
     "train": "; checkpoints are kept: train again to continue",
@@ -40,7 +40,7 @@ _REMAINS = {
 
 
 class Terminated(KeyboardInterrupt):
-    """Somebody, or a queue system, ends the program by SIGTERM; all that heeds Ctrl-C heeds it."""
+    """SIGTERM from a user or a queue system; handled like Ctrl-C."""
 
 
 class _Verbs(click.Group):
@@ -72,7 +72,7 @@ def completion(options: Completion) -> None:
 
 
 def program() -> None:
-    """Run the command line as a program of its own, into which no plugin comes."""
+    """Run the command line as a program; this process imports no plugin."""
     close_process()
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
@@ -80,12 +80,12 @@ def program() -> None:
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    signal.signal(number, signal.SIG_DFL)  # a second one ends it at once
+    signal.signal(number, signal.SIG_DFL)  # a second one ends the program immediately
     raise Terminated
 
 
 def main() -> None:
-    """Run the command line; problems that the user can correct are one line and exit code 2."""
+    """Run the command line; an error that the user can correct is printed on one line, with exit code 2."""
     pin_threads()
     choose_kernel_cache()
     _open_streams()
@@ -110,7 +110,7 @@ def main() -> None:
         word, code = ("terminated", TERMINATED) if is_terminated else ("interrupted", INTERRUPTED)
         _end(f"{word}{_REMAINS.get(name, '')}", code)
     except BrokenPipeError:
-        for number in (1, 2):  # what is left in their buffers goes nowhere, without a word
+        for number in (1, 2):  # discard their buffers silently
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
         sys.exit(CLOSED_PIPE)
     except OSError as error:
@@ -119,7 +119,7 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Open what the caller has closed of the standard streams, so that no file takes the place of one."""
+    """Reopen closed standard streams, so that no other file gets their descriptors."""
     for number, mode in enumerate((os.O_RDONLY, os.O_WRONLY, os.O_WRONLY)):
         try:
             os.fstat(number)
@@ -129,7 +129,7 @@ def _open_streams() -> None:
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a character ends no run
+            stream.reconfigure(errors="backslashreplace")  # a character that the terminal lacks must not end a run
 
 
 def _refuse(problem: str) -> NoReturn:

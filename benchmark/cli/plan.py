@@ -1,4 +1,4 @@
-"""``plan`` and ``why``: what would run, and how a job stands."""
+"""``plan`` and ``why``: list the jobs of a run, and explain a job."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ from benchmark.report.rounding import number
 from benchmark.text import brief, clean, say, say_lines
 from retrieval.measures import PRINTED
 
-#: Most jobs that have a line each, unless somebody asks for all.
+#: Most jobs that are listed one by one without ``--all-jobs``.
 _SCREEN = 100
 
-#: Reasons that are named where jobs have no line each.
+#: Number of reasons in a summary.
 _REASONS = 5
 
-#: Characters of a key that name a job, and those more that tell apart some that begin alike.
+#: Characters of an abbreviated key, and how many more distinguish keys with the same beginning.
 _SHORTEST_KEY, _FURTHER = 6, 6
 
 
 def scorer_spec(options: RunOptions) -> ScorerSpec:
-    """The scorer; raises ``ConfigurationError`` if there is none of this name."""
+    """Return the scorer with a name; raise ``ConfigurationError`` if there is none."""
     return scorer_of(options.scorer, scorers(options.plugins))
 
 
 def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
-    """Plan a run, or the shard of it; without tables and data sets, those of plugin files are meant."""
+    """Plan a run or its shard; without tables and data sets, plan those of the plugin files."""
     specs = select(_method_names(options, store), methods(options.plugins), options.plugins)
     if not options.methods or EVERY in options.methods:
         name_unusable()
@@ -73,12 +73,12 @@ def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
 
 
 def _method_names(options: RunOptions, store: Store) -> tuple[str, ...]:
-    """Names of methods, with those of all finished jobs where these are asked for."""
+    """Return the names of the selected methods, including those of finished jobs on request."""
     if FINISHED not in options.methods:
         return options.methods
     known, finished = methods(options.plugins), []
     for record in (*store.published, *store.records):
-        with suppress(ConfigurationError):  # one of a plugin that was not passed, or of parameters of old
+        with suppress(ConfigurationError):  # from a plugin that was not passed, or with outdated parameters
             finished += [spec.name for spec in variants(record["method"], known) if record["status"] == "ok"]
     if not finished:
         raise ConfigurationError(f"no job under {options.results} has finished", "name methods, or run some first")
@@ -100,7 +100,7 @@ def _of_paper(jobs: list[Job]) -> list[Job]:
 
 
 def plan(options: Plan) -> None:
-    """Print the jobs and an estimate of their time."""
+    """Print the jobs and an estimate of the run time."""
     store = Store.open(options.results)
     jobs = planned_jobs(options, store)
     n_to_run = sum(job.to_run for job in jobs)
@@ -116,7 +116,7 @@ def _job_lines(jobs: Sequence[Job]) -> list[str]:
 
 
 def _gallery_lines(jobs: Sequence[Job]) -> list[str]:
-    """Count the jobs of each table and input by state, where a line for each would fill several screens."""
+    """Count the jobs of each table and input by state."""
     states: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for job in jobs:
         states[clean(f"{job.table} {job.input}")][job.state] += 1
@@ -131,7 +131,7 @@ def _gallery_lines(jobs: Sequence[Job]) -> list[str]:
 
 
 def why(options: Why) -> None:
-    """Print a line for each job, or all that is known of one."""
+    """Print one line for each of several jobs, or all details of a single job."""
     store = Store.open(options.results)
     if record := _record_of_key(options.target, store):
         say(job_name(record))
@@ -153,7 +153,7 @@ def why(options: Why) -> None:
 
 
 def _record_of_key(start: str, store: Store) -> Record | None:
-    """The record whose key begins like this; raises ``ConfigurationError`` if several do."""
+    """Return the record whose key has this prefix; raise ``ConfigurationError`` if several have."""
     if len(start) < _SHORTEST_KEY or not set(start) <= set("0123456789abcdef"):
         return None
     records = {record["key"]: record for place in (store.published, store.records) for record in place}
@@ -199,7 +199,7 @@ def _explain(key: str, record: Record | None) -> None:
 
 
 def scores_in_words(record: Record) -> str:
-    """Scores of a record in a line; "" where it has none."""
+    """Return the scores of a record on one line, or ""."""
     scores = record.get("scores")
     return " ".join(f"{name} {number(scores[name], 3)}" for name in PRINTED) if scores else ""
 

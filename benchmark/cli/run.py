@@ -1,4 +1,4 @@
-"""``run``: carry out a plan, show how it goes, then print its tables."""
+"""``run``: run the jobs of a plan, show progress, and print the tables."""
 
 from __future__ import annotations
 
@@ -49,18 +49,18 @@ from benchmark.source_code import ROOT
 from benchmark.text import brief, clean, say, say_lines
 from retrieval.measures import PRINTED
 
-#: Seconds between two lines about progress where there is no terminal.
+#: Seconds between lines of progress without a terminal.
 _SILENCE = 15.0
 
-#: Seconds without a further shape after which what is waited for is named.
+#: Seconds without a finished shape after which progress says what the run waits for.
 _LONG = 10.0
 
-#: States of jobs that need nothing and are no failure.
+#: States of jobs that need no run and are not failures.
 _FINE = ("cached", "unsupported")
 
 
 def run(options: Run) -> bool:
-    """Run what is selected, and print its tables."""
+    """Run the selected jobs and print their tables."""
     selected = (options.tables, options.methods, options.datasets, options.plugins)
     if not (options.forms or options.everything or options.paper or any(selected)):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
@@ -83,7 +83,7 @@ def run(options: Run) -> bool:
 
 
 def _results(jobs: Sequence[Job], options: RunOptions, store: Store) -> list[Result]:
-    """The results of a plan; a finished job of the same shapes, in a folder of another name, is one of them."""
+    """Return the results of a plan, including those of the same shapes in a folder with another name."""
     known = results_of(options, store)
     places = by_place(known.records())
     results: dict[object, Result] = {}
@@ -96,7 +96,7 @@ def _results(jobs: Sequence[Job], options: RunOptions, store: Store) -> list[Res
 
 
 def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
-    """Say which data sets stand in for others, and which files of a folder are skipped."""
+    """Announce stand-ins and skipped files."""
     stand_ins = {job.facts["data"]["name"]: job.facts["data"]["stand_in_for"] for job in jobs}
     for name, official in stand_ins.items():
         if official in CATALOGUE and name in CATALOGUE:
@@ -110,23 +110,23 @@ def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
 
 
 def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
-    """Run the jobs of a plan that need it; what no job needs any more is freed at the end.
+    """Run the jobs of a plan that need it, then delete artefacts that no job needs.
 
     Parameters
     ----------
     jobs
         The plan.
     store
-        Where the results are.
+        The results folder.
     options
-        How they are run. Where they name no method, a job whose models are not here is no failure.
+        Options of the run. If they name no method, a job with a missing model does not count as a failure.
 
     Returns
     -------
     bool
-        Whether every job of the plan, run now or before, is ok.
+        Whether all jobs of the plan are ok, whether run now or before.
     """
-    jobs = list({job.key or job.name: job for job in jobs}.values())  # two tables may hold the same job
+    jobs = list({job.key or job.name: job for job in jobs}.values())  # two tables may share a job
     to_run = [job for job in jobs if job.to_run]
     say(f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before")
     for job in jobs:
@@ -148,13 +148,13 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
 
 
 def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: Claims) -> bool:
-    """Run jobs; returns whether every one is ok."""
+    """Run jobs; return whether all are ok."""
     drop_stale_kernels(ROOT)
     if VARIABLE not in os.environ and next(compiled_files(ROOT), None) is None:
         _say("the first run compiles kernels, which takes minutes; 'compile' does so in advance")
     for job in jobs:
         if claims.take(job.key):
-            store.remove_record(job.key)  # asked to retry: the failure of before must not stop the workers
+            store.remove_record(job.key)  # retry: workers must not find the record of the old failure
             claims.release(job.key)
     fine = True
     with _Display(jobs) as display, make_pool(options, jobs) as pool:
@@ -165,7 +165,7 @@ def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: C
 
 
 def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
-    """Return what does the tasks of a run: this process, others beside it, or the workers of a dask cluster."""
+    """Return the pool of a run: this process, child processes, or workers of a dask cluster."""
     if options.executor == "dask":
         from benchmark.execution.dask_pool import DaskPool
 
@@ -179,7 +179,7 @@ def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
 
 
 def _check_executor(options: RunOptions) -> None:
-    """Raise ``ConfigurationError`` where the executor is unknown, not installed, or lacks its scheduler."""
+    """Raise ``ConfigurationError`` if the executor is unknown, not installed, or has no scheduler."""
     if options.executor not in ("serial", "processes", "dask"):
         raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
     if options.executor != "dask" and options.scheduler:
@@ -193,7 +193,7 @@ def _check_executor(options: RunOptions) -> None:
 
 
 class _Display:
-    """A progress bar over shapes; plain lines when there is no terminal."""
+    """Progress bar over shapes; plain lines without a terminal."""
 
     def __init__(self, jobs: Sequence[Job]) -> None:
         self._bar = Progress(
@@ -214,7 +214,7 @@ class _Display:
         self._bar.stop()
 
     def watch(self, names: Sequence[str], done: int) -> None:
-        """Show which jobs are at work, and how many shapes are done; where that stays the same, what is waited for."""
+        """Show the running jobs and the number of finished shapes, and after a pause what the run waits for."""
         done = min(done, self._total)
         self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
         now = time.monotonic()
@@ -222,13 +222,13 @@ class _Display:
             self._done, self._moved = done, now
         if self._bar.disable and now - self._shown >= _SILENCE:
             self._shown = now
-            waits = now - self._moved >= _LONG  # for one shape: an estimate by their number would be none
+            waits = now - self._moved >= _LONG  # one shape gives no estimate
             left = f", about {(now - self._start) * (self._total - done) / done:.0f} s left" if done else ""
             at = f", {names[0]}" if names and (waits or not done or done >= self._total) else ""
             _say(f"{done} of {self._total} shapes after {now - self._start:.0f} s{'' if waits else left}{at}")
 
     def ended(self, job: Job, record: Record) -> None:
-        """Print the line of a job that has ended."""
+        """Print the line of a finished job."""
         text = brief(record.get("reason", ""))
         if record["status"] == "ok":
             scores = " ".join(f"{name} {number(record['scores'][name])}" for name in PRINTED)
@@ -243,13 +243,13 @@ class _Display:
 
 
 def _say(text: str) -> None:
-    """Report progress; a run does not end because nobody reads it."""
+    """Print progress; a closed output does not end the run."""
     with suppress(OSError):
         say(text, err=True)
 
 
 def _score_forms(options: Run, store: Store) -> tuple[list[Result], set[str]]:
-    """Score forms of other programs; returns the rows of their galleries, and the tables in which they stand."""
+    """Score forms of other programs; return the rows of their galleries and the tables of these."""
     folders = dict(form.split("=", 1) for form in options.forms if form.partition("=")[0] and "=" in form)
     if len(folders) < len(options.forms) or not options.datasets or options.methods:
         raise ConfigurationError(
@@ -272,7 +272,7 @@ def _score_forms(options: Run, store: Store) -> tuple[list[Result], set[str]]:
 def _score_folder(
     gallery: Gallery, input_: Input, title: str, folder: Path, spec: ScorerSpec, store: Store
 ) -> None:  # fmt: skip
-    """Score the forms of one folder, in a process of its own."""
+    """Score the forms of one folder in a child process."""
     from benchmark.external.records import score_forms
 
     score_forms(gallery, input_, title, folder, spec, store, partial(counting, f"scoring {title}"))

@@ -1,4 +1,4 @@
-"""Records and tables that the options of a verb select."""
+"""Records and tables selected by command-line options."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from benchmark.report.results import Result, Results
 
 
 def stored(options: RunOptions, output: Path | None = None) -> Store:
-    """Open the results folder to read from it.
+    """Open the results folder for reading.
 
     Parameters
     ----------
     options
-        Options of the verb.
+        Options of the command.
     output
-        Folder of the files that are made of it. In ``RESULTS/tables``, where the suite keeps its published tables, they
-        are made from published records alone, where there are any.
+        Output folder. For ``RESULTS/tables``, which holds the published tables of the suite, only published records are
+        read, if there are any.
     """
     store = Store.open(options.results)
     is_of_suite = output is not None and output.resolve() == (options.results / "tables").resolve()
@@ -39,33 +39,33 @@ def stored(options: RunOptions, output: Path | None = None) -> Store:
 
 
 def results_of(options: RunOptions, store: Store) -> Results:
-    """The records of a store, looked at with the methods and scorers that are known."""
+    """Return the records of a store, compared with the known methods and scorers."""
     return Results(store, methods(options.plugins), options.data_root, scorers(options.plugins))
 
 
 def is_of_data(record: Record, options: RunOptions) -> bool:
-    """Return whether a record is of the data sets, by name or by path, and of the inputs, where some are named."""
+    """Return whether a record belongs to the selected data sets (names or paths) and inputs."""
     asked = {*options.datasets, *map(os.path.realpath, options.datasets)}
     is_of_set = not asked or bool(asked & _names(record["data"]))
     return is_of_set and (not options.inputs or record["input"] in options.inputs)
 
 
 def recorded(options: RunOptions, store: Store, *, fresh: bool = False) -> list[Result]:
-    """The records that the selection stands for, whether or not their data and models are here.
+    """Return the selected records, whether or not their data and models exist here.
 
     Parameters
     ----------
     options
         The selection.
     store
-        Where the records are.
+        Store of the records.
     fresh
-        Whether to omit those that this code would not make again.
+        Whether to omit outdated records.
 
     Raises
     ------
     ConfigurationError
-        If there is none, or a method, a data set or a table is unknown.
+        If there is no record, or a method, data set or table is unknown.
     """
     results = results_of(options, store).all(options.seed, fresh=fresh, scorer=scorer_spec(options).name)
     finished = FINISHED in options.methods
@@ -92,7 +92,7 @@ def recorded(options: RunOptions, store: Store, *, fresh: bool = False) -> list[
 
 
 def recorded_tables(options: RunOptions, store: Store) -> list[TableContent]:
-    """Tables of the selected records; raises ``ConfigurationError`` if there is none."""
+    """Return the tables of the selected records; raise ``ConfigurationError`` if there is none."""
     tables = tables_of(options, recorded(options, store))
     if not tables:
         raise no_table(options)
@@ -100,12 +100,12 @@ def recorded_tables(options: RunOptions, store: Store) -> list[TableContent]:
 
 
 def tables_of(options: RunOptions, results: list[Result]) -> list[TableContent]:
-    """Tables of results, of the named methods alone where methods are named."""
+    """Return the tables of results, with the selected methods only."""
     return contents(results, options.tables, blanks=not options.is_narrow, named=options.is_by_name)
 
 
 def no_table(options: RunOptions) -> ConfigurationError:
-    """Return the error where no finished job belongs to a table."""
+    """Return the error for a selection without a finished job of a table."""
     what = f"table {', '.join(options.tables)}" if options.tables else "any table"
     return ConfigurationError(
         f"no finished job under {options.results} belongs to {what}", "run it first, or select less"
@@ -113,7 +113,7 @@ def no_table(options: RunOptions) -> ConfigurationError:
 
 
 def _check_names(options: RunOptions, results: list[Result]) -> None:
-    """Raise ``ConfigurationError`` for a data set or a table that neither the suite nor a record knows."""
+    """Raise ``ConfigurationError`` for a data set or table known neither to the suite nor to a record."""
     recorded_sets = {result.record["data"]["name"] for result in results}
     places = set().union(*(_names(result.record["data"]) for result in results))
     for name in options.datasets:

@@ -1,4 +1,4 @@
-"""Tables and progress for a reader at a terminal."""
+"""Tables and progress in the terminal."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from benchmark.report.frame import Style, figures, lines
 from benchmark.report.notes import notes
 from benchmark.text import clean, say, say_lines
 
-#: Seconds between two lines of progress where there is no terminal.
+#: Seconds between lines of progress without a terminal.
 INTERVAL = 10.0
 
 _STYLE = Style("{}", "{}", "±{}")
 _FONTS = {"best": "bold", "inseparable": "italic", "": ""}
 
-#: More columns than a table has.
+#: Terminal width that fits any table.
 _WIDEST = 10_000
 
-#: Columns that the titles of methods have at least.
+#: Least width of titles of methods.
 _NARROWEST = 14
 
-#: Lines of a table as rich wants them: a rule below the heading, and a blank between columns.
+#: Borders of a table for rich: a rule below the heading, and a space between columns.
 _RULE = "    \n    \n ── \n    \n    \n    \n    \n    \n"
 
 
 def counting(what: str, entries: Sequence[Entry]) -> Iterator[Entry]:
-    """Hand on shapes and show on stderr how many are done: a bar on a terminal, else a line now and then.
+    """Yield shapes and show progress on stderr: a bar in a terminal, otherwise occasional lines.
 
     Parameters
     ----------
     what
-        What is done, e.g. ``"checking humans"``.
+        Description, e.g. ``"checking humans"``.
     entries
         The shapes.
     """
@@ -65,7 +65,7 @@ def counting(what: str, entries: Sequence[Entry]) -> Iterator[Entry]:
 
 
 def print_tables(tables: Iterable[TableContent]) -> None:
-    """Print tables with their notes: drawn to the width of a terminal, else as Markdown."""
+    """Print tables with their notes: fitted to the width of a terminal, otherwise as Markdown."""
     if not sys.stdout.isatty():
         for table in tables:
             say_lines("\n" + markdown(table))
@@ -82,14 +82,14 @@ def print_tables(tables: Iterable[TableContent]) -> None:
 
 
 def drawn(table: TableContent, only: str = "") -> Table:
-    """A table for rich: figures stay whole, titles of methods are broken where the terminal is narrow.
+    """Return a table for rich; in a narrow terminal, titles of methods are wrapped, figures are not.
 
     Parameters
     ----------
     table
         The table.
     only
-        Title of the group of columns to draw; all by default.
+        Title of the group of columns to include; all by default.
     """
     rows = [
         (row, label, [figure for figure in row_figures if only in ("", figure["group"])])
