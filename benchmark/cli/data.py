@@ -1,4 +1,4 @@
-"""``data``: list the data sets, check one, draw one, write one out."""
+"""``data``: list, check, draw and export data sets."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def list_(options: ListData) -> None:
 
 
 def check(options: CheckData) -> bool:
-    """Print what a data set holds and lacks."""
+    """Print the content of a data set and its problems."""
     lines, is_usable = _on_data(_checked, options, options.name)
     for line in lines:
         say(line)
@@ -54,7 +54,7 @@ def sheet(options: Sheet) -> None:
 
 
 def _on_data(work: Callable[..., Any], options: DataOptions, *arguments: Any) -> Any:
-    """Do something to a data set: here, or in a process of its own where it comes from a plugin file."""
+    """Apply a function to a data set; in a child process if the set comes from a plugin file."""
     with explained(options.name, "data set"):
         (source,) = sources([options.name], options.plugins)
     if not is_own(source):
@@ -64,13 +64,13 @@ def _on_data(work: Callable[..., Any], options: DataOptions, *arguments: Any) ->
 
 
 def _checked(source: str, data_root: Path | None, name: str) -> tuple[list[str], bool]:
-    """Return the findings on a data set, and whether it can be used."""
+    """Return the lines of a report on a data set, and whether the set can be used."""
     report = check_source(source, data_root, partial(counting, f"checking {name}"))
     return list(report.lines()), report.usable
 
 
 def _exported(source: str, data_root: Path | None, name: str, output: Path, layout: str, force: bool) -> int:
-    """Number of files that were written."""
+    """Export a data set; return the number of files."""
     dataset, watched = open_dataset(source, data_root), partial(counting, f"writing {name}")
     if layout != "frames":
         return len(export_shapes(dataset, output, layout, force=force, watched=watched))
@@ -82,7 +82,7 @@ def _exported(source: str, data_root: Path | None, name: str, output: Path, layo
 def _drawn(
     source: str, data_root: Path | None, output: Path | None, subjects: int | None, poses: int, shape: str | None
 ) -> tuple[list[str], str]:
-    """Return what could not be drawn, and the file that was written."""
+    """Draw a data set; return the shapes that could not be drawn, and the file."""
     from benchmark.report.pictures.painting import save_png
     from benchmark.report.pictures.sheets import contact_sheet
 

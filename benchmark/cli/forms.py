@@ -1,4 +1,4 @@
-"""``canonicalise`` and ``retrieve``: what a method makes of a mesh or a depth image."""
+"""``canonicalise`` and ``retrieve``: forms and nearest shapes of meshes and depth images."""
 
 from __future__ import annotations
 
@@ -46,16 +46,16 @@ from benchmark.report.pictures.painting import save_png
 from benchmark.report.pictures.sheets import frame_picture, retrieved_picture
 from benchmark.text import aligned, say
 
-#: A form in plain values: vertices, faces and notes.
+#: A form in JSON types: vertices, faces and notes.
 Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
 
-#: Characters of a method with its parameters that do not belong into the name of a file.
+#: Characters of method names that are replaced in file names.
 _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
 
 
 @dataclass(frozen=True)
 class FrameJob:
-    """One depth image, and where its form and its picture go."""
+    """One depth image, with the files for its form and picture."""
 
     files: FrameFiles
     target: Path
@@ -63,7 +63,7 @@ class FrameJob:
 
 
 def canonicalise(options: Canonicalise) -> bool:
-    """Write the form of a mesh, or those of depth images."""
+    """Write the form of a mesh, or the forms of depth images."""
     method, paths, vertices = options.method, options.paths, options.vertices
     if nameless := [path for path in paths if not path.name]:
         raise ConfigurationError(f"{nameless[0]} is not a file", "name a mesh or a depth image")
@@ -82,19 +82,19 @@ def canonicalise(options: Canonicalise) -> bool:
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
     guard = _guard(options, str(paths[0]), "shape")
     points, faces, notes = call_apart(plain_form, paths[0], options, guard=guard)
-    # Written here, it is there if, and only if, the method has come to its end.
+    # Written here, so that the file exists only if the method succeeded.
     write_form(target, Mesh(np.array(points), np.array(faces)))
     say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
     return True
 
 
 def _guard(options: Canonicalise | Retrieve, shape: str, hint: str) -> Guard:
-    """Return the terms on which the method is called for a shape."""
+    """Return the conditions under which the method is called."""
     return Guard(f"method '{options.method}' on {shape}", f"try another {hint}, or correct the method", options.timeout)
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
-    """The file of a form; raises ``ConfigurationError`` for no mesh, or if an unnamed one would lie among the data."""
+    """Return the output file; raise ``ConfigurationError`` for no mesh, or a default beside the source."""
     target = output or Path(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
     if output is None and source.resolve().parent == Path.cwd():
         raise ConfigurationError(
@@ -106,7 +106,7 @@ def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
 
 
 def write_form(target: Path, mesh: Mesh) -> None:
-    """Write a mesh beside its place, then move it there, so that on a full disk the old file stays.
+    """Write a mesh atomically: on a full disk, the old file remains.
 
     Raises
     ------
@@ -132,9 +132,9 @@ def _facts(notes: Mapping[str, float | str]) -> list[str]:
 
 
 def plain_form(source: Path, options: Canonicalise) -> Plain:
-    """Prepare a mesh as the benchmark does, and make its form, here; what is returned travels as JSON.
+    """Prepare a mesh as in the benchmark and return its form in JSON types.
 
-    A method that reads depth images alone is given what a camera sees from the front (z up, facing -y), in a frame that
+    A method that accepts only views gets the view of a camera in front of the mesh (z up, facing -y), in a frame that
     fits the mesh.
 
     Parameters
@@ -142,17 +142,16 @@ def plain_form(source: Path, options: Canonicalise) -> Plain:
     source
         The file.
     options
-        The method, and the vertices of the prepared mesh, and so of the form; None for as many as in the benchmark.
-        ``"all"`` prepares the mesh as in the benchmark and carries the form over to the vertices of the file: each
-        takes the barycentric mean of the form over the triangle of the prepared mesh that is nearest to it and looks
-        the same way.
+        The method, and the number of vertices of the prepared mesh and so of the form; None for that of the benchmark.
+        ``"all"`` prepares the mesh as in the benchmark and interpolates the form at the vertices of the file: each gets
+        the barycentric mean over the nearest triangle of the prepared mesh that faces the same way.
 
     Raises
     ------
     ConfigurationError
         If the method is unknown or has no canonical form, or if vertices are asked for and its forms have their own.
     ShapeError
-        If the mesh cannot be read or treated.
+        If the mesh cannot be read or processed.
     """
     spec, vertices = variant(options.method, methods(options.plugins)), options.vertices
     maker = with_model(spec)
@@ -178,7 +177,7 @@ def _form(maker: Method, shape: Shape) -> CanonicalForm:
 
 
 def _with_vertices(maker: Method, mesh: Mesh, name: str, seed: int, vertices: int | str) -> CanonicalForm:
-    """The form of a mesh at a number of vertices, or at those of the mesh itself."""
+    """Return the form of a mesh with a number of vertices, or at the vertices of the mesh."""
     prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
     form = _form(maker, Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed))
     if vertices != "all":
@@ -206,7 +205,7 @@ def _is_pattern(path: Path) -> bool:
 
 
 def frames_under(source: Path) -> list[Path]:
-    """Depth images that a file, a folder or a pattern stands for; raises ``ConfigurationError`` if there is none."""
+    """Return the depth images of a file, folder or pattern; raise ``ConfigurationError`` if there is none."""
     if source.is_dir():
         dataset = folder_dataset(source)
         if not isinstance(dataset, DepthFolder):
@@ -222,9 +221,9 @@ def frames_under(source: Path) -> list[Path]:
 
 
 def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
-    """Return the images that are meant, each with the file of its form, and of its picture if one is wanted."""
+    """Return the selected images, each with the files for its form and, on request, its picture."""
     paths, output, picture, files = list(options.paths), options.output, options.picture, _frame_files(options)
-    if len(paths) > 1:  # a pattern that the shell has replaced matches masks and colours, too
+    if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
     frames = [frame for path in paths for frame in frames_under(path)]
     if not frames:
@@ -241,7 +240,7 @@ def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
 
 
 def _canonicalise_frames(jobs: Sequence[FrameJob], options: Canonicalise) -> bool:
-    """Write the forms of depth images, made by one process of their own; returns whether all have one."""
+    """Write the forms of depth images, computed in one child process; return whether all have one."""
     others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
     guard = _guard(options, f"{jobs[0].files.image}{others}", "image")
     failures: int = call_apart(write_forms, jobs, options, guard=guard, say=say)
@@ -251,7 +250,7 @@ def _canonicalise_frames(jobs: Sequence[FrameJob], options: Canonicalise) -> boo
 
 
 def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callable[[str], None]) -> int:
-    """Write the form and the picture of each frame, here; report each, and return how many have no form."""
+    """Write and report the form and picture of each frame; return the number of frames without a form."""
     maker = method_of_depth(options.method, options.plugins)
     failures = 0
     for number, job in enumerate(jobs, 1):
@@ -287,7 +286,7 @@ def retrieve(options: Retrieve) -> None:
 
 
 def _retrieved(source: str, options: Retrieve) -> Iterable[str]:
-    """Search a gallery, in a process of its own; returns the lines that show the nearest shapes."""
+    """Search a gallery in a child process; return lines with the nearest shapes."""
     start = time.perf_counter()
     query, picture = options.query, options.picture
     spec, dataset = variant(options.method, methods(options.plugins)), open_dataset(source, options.data_root)

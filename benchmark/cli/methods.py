@@ -1,4 +1,4 @@
-"""``list``, ``describe`` and ``new``: what can be named, and plugins to start from."""
+"""``list``, ``describe`` and ``new``: available names, details of methods, and plugin templates."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from benchmark.text import aligned, clean, say
 
 Rows = list[dict[str, str]]
 
-#: What ``list`` shows of a data set on a terminal of 80 columns; the rest stands in its JSON.
+#: Columns of ``list datasets``, which fit 80 characters; the JSON has all.
 _COLUMNS = ("name", "state", "shapes", "classes", "source")
 
-#: Sets whose trainings show people alone.
+#: Sets whose trainings contain people only.
 _PEOPLE = ("humans", "shrec14-synthetic")
 
 _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
 
 def list_(options: List) -> None:
-    """Print what can be named."""
+    """Print the names of a kind."""
     if options.what == "datasets":
         print_datasets(options.plugins, options.data_root, as_json=options.as_json)
         return
@@ -48,7 +48,7 @@ def list_(options: List) -> None:
 
 
 def print_datasets(plugins: Iterable[Path], data_root: Path | None, *, as_json: bool) -> None:
-    """Print the data sets: official or generated, present or absent, those of plugin files last."""
+    """Print the data sets, official or generated, present or absent; those of plugin files come last."""
     rows = _datasets(plugins, data_root)
     if not as_json:
         rows = [dict(zip(_COLUMNS, _COLUMNS, strict=True)), *({name: row[name] for name in _COLUMNS} for row in rows)]
@@ -69,7 +69,7 @@ def _state(spec: PluginSpec[Any, Any]) -> str:
 
 
 def _methods(plugins: Iterable[Path]) -> Rows:
-    """Each method, and each variant that has rows of its own; one that cannot be imported says why."""
+    """Return all methods, and all variants with their own rows; one that cannot be imported has the reason."""
     rows: Rows = []
     for name, spec in registry.methods(plugins).items():
         try:
@@ -136,7 +136,7 @@ def _tables(data_root: Path | None) -> Rows:
 
 
 def _models(results: Path) -> Rows:
-    """Finished models, those trained here before the shipped ones: what made them, and how well they do."""
+    """Return finished models with their training and validation; those trained here precede the shipped ones."""
     from benchmark.api.learning import CARD, Learner, read_card
     from benchmark.pipeline.storage.store import Store
     from benchmark.protocols.models import MODELS_VARIABLE, model_places
@@ -160,7 +160,7 @@ def _models(results: Path) -> Rows:
 
 
 def describe(options: Describe) -> None:
-    """Print what is to be known of a method."""
+    """Print the details of a method."""
     with explained(options.method, "method"):
         spec = variant(options.method, registry.methods(options.plugins))
     facts = _facts(spec)
@@ -172,7 +172,7 @@ def describe(options: Describe) -> None:
 
 
 def trained_on_people(spec: MethodSpec) -> str:
-    """Warn of a method whose model was shown people alone; "" for any other, and where a table chooses the model."""
+    """Return a warning if a model was trained on people only; "" otherwise, or if the table determines the model."""
     from benchmark.protocols.trainings import TRAININGS
 
     if spec.is_foreign or not spec.learns or spec.missing_packages():
@@ -185,7 +185,7 @@ def trained_on_people(spec: MethodSpec) -> str:
 
 
 def _facts(spec: MethodSpec) -> dict[str, Any]:
-    """Everything that is to be known of a method before it is run, in plain values."""
+    """Return the details of a method in JSON types."""
     from benchmark.reference.bibliography import source_of
 
     info = spec.info
@@ -210,7 +210,7 @@ def _facts(spec: MethodSpec) -> dict[str, Any]:
 
 
 def _fact_lines(facts: Mapping[str, Any], width: int) -> list[str]:
-    """The same for a reader: a line for each fact, and two or more for each parameter."""
+    """Return the details as lines: one for each fact, two or more for each parameter."""
     needs = ", ".join(facts["requires"]) or "nothing beyond the core"
     if facts["missing"]:
         needs += f" (not installed: {', '.join(facts['missing'])})"

@@ -1,6 +1,6 @@
-"""Options of all verbs: dataclasses of which click's commands are made; the module of a verb is imported when it runs.
+"""Options of all commands, as dataclasses from which the click commands are built.
 
-Every ``--help`` imports this module, so nothing heavy is imported here.
+The module of a command is imported when it runs. Every ``--help`` imports this module, so it imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ def _shard(text: str) -> Shard:
 
 
 def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) -> Path | None:
-    """The folder of the official data sets; ``ConfigurationError`` if it is absent or another one is meant.
+    """Return the folder of the official data sets; raise ``ConfigurationError`` if it is missing or the wrong level.
 
-    A folder without sets is no error by itself: a run says which stand-ins it takes.
+    A folder without sets is valid: a run announces its stand-ins.
     """
     if root is None:
         return None
@@ -75,7 +75,7 @@ def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) ->
 
 
 def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...]) -> tuple[Path, ...]:
-    """The plugin files, after a process of its own has inspected them."""
+    """Return the plugin files after inspecting them in a child process."""
     if plugins:
         from benchmark.plugins.inspection import inspect
 
@@ -85,7 +85,7 @@ def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...])
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Options that verbs share; those of a verb are a subclass, which names what it takes and declares its own."""
+    """Options shared by commands; a subclass selects some of them and declares its own."""
 
     # fmt: off
     tables: tuple[str, ...] = option("-t", "--table", multiple=True, metavar="TABLE", help="Table; see 'list tables'.",
@@ -128,23 +128,23 @@ class RunOptions:
 
     @property
     def is_narrow(self) -> bool:
-        """Return whether methods are named, so that a table has no rows for others that were never run."""
+        """Return whether methods are selected, so that a table omits others that were never run."""
         return bool(self.methods) and EVERY not in self.methods
 
     @property
     def is_by_name(self) -> bool:
-        """Return whether each method is asked for by its name."""
+        """Return whether all methods are selected by name."""
         return self.is_narrow and FINISHED not in self.methods
 
 
-#: Fields of what finished jobs, a plan, and a run are selected by.
+#: Fields that select finished jobs, a plan, and a run.
 _SELECTION = (
     "tables", "methods", "datasets", "scorer", "inputs", "plugins", "results", "data_root", "seed", "quick",
 )  # fmt: skip
 _PLAN = ("everything", *_SELECTION, "paper", "repeat", "shard")
 
 
-#: Verbs by section of ``--help``, in the order of this module, and those of the group ``data``.
+#: Commands by section of ``--help``, in the order of this module, and those of the group ``data``.
 SECTIONS: dict[str, list[click.Command]] = {}
 _OF_DATA: dict[str, click.Command] = {}
 
@@ -152,17 +152,17 @@ _Verb = TypeVar("_Verb", bound=RunOptions)
 
 
 def verb(section: str, place: str, *shared: Any) -> Callable[[type[_Verb]], type[_Verb]]:
-    """Make a verb of a dataclass of options.
+    """Build a command from a dataclass of options.
 
     Parameters
     ----------
     section
-        Section of ``--help``, or ``"data"`` for a verb of that group.
+        Section of ``--help``, or ``"data"`` for a command of that group.
     place
-        Module and function of the body, which takes the options; the verb exits with 1 if it returns False.
+        Module and function that runs the command; it gets the options, and the exit code is 1 if it returns False.
     shared
-        Fields that the verb takes besides its own, in the order of ``--help``; ``...`` stands for its other ones,
-        which come last by default.
+        Shared fields of the command in the order of ``--help``; ``...`` stands for its own fields, which come last by
+        default.
     """
     module, function = place.split(".")
 
@@ -399,7 +399,7 @@ _OF_SET = ("name", ..., "plugins", "data_root")
 
 @dataclass(frozen=True, kw_only=True)
 class DataOptions(RunOptions):
-    """Options of verbs for one data set."""
+    """Options of commands for one data set."""
 
     name: str = argument("NAME|FOLDER", type=NAME_OR_FOLDER, shell_complete=complete_datasets)
 
@@ -582,18 +582,18 @@ class Score(RunOptions):
     )
 
 
-# What several verbs say ----------------------------------------------------------------------------------------------
+# Shared messages -----------------------------------------------------------------------------------------------------
 
 
 def name_skipped(*stores: Store) -> None:
-    """Name on stderr, once, the files among the records that are none."""
+    """Print once, on stderr, which files among the records are not records."""
     for store in stores:
         for line in (*store.published.news(), *store.records.news()):
             say(line, err=True)
 
 
 def name_unusable(kind: str = "methods") -> None:
-    """Name on stderr the installed packages with methods, or scorers, that cannot be used."""
+    """Print on stderr which installed packages with methods or scorers cannot be used."""
     from benchmark.plugins import registry, scorers
 
     for line in {"methods": registry.unusable, "scorers": scorers.unusable}[kind]():
@@ -602,14 +602,14 @@ def name_unusable(kind: str = "methods") -> None:
 
 @contextmanager
 def explained(name: str, wanted: str) -> Iterator[None]:
-    """Where the body refuses a name that stands for something else, refuse it with the command for that instead.
+    """Improve the error for a name of another kind: suggest the command that accepts it.
 
     Parameters
     ----------
     name
         The name.
     wanted
-        What it should stand for: ``"method"`` or ``"data set"``.
+        Expected kind of name: ``"method"`` or ``"data set"``.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""``report`` and ``paper``: results as pages, as a figure, and as a LaTeX document."""
+"""``report`` and ``paper``: write HTML pages, figures and a LaTeX document."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def report(options: Report) -> None:
 
 
 def _tables(options: RunOptions) -> tuple[list[TableContent], ArtefactReader]:
-    """Tables of a selection, and the arrays behind them."""
+    """Return the tables of a selection, and a reader of their arrays."""
     store = stored(options)
     return recorded_tables(options, store), ArtefactReader(store, methods(options.plugins), options.data_root)
 
@@ -81,12 +81,12 @@ def _write_pages(options: Report) -> None:
 
 
 def _forms_figure(options: Report) -> Figure:
-    """Draw forms of the first gallery and input of the selection; without -m, by the methods of the paper."""
+    """Draw forms of the first selected gallery and input; without -m, those of the paper's methods."""
     store = Store.open(options.results)
     planned = planned_jobs(options, store)
     first = planned[0]
     jobs = [job for job in planned if (job.gallery, job.input) == (first.gallery, first.input)]
-    if not options.methods:  # others would not fit
+    if not options.methods:  # more would not fit
         jobs = [job for job in jobs if job.method.info.family == "paper" and not job.method.parameters]
         jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]
     if not jobs:

@@ -1,4 +1,4 @@
-"""``score``: measures of distances that any program computed."""
+"""``score``: measures of distances computed by any program."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmark.text import say, say_lines
 
 
 def score(options: Score) -> None:
-    """Print the measures, and keep them as an external row where a folder is named."""
+    """Print the measures, and store them as an external row if a folder is given."""
     if options.dataset and options.folder is None:
         raise ConfigurationError("--dataset has no effect without --results", "pass --results DIR, too")
     gallery = read_labels(options.labels)

@@ -1,4 +1,4 @@
-"""Results folders and bundles: ``merge``, ``prune``, ``submit`` and ``verify``."""
+"""``merge``, ``prune``, ``submit`` and ``verify``: results folders and bundles."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.rounding import number
 from benchmark.text import clean, say
 
-#: Exit code by what a bundle is.
+#: Exit codes by the status of a bundle.
 EXIT = {"verified": OK, "claimed": NOT_OK, "false": NOT_OK, "unreadable": USAGE}
 
 
 def merge(options: Merge) -> bool:
-    """Join records, and print which contradict each other."""
+    """Merge records, and print those that contradict each other."""
     results, published = options.results, options.published
     store = Store.open(results)
     is_target = results.resolve().__eq__
@@ -52,7 +52,7 @@ def merge(options: Merge) -> bool:
 
 
 def prune(options: Prune) -> None:
-    """Delete files, and print how much was freed."""
+    """Delete unneeded files, and print how much was freed."""
     results, dry_run = options.results, options.dry_run
     store = Store.open(results)
     with Claims.of(store) as claims:
@@ -65,7 +65,7 @@ def prune(options: Prune) -> None:
 
 
 def submit(options: Submit) -> None:
-    """Write a bundle, and print what it holds and omits."""
+    """Write a bundle, and print its content and what it omits."""
     path = options.path
     known = methods(options.plugins)
     with explained(options.method, "method"):
@@ -89,7 +89,7 @@ def submit(options: Submit) -> None:
 
 
 def verify(options: Verify) -> None:
-    """Print what a bundle is."""
+    """Print the outcome for a bundle and its records."""
     bundle, folders = options.bundle, options.folders
     if known := next(filter(is_known, folders), None):
         raise ConfigurationError(f"'{known}' is a set of the suite, which is found by itself", "omit -d")
@@ -108,7 +108,7 @@ def verify(options: Verify) -> None:
 
 
 def _outcome_lines(outcome: Outcome) -> list[str]:
-    """Return a line for each record of a bundle, and one for each fault."""
+    """Return one line for each record and each problem of a bundle."""
     lines = [f"{fault.status:<10}  [{fault.name}] {clean(fault.problem)}; {fault.hint}" for fault in outcome.faults]
     for row in outcome.rows:
         scores = " ".join(f"{name} {number(value)}" for name, value in row.scores.items())

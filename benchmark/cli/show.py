@@ -1,4 +1,4 @@
-"""``tables`` and ``compare``: what finished jobs say."""
+"""``tables`` and ``compare``: print results and differences."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from benchmark.text import say, say_lines
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-#: Tables that are printed whole where methods are named; of more, each row has a line.
+#: Number of tables that are printed in full if methods are named; otherwise each row has one line.
 _FEW = 2
 
 FORMATS = ("latex", "markdown", "csv", "json")
 
-#: Names of files that this verb writes for single tables.
+#: Patterns of the files that single tables are written to.
 _WRITTEN = re.compile(r"(table|paper-table|intervals-table|splits-table|robustness)-.*\.(md|tex|png)")
 
 
 def tables(options: Tables) -> bool:
-    """Print tables, write them, or compare them with files."""
+    """Print or write tables, or compare them with existing files."""
     output, formats = options.output, options.formats
     if options.check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
@@ -85,7 +85,7 @@ def tables(options: Tables) -> bool:
 
 
 def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, is_whole: bool) -> bool:
-    """Compare files with those in their folder; a whole set of tables has no others beside it."""
+    """Compare tables with the files in a folder, which must contain no others if all tables are compared."""
     pictures = {f"{file_stem(frame)}.png" for frame in drawn}
     stale = [*folder.stale(files), *sorted(name for name in pictures if not (folder.root / name).is_file())]
     others = {path.name for path in folder.root.glob("*")} - files.keys() - pictures

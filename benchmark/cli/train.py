@@ -1,4 +1,4 @@
-"""``check`` and ``train``: a method of one's own, tested and trained."""
+"""``check`` and ``train``: test plugins and train learners."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from benchmark.text import say, say_lines
 
 
 def check(options: Check) -> bool:
-    """Print the checks of a method or file."""
+    """Print the results of the checks of a method or file."""
     schedule = tuple(assignments(options.assigned).items())
     target = Target(options.target, options.chosen, tuple(map(str, options.plugins)), schedule)
     report = check_apart(target, options.timeout)
@@ -29,7 +29,7 @@ def check(options: Check) -> bool:
 
 
 def train(options: Train) -> None:
-    """Train the models that are missing."""
+    """Train the missing models."""
     method, n_sampled = options.method, options.n_sampled
     spec = variant(method, methods(options.plugins))
     if not spec.learns:
@@ -62,20 +62,20 @@ def train_one(
     spec: MethodSpec, training: Training, options: RunOptions, schedule: Mapping[str, Any], n_sampled: int,
     report: Callable[[str], None],
 ) -> None:  # fmt: skip
-    """Train the model of one training, here.
+    """Train one model in this process.
 
     Parameters
     ----------
     spec, training
-        A learner, and what to train it on.
+        The learner and its training.
     options
-        Where models go and shapes come from.
+        Options of the command: folders of models and data.
     schedule
-        Deviations from the schedule of the learner.
+        Settings that differ from the learner's schedule.
     n_sampled
-        Bodies where they are sampled.
+        Number of sampled bodies, if bodies are sampled.
     report
-        Called with lines of progress.
+        Progress callback; gets lines.
     """
     from benchmark.protocols.pairs import training_data  # torch alone takes a second to import
 
@@ -87,7 +87,7 @@ def train_one(
     if (folder / CARD).is_file():
         try:
             read_card(folder)
-        except ConfigurationError as error:  # as of a model that no verb can use: it would stop this training, too
+        except ConfigurationError as error:  # an unusable model must not stop its own training
             (folder / CARD).replace(folder / f"unusable-{CARD}")
             report(f"{error.problem}: renamed to unusable-{CARD}, training the model again")
     data = training_data(training, store, options.data_root, report, n_sampled)
@@ -100,5 +100,5 @@ def _no_learner(name: str, plugins: Iterable[Path]) -> ConfigurationError:
         try:
             learners += [known] if spec.learns else []
         except ConfigurationError:
-            continue  # one that cannot be imported is no help here
+            continue  # a method that cannot be imported is no help here
     return ConfigurationError(f"method '{name}' is not a learner", f"choose from {', '.join(learners) or 'a plugin'}")
