@@ -73,6 +73,7 @@ def import_module(place: str, what: str = "") -> ModuleType:
         adopt()
     if is_file:
         require_file(place)
+        sys.dont_write_bytecode = True  # Python leaves a truncated .pyc on a full disk, and never replaces it
         _PluginFolders.add(Path(place).parent)
         _check_helpers(Path(place))
     try:

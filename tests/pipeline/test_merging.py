@@ -62,7 +62,7 @@ def test_a_newer_record_takes_the_place_of_a_published_one_and_an_older_does_not
     assert [r["key"] for r in target] == [new["key"]]
 
 
-@pytest.mark.parametrize("status", ["unavailable", "timeout", "failed", "killed"])
+@pytest.mark.parametrize("status", ["timeout", "failed", "killed"])
 def test_what_has_no_scores_never_takes_the_place_of_what_has(target, status):
     publish([record(code="1")], target)
     publish([failed(status, code="2", finished=LATER)], target)
@@ -79,8 +79,9 @@ def test_what_has_no_scores_never_takes_the_place_of_what_has(target, status):
         record(data={"quick": True}),
         record(data={"source": "/home/me/rods"}),
         record(target=""),
+        failed("unavailable"),
     ],
-    ids=["quick run", "folder of one's own", "plugin file"],
+    ids=["quick run", "folder of one's own", "plugin file", "missing model"],
 )
 def test_what_means_nothing_to_others_is_not_published(target, private):
     assert publish([private], target).added == []

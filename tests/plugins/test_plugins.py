@@ -75,6 +75,12 @@ def test_a_module_beside_the_plugin_can_be_imported_at_once_and_later(tmp_path, 
     assert str(tmp_path) not in sys.path
 
 
+def test_no_bytecode_is_written_which_a_full_disk_could_truncate(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    form(write(tmp_path, toy_helper="FACTOR = 3.0"))
+    assert not list(tmp_path.rglob("*.pyc"))
+
+
 def test_a_module_brings_further_ones_and_packages(tmp_path):
     further = {
         "toy_helper": "from toy_package.inner import FACTOR",

@@ -69,9 +69,9 @@ def merge_records(records: Iterable[Record], target: Records) -> Merged:
 def publish(records: Iterable[Record], target: Records) -> Merged:
     """Bring the newest record of each place into the folder that travels with the suite.
 
-    Quick runs, folders of one's own and methods of plugin files are left out: they mean nothing to others. A record of
-    a place takes the place of all older ones, whatever their keys; but what has no scores, because a machine lacks a
-    package or a job was stopped there, never takes the place of what has.
+    Quick runs, private folders, methods of plugin files, and jobs whose package or model was missing are left out: they
+    mean nothing to others. A record replaces all older ones of its place, whatever their keys; but a record without
+    scores, of a job that failed or was stopped, never replaces one with scores.
 
     Parameters
     ----------
@@ -102,7 +102,8 @@ def _worth(record: Record) -> tuple[bool, str]:
 
 def _is_for_all(record: Record) -> bool:
     data = record["data"]
-    return not data["quick"] and data["source"] == data["name"] and bool(record["target"])
+    is_public = data["source"] == data["name"] and bool(record["target"])
+    return is_public and not data["quick"] and record["status"] != "unavailable"
 
 
 def job_name(record: Record) -> str:
