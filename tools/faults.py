@@ -8,10 +8,8 @@ what is wrong, and scores are those of an undisturbed run. The exit code is 1 wh
 from __future__ import annotations
 
 import ctypes
-import importlib
 import json
 import os
-import pkgutil
 import random
 import re
 import resource
@@ -22,13 +20,12 @@ import sys
 import tempfile
 import time
 import tomllib
-import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from fnmatch import fnmatch
 from functools import partial, reduce
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn, cast
 
 import click
 import numpy as np
@@ -59,107 +56,63 @@ BENCHMARK = "benchmark.cli.main:program"
 
 # Commands ------------------------------------------------------------------------------------------------------------
 
-
-def control(option: int, value: int) -> None:
-    """Call prctl: 1 sets the signal at the death of the parent, 24 drops a capability, 36 adopts orphans."""
-    ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
-
-
-def preload() -> None:
-    """Import what commands import, so that they start at once, and become the parent of their orphans."""
-    import benchmark
-
-    control(36, 1)
-    for info in pkgutil.walk_packages(benchmark.__path__, "benchmark."):
-        if not info.name.endswith("__main__"):
-            importlib.import_module(info.name)
+#: What a command runs; its first arguments are the seconds that an inspection of a plugin may take, and a function.
+PROGRAM = """
+import sys
+from importlib import import_module
+import_module("benchmark.plugins.remote").LIMIT = float(sys.argv.pop(1))
+module, _, function = sys.argv.pop(1).partition(":")
+getattr(import_module(module), function)()
+"""
 
 
 class Command:
-    """A command at work: a fork of this process, in a session of its own."""
+    """A running command in its own session."""
 
-    def __init__(self, arguments: list[str], folder: Path, **options: Any) -> None:
-        self.folder, self.code, self.output, self.error = folder, None, "", ""
-        sys.stdout.flush()
-        self.pid = os.fork()
-        if self.pid == 0:
-            try:
-                self._become(arguments, **options)
-            except SystemExit as end:
-                os._exit(end.code if isinstance(end.code, int) else int(end.code is not None))
-            except BaseException:
-                traceback.print_exc()
-                os._exit(1)
-            os._exit(0)
-
-    def _become(
-        self, arguments: list[str], *, target: str = BENCHMARK, limits: dict[str, int] | None = None,
-        rights: bool = True, stdout: str = "", patience: float = 0.0,
+    def __init__(
+        self, words: list[str], folder: Path, *, target: str = BENCHMARK, limits: dict[int, int] | None = None,
+        rights: bool = True, stdout: str = "", patience: float = 30.0,
     ) -> None:  # fmt: skip
-        os.setsid()
-        control(1, signal.SIGKILL)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        for number, name in ((1, stdout or str(self.folder / "stdout")), (2, str(self.folder / "stderr"))):
-            os.dup2(opened(name), number)
-        os.chdir(self.folder)
-        os.environ.pop("CANONICAL_FORMS_DATA", None)
-        os.environ |= dict.fromkeys(VARIABLES, "1") | {"PYTHONPATH": str(Path(__file__).parents[1])}
-        for name, limit in (limits or {}).items():
-            number = getattr(resource, name)
-            resource.setrlimit(number, (limit, resource.getrlimit(number)[1]))
-        if not rights:
-            drop_rights()
-        if patience:  # seconds that a look at a plugin file may take
-            inspections = [m for n, m in sys.modules.items() if n.startswith("benchmark.") and hasattr(m, "LIMIT")]
-            for module in inspections:
-                module.LIMIT = patience  # type: ignore[attr-defined]
-        module_name, _, function = target.partition(":")
-        sys.argv = [target, *arguments]
-        getattr(importlib.import_module(module_name), function)()
+        self.folder, self.output, self.error = folder, "", ""
+        self.code: int | None = None
+        # Without these capabilities, permissions hold for root too.
+        unprivileged = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", "--inh-caps=-all"]
+        environment = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
+        environment |= dict.fromkeys(VARIABLES, "1") | {"PYTHONPATH": str(Path(__file__).parents[1])}
+
+        def limit() -> None:
+            for number, value in (limits or {}).items():
+                resource.setrlimit(number, (value, resource.getrlimit(number)[1]))
+
+        with opened(stdout or str(folder / "stdout")) as output, (folder / "stderr").open("wb") as error:
+            self.process = subprocess.Popen(
+                [*([] if rights else unprivileged), sys.executable, "-c", PROGRAM, str(patience), target, *words],
+                cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=error,
+                start_new_session=True, preexec_fn=limit,
+            )  # fmt: skip
+        self.pid = self.process.pid
 
     def has_ended(self, seconds: float = 0.0) -> bool:
-        """Wait for some seconds; whether it has ended."""
-        end = time.monotonic() + seconds
-        while self.code is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                self.code = os.waitstatus_to_exitcode(status)
-                texts = [(self.folder / name) for name in ("stdout", "stderr")]
-                output, self.error = (text.read_text(errors="replace") if text.is_file() else "" for text in texts)
-                self.output = output + self.error
-            elif time.monotonic() > end:
-                return False
-            else:
-                time.sleep(0.01)
-        return True
+        """Wait for some seconds; return whether it has ended."""
+        with suppress(subprocess.TimeoutExpired):
+            self.code = self.process.wait(seconds)
+            texts = [self.folder / name for name in ("stdout", "stderr")]
+            output, self.error = (text.read_text(errors="replace") if text.is_file() else "" for text in texts)
+            self.output = output + self.error
+        return self.code is not None
 
     def stop(self) -> None:
-        """Kill it; what it started becomes an orphan."""
-        with suppress(ProcessLookupError):
-            os.kill(self.pid, signal.SIGKILL)
+        """Kill it; its children become orphans."""
+        self.process.kill()
         self.has_ended(60)
 
 
-def opened(path: str) -> int:
+def opened(path: str) -> BinaryIO:
     if path != CLOSED:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        return Path(path).open("wb")
     reading, writing = os.pipe()
     os.close(reading)
-    return writing
-
-
-def drop_rights() -> None:
-    """Give up the rights of root to pass over permissions (capabilities 1 and 2); those of the owner remain."""
-    library, rights = ctypes.CDLL(None), (ctypes.c_uint32 * 6)()
-    header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # third version of the interface, this process
-    for right in (1, 2):
-        control(24, right)
-    library.capget(header, rights)
-    for place in (0, 1, 2):  # effective, permitted, inheritable
-        rights[place] &= ~0b110 & 0xFFFFFFFF
-    library.capset(header, rights)
+    return os.fdopen(writing, "wb")
 
 
 def kill_orphans(grace: float) -> list[str]:
@@ -184,7 +137,7 @@ class Case:
     """One fault, the folder where it is tried, and what it crossed that must not be crossed."""
 
     def __init__(self, name: str, act: Callable[[Case], None]) -> None:
-        self.name, self.act, self.crossings, self.tried, self.patience = name, act, list[str](), 0, 0.0
+        self.name, self.act, self.crossings, self.patience = name, act, list[str](), 30.0
 
     def attempt(self, seed: int, place: Path, expected: dict[str, Any]) -> None:
         """Let the case take place; an error of this program counts as a crossing."""
@@ -199,7 +152,6 @@ class Case:
             self.cross(f"program: {type(error).__name__}: {error}")
         finally:
             shutil.rmtree(self.folder, ignore_errors=True)
-            self.tried = self.tried or 1
 
     def cross(self, crossing: str) -> None:
         self.crossings.append(crossing)
@@ -361,7 +313,6 @@ def kill_and_recover(case: Case) -> None:
             (os.killpg if target == "session" else os.kill)(victim, number)
         codes = (-number, 128 + number, INTERRUPTED) if target in ("main", "session") else ()
         look(command, fault, (*codes, OK, NOT_OK, USAGE))
-        case.tried += 1
     case.require(any(look(start(), "run at last", (OK, NOT_OK, USAGE)) for _ in range(3)), "stall: jobs are not done")
 
 
@@ -418,7 +369,6 @@ def try_plugin_file(
         case.require((done.code == OK) == all_ok, f"exit code: run: {done.code}, all ok: {all_ok}")
     case.run("report", *selection, "-o", case.folder / "report", *limit)
     case.run("why", INNOCENT, *selection, may_trace=True)
-    case.tried = 7
 
 
 # Folders -------------------------------------------------------------------------------------------------------------
@@ -482,7 +432,6 @@ def try_shape(case: Case, expression: str) -> None:
         case.require(all(len(reason) > 5 for _, reason in record["unsupported"]), f"silence: {record['unsupported']}")
     case.require(bool(case.run("data", "check", folder, rights=False).output), "silence: data check says nothing")
     case.run("data", "sheet", folder, "-o", case.folder / "sheet.png", rights=False)
-    case.tried = 3
 
 
 def try_folder(case: Case, expression: str) -> None:
@@ -498,7 +447,6 @@ def try_folder(case: Case, expression: str) -> None:
         case.require(checked.code in (NOT_OK, USAGE), "silence: data check finds nothing wrong")
     if folder.is_dir():
         folder.chmod(0o755)
-    case.tried = 2
 
 
 # Disks and results folders -------------------------------------------------------------------------------------------
@@ -517,7 +465,7 @@ def recover(case: Case, refused: Command) -> None:
 
 
 def try_small_files(case: Case, size: int) -> None:
-    recover(case, case.run_all("--retry", "all", limits={"RLIMIT_FSIZE": size}))
+    recover(case, case.run_all("--retry", "all", limits={resource.RLIMIT_FSIZE: size}))
 
 
 def try_small_disk(case: Case, size: str) -> None:
@@ -544,7 +492,6 @@ def try_place(case: Case, expression: str) -> None:
         done = case.run(*words, rights=False)
         if done.code == USAGE:
             case.refused_in_one_line(done)
-    case.tried = 5
 
 
 def try_vanishing(case: Case, part: str) -> None:
@@ -580,7 +527,6 @@ def try_output(case: Case) -> None:
         case.run(verb, *case.selection(), stdout="/dev/full")
     for words in (["list", "methods"], ["--help"], ["plan", *case.selection()]):
         case.run(*words, codes=(OK, NOT_OK, USAGE, 141, -13), stdout=CLOSED)
-    case.tried = 5
 
 
 # Damage --------------------------------------------------------------------------------------------------------------
@@ -635,76 +581,42 @@ def try_damage(case: Case, expression: str) -> None:
     case.require(all(after.get(name) == before[name] for name in whole), "lost: a record that was whole")
     case.check_scores(*METHODS, names=set(before))
     case.run("prune", *at, codes=(OK,))
-    case.tried = 10
 
 
 # Command lines -------------------------------------------------------------------------------------------------------
 
 
-def verbs(group: click.Group, above: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], click.Command]]:
-    context = click.Context(group)
-    for name in group.list_commands(context):
-        command = group.get_command(context, name)
-        if isinstance(command, click.Group):
-            yield from verbs(command, (*above, name))
-        elif command is not None:
-            yield (*above, name), command
-
-
 def try_arguments(case: Case) -> None:
-    """Eight lines of verbs that would do little work, each with one to three parts that are odd."""
+    """Run eight commands that would do little work, each with one to three odd options or arguments."""
     from benchmark.cli.main import cli
 
     (case.folder / "text").write_text("a file\n")
     (case.folder / "noise.py").write_bytes(bytes(range(256)))
     (case.folder / "empty").mkdir()
-    for name in ("null", "full"):  # links: a verb that replaces its output does no harm to the machine
+    for name in ("null", "full"):  # links: a command that replaces its output does no harm to the machine
         (case.folder / name).symlink_to(f"/dev/{name}")
     paths = [str(case.folder / name) for name in ("text", "noise.py", "empty", "absent/absent", "null", "full")]
     odd = [*LISTS["values"]["odd"], "\udcff"]
+    places = {"rods": case.rods, "results": case.results, "mesh": min(case.rods.glob("*.off")), "out": case.folder}
     for _ in range(8):
-        words, command = case.random.choice(list(verbs(cli)))
-        values = harmless(case, command)
-        options = [parameter for parameter in command.params if parameter.name != "help"]
-        for parameter in case.random.sample(options, min(len(options), case.random.choice((1, 1, 2, 3)))):
-            value = case.random.choice([*paths, str(case.rods)] if case.random.random() < 0.25 else odd)
-            if isinstance(parameter, click.Option):
-                values[str(parameter.name)] = [parameter.opts[0]] + ([] if parameter.is_flag else [value])
-            else:
-                values[str(parameter.name)] = [value] * case.random.choice((0, 1, 1, 1, 2))
-        parts = [*values.values(), *([[case.random.choice(odd)]] if case.random.random() < 0.2 else [])]
-        case.random.shuffle(parts)
-        line = [*words, *(word for part in parts for word in part)]
-        done = case.run(*line)
-        if done.code == USAGE:
+        words = case.random.choice(LISTS["commands"]["lines"]).format_map(places).split()
+        command, n_verbs = cast(click.Command, cli), 0
+        while isinstance(command, click.Group):
+            command = cast(click.Command, command.get_command(click.Context(command), words[n_verbs]))
+            n_verbs += 1
+        options = [option for option in command.params if isinstance(option, click.Option) and option.name != "help"]
+        for _ in range(case.random.choice((1, 1, 2, 3))):
+            value = case.random.choice(paths if case.random.random() < 0.25 else odd)
+            option = case.random.choice([*options, None])
+            name = [option.opts[0]] if option else []
+            place = case.random.randrange(n_verbs, len(words) + 1)
+            words[place : place + case.random.choice((0, 1))] = name if option and option.is_flag else [*name, value]
+        done = case.run(*words)
+        if done.code == USAGE and words[0] != "verify":  # which also ends so for an unreadable bundle
             lines = done.error.strip().splitlines()
-            case.require(len(lines) == 1, f"silence: {shown(tuple(line))}: not one line but {lines[:5]}")
+            case.require(len(lines) == 1, f"silence: {shown(tuple(words))}: not one line but {lines[:5]}")
         devices = all((case.folder / name).is_symlink() for name in ("null", "full"))
-        case.require(devices, f"spread: {shown(tuple(line))}: no device left")
-        case.tried += 1
-
-
-def harmless(case: Case, command: click.Command) -> dict[str, list[str]]:
-    """Values by parameter that make a verb do little: the rods, the cheapest method, folders of the case."""
-    out = f"export-{case.random.randrange(10**6)}" if command.name == "export" else "out"
-    places = {
-        "rods": case.rods,
-        "results": case.results,
-        "mesh": min(case.rods.glob("*.off")),
-        "out": case.folder / out,
-    }
-    arguments = {name: value.format_map(places) for name, value in LISTS["arguments"].items()}
-    values: dict[str, list[str]] = {}
-    for parameter in command.params:
-        name = str(parameter.name)
-        if isinstance(parameter, click.Argument):
-            values[name] = [arguments.get(name, INNOCENT)]
-        elif name in LISTS["options"]:
-            values[name] = [value.format_map(places) for value in LISTS["options"][name]]
-        elif parameter.required:
-            choices = getattr(parameter.type, "choices", [arguments.get(name, "x")])
-            values[name] = [parameter.opts[0], str(next(iter(choices)))]
-    return values
+        case.require(devices, f"spread: {shown(tuple(words))}: no device left")
 
 
 # The program ---------------------------------------------------------------------------------------------------------
@@ -733,12 +645,8 @@ def undisturbed(place: Path) -> dict[str, Any]:
 
 
 def report(cases: list[Case], seed: int) -> str:
-    """What was tried by section, and each crossing with the command that makes it again."""
-    lines = ["| section | cases | tried | crossed |", "| --- | --: | --: | --: |"]
-    for section in (*dict.fromkeys(case.name.partition("/")[0] for case in cases), "all"):
-        chosen = [case for case in cases if section in ("all", case.name.partition("/")[0])]
-        counts = len(chosen), sum(case.tried for case in chosen), sum(len(case.crossings) for case in chosen)
-        lines.append(f"| {section} | {' | '.join(map(str, counts))} |")
+    """Return the number of cases, and each crossing with the command that repeats it."""
+    lines = [f"{len(cases)} cases, {sum(len(case.crossings) for case in cases)} crossings"]
     for case in cases:
         again = f"python -m tools.faults --only {case.name} --seed {seed}"
         lines += [f"\n{case.name}: {crossing}\n    {again}" for crossing in case.crossings]
@@ -752,7 +660,7 @@ def interrupt(*_: object) -> NoReturn:
 
 def attempted(cases: list[Case], seed: int, seconds: float | None = None) -> list[Case]:
     """Try cases in their order; an interrupt ends that, and what was tried until then is returned."""
-    preload()
+    ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER: become the parent of orphans
     place, tried = Path(tempfile.mkdtemp(prefix="faults-")), list[Case]()
     try:
         expected, begun = undisturbed(place), time.monotonic()

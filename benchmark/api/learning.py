@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, Self, runtime_checkable
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, runtime_checkable
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -185,6 +185,23 @@ def find_model(folders: Iterable[Path], data_name: str, model_name: str) -> Path
     return next((place for place in places if (place / CARD).is_file()), None)
 
 
+_Text = Annotated[str, msgspec.Meta(min_length=1)]
+_Texts = Annotated[list[_Text], msgspec.Meta(min_length=1)]
+
+
+class _Card(msgspec.Struct):
+    """Fields of a card that the harness or a record uses; there may be others."""
+
+    digest: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+    data: _Text
+    subjects: _Texts
+    identifiers: _Texts
+    clearance: dict[str, float] = {}
+    data_title: str = ""
+    schedule_in_words: str = ""
+    extra_data: bool = False
+
+
 def read_card(folder: Path) -> dict[str, Any]:
     """Card of a model.
 
@@ -197,37 +214,15 @@ def read_card(folder: Path) -> dict[str, Any]:
     ConfigurationError
         If it is missing, is not JSON, or lacks what every card says.
     """
-    path = folder / CARD
-    hint = "train the model again"
+    path, hint = folder / CARD, "train the model again"
     try:
-        card = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+        card: dict[str, Any] = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+        msgspec.convert(card, _Card)
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}", hint) from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path} is no JSON: {error}", hint) from error
-    if not isinstance(card, dict) or not re.fullmatch("[0-9a-f]{64}", str(card.get("digest"))):
-        raise ConfigurationError(f"{path} names no digest of the weights", hint)
-    if not isinstance(card.get("data"), str) or not card["data"]:
-        raise ConfigurationError(f"{path} does not name its training data", hint)
-    for name in ("subjects", "identifiers"):
-        seen = card.get(name)
-        if not isinstance(seen, list) or not seen or not all(isinstance(text, str) and text for text in seen):
-            raise ConfigurationError(f"{path} does not list the {name} that the model has seen", hint)
-    clearance = card.get("clearance", {})
-    if not isinstance(clearance, dict) or not all(type(distance) is float for distance in clearance.values()):
-        raise ConfigurationError(f"{path} says 'clearance' is {str(clearance)[:50]!r}", hint)
-    for name, kind in _OPTIONAL.items():
-        if not isinstance(card.get(name, kind()), kind):
-            raise ConfigurationError(f"{path} says '{name}' is {str(card[name])[:50]!r}", hint)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path} is no card of a model: {error}", hint) from error
     return card
-
-
-_OPTIONAL: Mapping[str, type] = {"data_title": str, "schedule_in_words": str, "extra_data": bool}
-"""Fields that records show where a card has them."""
-
-
-def _refuse(name: str) -> float:
-    raise ValueError(f"{name} is not JSON")
 
 
 def card_digest(card: Mapping[str, Any]) -> str:

@@ -30,6 +30,8 @@ import numpy as np
 
 from benchmark.errors import ConfigurationError, did_you_mean
 
+_WITH_LOW, _WITH_HIGH = ("both", "left"), ("both", "right")
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -49,18 +51,15 @@ class Interval:
 
     def admit(self, value: Any) -> Any:
         """Return the value if it lies inside, or raise ``ValueError``."""
-        above = self.low is None or self.low < value or (self.low == value and self.closed in ("both", "left"))
-        below = self.high is None or value < self.high or (self.high == value and self.closed in ("both", "right"))
-        if not (above and below and math.isfinite(value)):
+        low, high = (-math.inf if self.low is None else self.low), (math.inf if self.high is None else self.high)
+        on_bound = (value == low and self.closed in _WITH_LOW) or (value == high and self.closed in _WITH_HIGH)
+        if not (math.isfinite(value) and (low < value < high or on_bound)):
             raise ValueError
         return value
 
     def __str__(self) -> str:
-        low = high = ""
-        if self.low is not None:
-            low = f"{'of at least' if self.closed in ('both', 'left') else 'above'} {self.low:g}"
-        if self.high is not None:
-            high = f"{'of at most' if self.closed in ('both', 'right') else 'below'} {self.high:g}"
+        low = "" if self.low is None else f"{'of at least' if self.closed in _WITH_LOW else 'above'} {self.low:g}"
+        high = "" if self.high is None else f"{'of at most' if self.closed in _WITH_HIGH else 'below'} {self.high:g}"
         return " and ".join(filter(None, (low, high))) or "that is finite"
 
 
@@ -169,12 +168,11 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     fields = declared_parameters(cls)
     values = {}
     for name, value in given.items():
+        if not fields:
+            hint = f"leave it out: {owner} has no parameters"
+            raise ConfigurationError(f"unknown parameter of {owner} '{name}'", hint)
         if name not in fields:
-            if fields:
-                raise did_you_mean(f"parameter of {owner}", name, fields)
-            raise ConfigurationError(
-                f"unknown parameter of {owner} '{name}'", f"leave it out: {owner} has no parameters"
-            )
+            raise did_you_mean(f"parameter of {owner}", name, fields)
         annotation, default = fields[name]
         try:
             values[name] = _fit(annotation, value, default)
@@ -297,26 +295,32 @@ def _annotation(cls: type[Any], field: dataclasses.Field[Any]) -> Any:
 
 def values_in_words(annotation: Any, default: Any = None) -> str:
     """Return what a type and its constraints take, in words; a default helps where the type says too little."""
+    annotation = _kind(annotation, default)
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
-    if isinstance(annotation, str) or (annotation is tuple and default):
-        return values_in_words(tuple[type(default[0]), ...] if isinstance(default, tuple) else type(default))  # type: ignore[misc]
     if origin is Annotated:
         base = values_in_words(arguments[0], default)
         limits = [limit for limit in arguments[1:] if isinstance(limit, _CONSTRAINTS)]
-        return (
-            " and ".join(f"{base} {limit}" if isinstance(limit, Interval) else str(limit) for limit in limits) or base
-        )
+        return " and ".join(f"{base} {part}" if isinstance(part, Interval) else str(part) for part in limits) or base
     if origin is Literal:
         return " or ".join(map(format_value, arguments))
     if origin in _UNIONS:
         return " or ".join("none" if kind is NoneType else values_in_words(kind) for kind in arguments)
-    if origin is tuple or annotation is tuple:
+    if origin is tuple:
         inner = [kind for kind in arguments if kind is not Ellipsis]
-        count = "values" if Ellipsis in arguments or not inner else f"{len(inner)} values"
-        kind = f", each {values_in_words(inner[0])}" if inner and len(set(inner)) == 1 else ""
+        count = "values" if Ellipsis in arguments else f"{len(inner)} values"
+        kind = f", each {values_in_words(inner[0])}" if len(set(inner)) == 1 and inner[0] is not Any else ""
         return f"{count} in parentheses{kind}"
     name = getattr(annotation, "__name__", str(annotation))
     return _WORDS.get(annotation) or f"a {name}{'' if origin is None else ' in Python: no text stands for one'}"
+
+
+def _kind(annotation: Any, default: Any) -> Any:
+    """The type itself, or that of a default where the type says too little."""
+    if isinstance(annotation, str) or annotation in (Any, object):
+        annotation = Any if default is None or default is dataclasses.MISSING else type(default)
+    if annotation is tuple:
+        return tuple[type(default[0]) if isinstance(default, tuple) and default else Any, ...]  # type: ignore[misc]
+    return annotation
 
 
 def _choices(annotation: Any) -> Iterable[str]:
@@ -343,6 +347,7 @@ def _fit(annotation: Any, value: Any, default: Any) -> Any:
     ValueError, TypeError, OverflowError, KeyError
         If it does not fit.
     """
+    annotation = _kind(annotation, default)
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         fitted = _fit(arguments[0], value, default)
@@ -352,25 +357,16 @@ def _fit(annotation: Any, value: Any, default: Any) -> Any:
     if origin is Literal:
         return value if value in arguments else {format_value(choice): choice for choice in arguments}[str(value)]
     if origin in _UNIONS:
-        return _fit_any(arguments, value, default)
-    if origin is tuple or annotation is tuple or (isinstance(default, tuple) and isinstance(annotation, str)):
-        return _fit_tuple(arguments, value, default)
-    if isinstance(annotation, str) or annotation in (Any, object):
-        return value if default is None or default is dataclasses.MISSING else _converted(value, type(default))
-    return _converted(value, annotation)
+        if NoneType in arguments and (value is None or (isinstance(value, str) and value.lower() == "none")):
+            return None
+        for kind in arguments:
+            with suppress(*_UNFIT):
+                return _fit(kind, value, default)
+        raise ValueError
+    return _fit_tuple(arguments, value) if origin is tuple else _converted(value, annotation)
 
 
-def _fit_any(annotations: Iterable[Any], value: Any, default: Any) -> Any:
-    """The value as the first of several types wants it."""
-    if NoneType in annotations and (value is None or (isinstance(value, str) and value.lower() == "none")):
-        return None
-    for annotation in annotations:
-        with suppress(*_UNFIT):
-            return _fit(annotation, value, default)
-    raise ValueError
-
-
-def _fit_tuple(arguments: tuple[Any, ...], value: Any, default: Any) -> tuple[Any, ...]:
+def _fit_tuple(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
     """A tuple from one, or from text: values with commas between them, in parentheses or not."""
     if isinstance(value, str):
         text = value.strip()
@@ -378,33 +374,23 @@ def _fit_tuple(arguments: tuple[Any, ...], value: Any, default: Any) -> tuple[An
         value = tuple(part.strip() for part in split(inner.removesuffix(",")))
     if not isinstance(value, tuple | list):
         raise TypeError
-    first = default[0] if isinstance(default, tuple) and default else None
-    kinds = arguments or (Any if first is None else type(first), ...)
-    if kinds[-1] is Ellipsis:
-        kinds = kinds[:1] * len(value)
-    return tuple(_fit(kind, part, first) for kind, part in zip(kinds, value, strict=True))
+    kinds = kinds[:1] * len(value) if kinds[-1:] == (Ellipsis,) else kinds
+    return tuple(_fit(kind, part, None) for kind, part in zip(kinds, value, strict=True))
 
 
 def _converted(value: Any, kind: Any) -> Any:
     """One value of a type, from text or as it is; a number is no NaN, and a whole one may be written as 2.0 or 1e3."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, str) and kind is not str:
-        value = value.strip()
-        if kind in (int, float):
-            value = _number(kind, value)
-    is_strict = kind is bool and not isinstance(value, str)
-    converted = msgspec.convert(value, kind, strict=is_strict, dec_hook=_of_its_kind)
+    value = value.item() if isinstance(value, np.generic) else value
+    is_text = isinstance(value, str) and kind is not str
+    value = value.strip() if is_text else value
+    if is_text and kind in (int, float):  # as Python writes them, which JSON does not take: .5, +7, 012
+        value = int(value) if kind is int and value.strip(" +-").isdecimal() else float(value)
+    converted = msgspec.convert(value, kind, strict=kind is bool and not is_text, dec_hook=_of_its_kind)
     if kind is float:
         converted += 0.0  # so that -0.0 is 0.0
     if converted != converted:
         raise ValueError
     return converted
-
-
-def _number(kind: type[int] | type[float], text: str) -> int | float:
-    """A number from text as Python writes it, which JSON does not take: ``.5``, ``+7``, ``012``."""
-    return int(text) if kind is int and text.strip(" +-").isdecimal() else float(text)
 
 
 def _of_its_kind(kind: type[Any], value: Any) -> Any:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components as graph_components
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.edges import edges_of, sides_of
@@ -158,8 +156,7 @@ def connected_components(mesh: Mesh) -> IntArray:
     A vertex without face is a component of its own.
     """
     tails, heads = sides_of(mesh.faces)
-    graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))
-    _, labels = graph_components(graph.tocsr(), directed=False)
+    labels = _labels(tails, heads, mesh.n_vertices)
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[inverse.reshape(-1)].astype(np.int64)
 
@@ -232,6 +229,12 @@ def _fans(faces: IntArray, n_vertices: int) -> IntArray:
             links_from.append(mine[sides][same])
             links_to.append(other[previous][same])
     tails, heads = np.concatenate(links_from), np.concatenate(links_to)
-    graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(3 * len(faces), 3 * len(faces)))
-    _, labels = graph_components(graph.tocsr(), directed=False)
-    return np.asarray(labels, dtype=np.int64)
+    return _labels(tails, heads, 3 * len(faces))
+
+
+def _labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:
+    """Return the connected component of each of ``count`` nodes of a graph, given its edges."""
+    from scipy.sparse import coo_array, csgraph  # on demand: the import takes a third of a second
+
+    graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(count, count))
+    return np.asarray(csgraph.connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
-from scipy.sparse.linalg import eigsh
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 FloatArray = NDArray[np.float64]
 
@@ -76,6 +78,8 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     # The cotangent at a corner weighs the opposite edge.
     start, end = np.roll(mesh.faces, -1, axis=1).ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
     weights = 0.5 * cotangents.ravel()
+    from scipy.sparse import csr_array, diags_array  # on demand: the import takes a third of a second
+
     adjacency = csr_array(
         (np.concatenate((weights, weights)), (np.concatenate((start, end)), np.concatenate((end, start)))),
         shape=(count, count),
@@ -115,6 +119,9 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     count = len(laplacian.mass)
     if not 1 <= k <= count:
         raise UnsupportedShape(f"{k} eigenpairs of a mesh with {count} vertices", f"ask for 1 to {count}")
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import eigsh
+
     root = 1.0 / np.sqrt(laplacian.mass)
     scaling = diags_array(root)
     symmetric = (scaling @ laplacian.stiffness @ scaling).tocsc()

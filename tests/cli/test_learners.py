@@ -171,19 +171,19 @@ def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):
     selection = ("-t", "III-held-out", "-m", "mean-target", "--results", tmp_path, "--data-root", root)
     told = call("plan", *selection, "--input", "view")
     assert told.startswith("unavailable")
-    assert "names no digest of the weights; train the model again" in told
+    assert "missing required field `digest`; train the model again" in told
 
 
 @pytest.mark.parametrize(
     ("card", "said"),
     [
-        ({"subjects": None}, "does not list the subjects that the model has seen; train the model again"),
-        ({"subjects": []}, "does not list the subjects"),
-        ({"identifiers": ["dog0", 7]}, "does not list the identifiers"),
-        ({"digest": "abc"}, "names no digest of the weights"),
+        ({"subjects": None}, "at `$.subjects`; train the model again"),
+        ({"subjects": []}, "length >= 1 - at `$.subjects`"),
+        ({"identifiers": ["dog0", 7]}, "at `$.identifiers[1]`"),
+        ({"digest": "abc"}, "at `$.digest`"),
         ({"data": "tosca-III "}, "was trained on 'tosca-III '; put it into the folder of its training data"),
-        ({"extra_data": "no"}, "says 'extra_data' is 'no'"),
-        ({"note": float("nan")}, "is no JSON: NaN is not JSON"),
+        ({"extra_data": "no"}, "at `$.extra_data`"),
+        ({"note": float("nan")}, "is no card of a model: JSON is malformed"),
     ],
 )
 def test_a_card_that_says_too_little_or_nonsense_is_named_before_any_shape_is_treated(root, tmp_path, card, said):
@@ -218,12 +218,14 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
     write_model(local, 0.7, note=float("nan"))
     options = ("--results", tmp_path, "--data-root", root)
     told = call("plan", "-t", "III-held-out", "-m", "mean-target", "--input", "view", *options).splitlines()
-    assert told[0].startswith(f"passed over the model in {local}: {local / 'card.json'} is no JSON: NaN is not JSON")
+    assert told[0].startswith(
+        f"passed over the model in {local}: {local / 'card.json'} is no card of a model: JSON is malformed"
+    )
     assert told[1].startswith("missing      tosca held out view mean-target")
     train_one(
         spec, find_training("tosca-III"), RunOptions(results=tmp_path, data_root=root), {}, 1, (said := []).append
     )
-    assert said[0].endswith("NaN is not JSON: renamed to unusable-card.json, training the model again")
+    assert said[0].endswith(": renamed to unusable-card.json, training the model again")
     assert read_card(local)["data"] == "tosca-III"
 
 

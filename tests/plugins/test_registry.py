@@ -1,4 +1,6 @@
 import pickle
+import subprocess
+import sys
 
 import pytest
 
@@ -30,6 +32,13 @@ def test_a_built_in_method_carries_its_own_name_and_can_be_made(name):
     assert spec.info.name == name
     assert isinstance(spec.create(), (Method, Descriptor))
     assert pickle.loads(pickle.dumps(spec.create())) == spec.create()  # noqa: S301
+
+
+def test_listing_imports_neither_scipy_nor_numba():
+    code = "import sys; from benchmark.plugins import registry; [spec.info for spec in registry.methods().values()]"
+    code += "; print({'scipy', 'numba', 'torch'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
 
 
 def test_an_unknown_method_is_answered_with_the_nearest_name():

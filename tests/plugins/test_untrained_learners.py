@@ -38,7 +38,7 @@ def learner_findings(tmp_path, monkeypatch):
             "training",
             "'train' ends without card.json; write it last",
         ),
-        ('"subjects": data.subjects,', "", "training", "does not list the subjects"),
+        ('"subjects": data.subjects,', "", "training", "missing required field `subjects`"),
         ('"identifiers": data.identifiers,', '"identifiers": ["me"],', "training", "all its identifiers"),
         ("return loaded", "return None", "training", "'load' returns NoneType"),
         ("hexdigest()", "hexdigest()[::-1]", "training", "has digest"),
