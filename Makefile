@@ -80,11 +80,11 @@ boundscheck: setup
 	$(BIN)/python -m tools.boundscheck
 
 portability: setup
-	$(BIN)/python -m tools.portability $(ARGS)
+	$(BIN)/python -m tools.portability
 
-# Kills, bad plugins, damaged files, full disks, odd command lines; about an hour, or give ARGS="--seconds 300".
+# Kills, bad plugins, damaged files, full disks, odd command lines; over an hour, or give ARGS="-k kills".
 faults: setup
-	$(BIN)/python -m tools.faults $(ARGS)
+	$(BIN)/python -m pytest tools/faults.py -v $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

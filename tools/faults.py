@@ -1,8 +1,8 @@
-"""``python -m tools.faults``: kills, bad plugins, damaged files, full disks, odd command lines.
+"""``make faults``: kills, bad plugins, damaged files, full disks, odd command lines.
 
-Each case takes place in a folder of its own; ``faults.toml`` lists what is tried. A finished record must not be lost or
-changed, no half record, process or traceback may stay, each command ends in time with a documented exit code and names
-what is wrong, and scores are those of an undisturbed run. The exit code is 1 where that does not hold.
+``faults.toml`` lists what is tried. A finished record must not be lost or changed, no half record, process or traceback
+may stay, each command ends in time with a documented exit code and names what is wrong, and scores are those of an
+undisturbed run. ``FAULTS_SEED`` determines all draws.
 """
 
 from __future__ import annotations
@@ -17,26 +17,25 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from fnmatch import fnmatch
 from functools import partial, reduce
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn, cast
+from typing import Any, BinaryIO, cast
 
 import click
 import numpy as np
 import psutil
+import pytest
 
 from benchmark.geometry.io import write_mesh
-from benchmark.machine import VARIABLES, pin_threads
+from benchmark.machine import VARIABLES
 from tests.toy import RADII, rod, write_off
 
 LISTS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-SECTIONS = ("kills", "plugins", "folders", "disks", "damage", "arguments")
+SEED = os.environ.get("FAULTS_SEED", "0")
 
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
 #: Seconds after which a command stands still, those in which the first one compiles, and those in which orphans end.
@@ -70,7 +69,7 @@ class Command:
     """A running command in its own session."""
 
     def __init__(
-        self, words: list[str], folder: Path, *, target: str = BENCHMARK, limits: dict[int, int] | None = None,
+        self, words: list[str], folder: Path, *, target: str = BENCHMARK, largest_file: int = -1,
         rights: bool = True, stdout: str = "", patience: float = 30.0,
     ) -> None:  # fmt: skip
         self.folder, self.output, self.error = folder, "", ""
@@ -80,17 +79,13 @@ class Command:
         environment = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
         environment |= dict.fromkeys(VARIABLES, "1") | {"PYTHONPATH": str(Path(__file__).parents[1])}
 
-        def limit() -> None:
-            for number, value in (limits or {}).items():
-                resource.setrlimit(number, (value, resource.getrlimit(number)[1]))
-
+        limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (largest_file, -1))
         with opened(stdout or str(folder / "stdout")) as output, (folder / "stderr").open("wb") as error:
             self.process = subprocess.Popen(
                 [*([] if rights else unprivileged), sys.executable, "-c", PROGRAM, str(patience), target, *words],
                 cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=error,
                 start_new_session=True, preexec_fn=limit,
             )  # fmt: skip
-        self.pid = self.process.pid
 
     def has_ended(self, seconds: float = 0.0) -> bool:
         """Wait for some seconds; return whether it has ended."""
@@ -134,24 +129,15 @@ def kill_orphans(grace: float) -> list[str]:
 
 
 class Case:
-    """One fault, the folder where it is tried, and what it crossed that must not be crossed."""
+    """One fault, the folder where it is tried, and the requirements that were violated."""
 
-    def __init__(self, name: str, act: Callable[[Case], None]) -> None:
-        self.name, self.act, self.crossings, self.patience = name, act, list[str](), 30.0
-
-    def attempt(self, seed: int, place: Path, expected: dict[str, Any]) -> None:
-        """Let the case take place; an error of this program counts as a crossing."""
-        self.random, self.expected = random.Random(f"{seed} {self.name}"), expected
-        self.place, self.folder = place, place / self.name.replace("/", "-")
+    def __init__(self, name: str, place: Path, expected: dict[str, Any]) -> None:
+        self.crossings: list[str] = []
+        self.random, self.expected, self.patience = random.Random(f"{SEED} {name}"), expected, 30.0
+        self.place, self.folder = place, place / name.replace("/", "-")
         self.rods, self.results, self.light = place / "rods", self.folder / "results", self.folder / "light.py"
         self.folder.mkdir()
         self.light.write_text(LISTS["source"]["light"])
-        try:
-            self.act(self)
-        except Exception as error:
-            self.cross(f"program: {type(error).__name__}: {error}")
-        finally:
-            shutil.rmtree(self.folder, ignore_errors=True)
 
     def cross(self, crossing: str) -> None:
         self.crossings.append(crossing)
@@ -252,26 +238,26 @@ LISTED = {
 }  # fmt: skip
 
 
-def all_cases(kills: int) -> Iterator[Case]:
-    """Cases of all sections."""
-    yield from (Case(f"kills/{number:03}", kill_and_recover) for number in range(-(-kills // 5)))
+def all_cases() -> Iterator[tuple[str, Callable[[Case], None]]]:
+    """Yield the cases of all sections by name."""
+    yield from ((f"kills/{number:03}", kill_and_recover) for number in range(40))
     for kind, template in LISTS["template"].items():
         for name, listed in LISTS[kind].items():
-            yield Case(f"plugins/{kind}-{name}", partial(try_plugin, kind=kind, template=template, listed=listed))
+            yield f"plugins/{kind}-{name}", partial(try_plugin, kind=kind, template=template, listed=listed)
     for name, content in {"empty": b"", "zeros": bytes(100), "no-text": b"# \xff\xfe\n"}.items():
-        yield Case(f"plugins/import-{name}", partial(try_plugin_file, source=content))
+        yield f"plugins/import-{name}", partial(try_plugin_file, source=content)
     for kind, (section, act) in LISTED.items():
         for name, expression in LISTS[kind].items():
-            yield Case(f"{section}/{kind}-{name}", partial(globals()[act], expression=expression))
+            yield f"{section}/{kind}-{name}", partial(globals()[act], expression=expression)
     for size in (2000, 4000, 6000, 8000, 16_000):
-        yield Case(f"disks/files-of-{size}-bytes", partial(try_small_files, size=size))
+        yield f"disks/files-of-{size}-bytes", partial(try_small_files, size=size)
     for text in ("4k", "16k", "64k", "128k"):
-        yield Case(f"disks/disk-of-{text}", partial(try_small_disk, size=text))
+        yield f"disks/disk-of-{text}", partial(try_small_disk, size=text)
     for part in ("", "runs/records", "runs/artefacts", "runs/scratch", "runs/progress"):
-        yield Case(f"disks/vanishing-{part.replace('/', '-') or 'all'}", partial(try_vanishing, part=part))
-    yield from (Case(f"disks/two-runs{'-one-killed' * k}", partial(try_two_runs, is_killed=bool(k))) for k in (0, 1))
-    yield Case("disks/output", try_output)
-    yield from (Case(f"arguments/{number:02}", try_arguments) for number in range(30))
+        yield f"disks/vanishing-{part.replace('/', '-') or 'all'}", partial(try_vanishing, part=part)
+    yield from ((f"disks/two-runs{'-one-killed' * k}", partial(try_two_runs, is_killed=bool(k))) for k in (0, 1))
+    yield "disks/output", try_output
+    yield from ((f"arguments/{number:02}", try_arguments) for number in range(30))
 
 
 # Kills ---------------------------------------------------------------------------------------------------------------
@@ -319,11 +305,11 @@ def kill_and_recover(case: Case) -> None:
 def victim_of(command: Command, target: str, age: float) -> int:
     """Number of the process to strike, if it is there and a worker is of the right age; else 0."""
     with suppress(psutil.Error):
-        for worker in psutil.Process(command.pid).children():
+        for worker in psutil.Process(command.process.pid).children():
             if "reaper.py" in " ".join(worker.cmdline()) or time.time() - worker.create_time() < age:
                 continue
             children = [child.pid for child in worker.children()]
-            if victims := {"worker": [worker.pid], "child": children}.get(target, [command.pid]):
+            if victims := {"worker": [worker.pid], "child": children}.get(target, [command.process.pid]):
                 return victims[0]
     return 0
 
@@ -398,14 +384,6 @@ def evaluate(expression: str, folder: Path, case: Case) -> None:
         content = (folder / f"{BAD}{suffix}").read_bytes()
         put(f"{BAD}{suffix}", content[: len(content) * 2 // 3])
 
-    def without_rights(path: Path) -> None:
-        path.touch()
-        path.chmod(0)
-
-    def locked(path: Path) -> None:
-        path.mkdir(parents=True)
-        path.chmod(0o555)
-
     def rewrite(change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         path = min((folder / "runs/records").glob("*.json"))
         path.write_text(json.dumps(change(json.loads(path.read_text()))))
@@ -465,7 +443,7 @@ def recover(case: Case, refused: Command) -> None:
 
 
 def try_small_files(case: Case, size: int) -> None:
-    recover(case, case.run_all("--retry", "all", limits={resource.RLIMIT_FSIZE: size}))
+    recover(case, case.run_all("--retry", "all", largest_file=size))
 
 
 def try_small_disk(case: Case, size: str) -> None:
@@ -622,83 +600,30 @@ def try_arguments(case: Case) -> None:
 # The program ---------------------------------------------------------------------------------------------------------
 
 
-def undisturbed(place: Path) -> dict[str, Any]:
-    """Scores by method of a run that nobody perturbs; its results are left for cases to begin with."""
+@pytest.fixture(scope="session")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Return a folder with the results of an undisturbed run, with which cases begin, and its scores by method."""
+    ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER: become the parent of orphans
+    place = tmp_path_factory.mktemp("faults")
     for name, radius in RADII.items():
         for number, bend in enumerate((0.0, 1.2)):
             write_off(place / "rods" / f"{name}{number}.off", rod(radius, bend, rings=14, sides=8))
-    expected: dict[str, Any] = {}
-
-    def act(case: Case) -> None:
-        case.run_all(codes=(OK,), seconds=COMPILED)
-        expected.update({name: scores_of(record) for name, record in case.records().items()})
-        # Where no form was ever scored, that compiles kernels, which takes longer than any case allows.
-        elsewhere = ("-d", case.rods, "--input", "mesh", "-m", "identity", "--results", case.folder / "forms")
-        case.run("run", *elsewhere, "--executor", "serial", codes=(OK,), seconds=COMPILED)
-        shutil.copytree(case.results, place / "undisturbed")
-
-    case = Case("first-run", act)
-    case.attempt(0, place, {})
-    if case.crossings or not expected:  # results of edited code lie elsewhere
-        raise click.ClickException(f"an undisturbed run has {case.crossings or 'no records; run make golden'}")
-    return expected
+    case = Case("first-run", place, {})
+    case.run_all(codes=(OK,), seconds=COMPILED)
+    # Compile the kernels of the scorer, which takes longer than any case allows.
+    elsewhere = ("-d", case.rods, "--input", "mesh", "-m", "identity", "--results", case.folder / "forms")
+    case.run("run", *elsewhere, "--executor", "serial", codes=(OK,), seconds=COMPILED)
+    expected = {name: scores_of(record) for name, record in case.records().items()}
+    if case.crossings or not expected:  # results of edited code are elsewhere
+        pytest.exit(f"an undisturbed run has {case.crossings or 'no records; run make golden'}", 1)
+    shutil.copytree(case.results, place / "undisturbed")
+    return place, expected
 
 
-def report(cases: list[Case], seed: int) -> str:
-    """Return the number of cases, and each crossing with the command that repeats it."""
-    lines = [f"{len(cases)} cases, {sum(len(case.crossings) for case in cases)} crossings"]
-    for case in cases:
-        again = f"python -m tools.faults --only {case.name} --seed {seed}"
-        lines += [f"\n{case.name}: {crossing}\n    {again}" for crossing in case.crossings]
-    return "\n".join(lines)
-
-
-def interrupt(*_: object) -> NoReturn:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise KeyboardInterrupt
-
-
-def attempted(cases: list[Case], seed: int, seconds: float | None = None) -> list[Case]:
-    """Try cases in their order; an interrupt ends that, and what was tried until then is returned."""
-    ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER: become the parent of orphans
-    place, tried = Path(tempfile.mkdtemp(prefix="faults-")), list[Case]()
-    try:
-        expected, begun = undisturbed(place), time.monotonic()
-        with suppress(KeyboardInterrupt):
-            for case in cases:
-                if seconds is not None and time.monotonic() - begun > seconds:
-                    break
-                tried.append(case)
-                case.attempt(seed, place, expected)
-                click.echo(f"{case.name:<40} {'; '.join(case.crossings) or 'ok'}", err=True)
-        return tried
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
-
-
-@click.command()
-@click.option("--seed", type=int, default=0, show_default=True, help="Determines all that is drawn.")
-@click.option("--seconds", type=click.FloatRange(min=1), help="No further case begins after this time; all are mixed.")
-@click.option("--kills", type=click.IntRange(min=1), default=200, show_default=True, help="Kills to try at least.")
-@click.option("--only", "patterns", multiple=True, metavar="NAME", help="A case, a section, or a pattern with *.")
-@click.option("--list", "names_only", is_flag=True, help="Print the names of the cases.")
-def main(seed: int, seconds: float | None, kills: int, patterns: tuple[str, ...], names_only: bool) -> None:
-    """Try the suite with faults of every kind, and report what they cost."""
-    pin_threads()
-    signal.signal(signal.SIGTERM, interrupt)
-    names = [(case, case.name.partition("/")[0]) for case in all_cases(kills)]
-    cases = [c for c, section in names if not patterns or any(fnmatch(c.name, p) or section == p for p in patterns)]
-    if not cases:
-        raise click.UsageError(f"no such case; choose from {', '.join(SECTIONS)}, or see --list")
-    if names_only:
-        click.echo("\n".join(case.name for case in cases))
-        return
-    if seconds is not None:
-        random.Random(seed).shuffle(cases)
-    tried = attempted(cases, seed, seconds)
-    click.echo(report(tried, seed))
-    sys.exit(any(case.crossings for case in tried))
-
-
-if __name__ == "__main__":
-    main()
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(("name", "act"), [pytest.param(*named, id=named[0]) for named in all_cases()])
+def test_fault(name: str, act: Callable[[Case], None], undisturbed: tuple[Path, dict[str, Any]]) -> None:
+    case = Case(name, *undisturbed)
+    act(case)
+    assert not case.crossings
+    shutil.rmtree(case.folder, ignore_errors=True)

@@ -10,8 +10,7 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,17 +53,10 @@ class Variant(NamedTuple):
 
 AVX512 = "avx512f avx512cd avx512bw avx512dq avx512vl"
 DISPATCHED = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
-NEHALEM = Variant("Nehalem", "Nehalem")
-HASWELL, ZEN = (Variant(name, name, "avx2 fma") for name in ("Haswell", "Zen"))
-SKYLAKEX = Variant("SkylakeX", "SkylakeX", AVX512)
-GENERIC = Variant("generic", numba="generic")
 #: The instructions of 2008 in all three libraries.
 OLDEST = Variant("oldest", "Nehalem", numba="generic", numpy=DISPATCHED)
-
-#: The variant that compiles for itself starts beside the one that compiles for all others.
-TESTED = (NEHALEM, GENERIC, HASWELL, ZEN, SKYLAKEX)
-#: For continuous integration, without Zen, whose kernels differ from those of Haswell in block sizes only.
-TOGETHER = (OLDEST, HASWELL, SKYLAKEX)
+#: Without Zen, whose kernels differ from those of Haswell only in block sizes.
+VARIANTS = (OLDEST, Variant("Haswell", "Haswell", "avx2 fma"), Variant("SkylakeX", "SkylakeX", AVX512))
 
 
 def passes(variant: Variant) -> bool:
@@ -72,9 +64,8 @@ def passes(variant: Variant) -> bool:
     start, log = time.perf_counter(), FOLDER / f"{variant.name}.log"
     command, settings = [sys.executable, "-m", "tools.golden"], variant.settings()
     with log.open("w") as output:
-        code = subprocess.run(
-            command, env={**os.environ, **settings}, stdout=output, stderr=output, check=False
-        ).returncode
+        environment = {**os.environ, **settings}
+        code = subprocess.run(command, env=environment, stdout=output, stderr=output, check=False).returncode
     text, ending = log.read_text(), "FAILED" if code else "passed"
     summary = (text.strip().splitlines() or ["no output"])[-1].strip()
     print(f"{variant.name:<10} {ending} in {time.perf_counter() - start:.0f} s: {summary}", flush=True)
@@ -84,28 +75,22 @@ def passes(variant: Variant) -> bool:
     return not code
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Return 0 if golden results agree under all kernels that the processor can run.
-
-    ``--others`` omits those that the processor chooses by itself, under which ``make golden`` ran.
-    """
-    start, variants = time.perf_counter(), TESTED
-    if "--others" in arguments:
-        np.zeros((2, 2)) @ np.zeros((2, 2))
-        own = {library.get("architecture") for library in threadpool_info() if library["user_api"] == "blas"}
-        variants = tuple(variant for variant in TOGETHER if variant.name not in own)
-    obstacles = {variant: variant.obstacle() for variant in variants}
+def main() -> int:
+    """Return 0 if golden results agree under all kernels that the processor can run and does not choose by itself."""
+    start = time.perf_counter()
+    np.zeros((2, 2)) @ np.zeros((2, 2))
+    own = {library.get("architecture") for library in threadpool_info() if library["user_api"] == "blas"}
+    obstacles = {variant: variant.obstacle() for variant in VARIANTS if variant.name not in own}
     for variant, obstacle in obstacles.items():
         if obstacle:
             print(f"{variant.name:<10} skipped: {obstacle}", flush=True)
     FOLDER.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(max_workers=min(2, psutil.cpu_count() or 1)) as pool:
-        runs = [pool.submit(passes, variant) for variant, obstacle in obstacles.items() if not obstacle]
-        outcomes = [run.result() for run in as_completed(runs)]
+        outcomes = list(pool.map(passes, [variant for variant, obstacle in obstacles.items() if not obstacle]))
     if all(outcomes):
         print(f"golden results agree under all kernels in {time.perf_counter() - start:.0f} s")
     return int(not all(outcomes))
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tools.portability import NEHALEM, OLDEST
+from tools.portability import OLDEST
 
 PROGRAM = """
 import hashlib
@@ -22,8 +22,8 @@ print(hashlib.sha256(b"".join(each.descriptors.tobytes() for each in features) +
 
 @pytest.mark.slow
 def test_features_and_distances_are_the_same_bytes():
-    if NEHALEM.obstacle():
-        pytest.skip(NEHALEM.obstacle())
+    if OLDEST.obstacle():
+        pytest.skip(OLDEST.obstacle())
     native = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
     digests = [
         subprocess.run(

@@ -19,11 +19,18 @@ from benchmark.machine import pin_threads
 from benchmark.pipeline.storage.lock import Component, edited, read_lock, write_lock
 from benchmark.source_code import ROOT
 from tools.golden.components import components, folders_of
-from tools.golden.results import Arrays, Difference, compare, golden_path, read_golden, timed, version_of, write_golden
+from tools.golden.results import (
+    Arrays,
+    Difference,
+    compare,
+    golden_path,
+    read_golden,
+    results_of,
+    version_of,
+    write_golden,
+)
 
 PROCESSES = 2
-#: Components that are printed as the slowest.
-SLOWEST = 5
 #: They take longest, so they begin.
 FIRST = ("data/animals", "data/humans-scanlike", "scorer/cm-bof", "method/learned", "data/", "method/")
 
@@ -32,9 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Return 0 where all components agree, or those that do not were accepted."""
     parser = argparse.ArgumentParser(prog="make golden", description=__doc__)
     parser.add_argument("--accept", nargs="+", default=[], metavar="NAME", help="write these golden files; all: all")
-    parser.add_argument(
-        "--only", nargs="+", metavar="NAME", help="run these alone; edited: those whose code was edited"
-    )
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="run these; edited: those whose code was edited")
     chosen = parser.parse_args(arguments)
     only = list(components()) if chosen.only is None else chosen.only
     names = sorted({*only, *(unchecked() if "edited" in only else [])} - {"edited"})
@@ -79,16 +84,15 @@ def _run(names: Iterable[str]) -> Iterator[tuple[str, Arrays, list[Difference]]]
     """Results of components with their differences, in the order in which they are ready."""
     pin_threads()
     drop_stale_kernels(ROOT)
-    start, seconds = time.perf_counter(), {}
+    start = time.perf_counter()
     places = {name: [name.startswith(first) for first in (*FIRST, "")].index(True) for name in names}
     with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(timed, name) for name in sorted(places, key=places.__getitem__)]):
-            name, arrays, problem, seconds[name] = future.result()
+        for future in as_completed([pool.submit(results_of, name) for name in sorted(places, key=places.__getitem__)]):
+            name, arrays, problem = future.result()
             if problem:
                 print(problem, file=sys.stderr)
             yield name, arrays, compare(name, arrays)
-    slowest = [f"{name} {seconds[name]:.0f} s" for name in sorted(seconds, key=lambda name: -seconds[name])[:SLOWEST]]
-    print(f"{len(seconds)} components in {time.perf_counter() - start:.0f} s; slowest: {', '.join(slowest)}")
+    print(f"{len(places)} components in {time.perf_counter() - start:.0f} s")
 
 
 if __name__ == "__main__":

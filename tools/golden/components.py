@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
 from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.geodesics import SOLVERS
@@ -125,10 +126,8 @@ def _components() -> Iterator[tuple[str, Component]]:
         parts = partial(_called, stages.sampled, {"bodies": (name,)})
         yield f"sampler/{name}", Component(parts, (f"{_SETS}{module}",), SINGLES)
     yield "data/files", Component(partial(_read, "files"), (f"{_SETS}folder", "benchmark.geometry.io"))
-    yield (
-        "data/frames",
-        Component(partial(_read, "frames"), (f"{_SETS}depth_folder", "benchmark.depth.reading")),
-    )
+    called = (f"{_SETS}depth_folder", "benchmark.depth.reading")
+    yield "data/frames", Component(partial(_read, "frames"), called)
     for name, known in PERTURBATIONS.items():
         called = (f"{_SETS}perturbations.frames",) if known.of_frames else (f"{_SETS}perturbations.dataset",)
         called += (known.on_mesh.__module__,) if known.on_mesh else ()
@@ -196,7 +195,7 @@ def _read(folder: str) -> Iterator[Part]:
     for path in sorted((inputs.INPUTS / folder).iterdir()):
         yield Part(path.name, stages.file_of, (path,))
     if folder == "files":
-        yield Part("folder", stages.folder_of, (inputs.INPUTS / folder,))
+        yield Part("folder", stages.entries_of, (folder_dataset(inputs.INPUTS / folder),))
     else:
         yield Part("object", stages.frame_of, (inputs.INPUTS / folder / "millimetres.png",))
 

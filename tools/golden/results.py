@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
@@ -84,13 +83,12 @@ def run_component(name: str) -> Arrays:
     return arrays
 
 
-def timed(name: str) -> tuple[str, Arrays, str, float]:
-    """Results of a component with its name, what went wrong, and the seconds that it took."""
-    start = time.perf_counter()
+def results_of(name: str) -> tuple[str, Arrays, str]:
+    """Return the name of a component, its results, and the error if there was one."""
     try:
-        return name, run_component(name), "", time.perf_counter() - start
+        return name, run_component(name), ""
     except Exception:
-        return name, {}, f"{name} failed:\n{traceback.format_exc()}", time.perf_counter() - start
+        return name, {}, f"{name} failed:\n{traceback.format_exc()}"
 
 
 def _kept(array: NDArray[Any]) -> NDArray[Any]:

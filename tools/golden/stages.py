@@ -10,18 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.datasets import (
-    camera_frames,
-    catalogue,
-    decimated,
-    folder,
-    human_poses,
-    human_subjects,
-    humans,
-    jittered,
-)
+from benchmark.datasets import camera_frames, catalogue, decimated, human_poses, human_subjects, humans, jittered
 from benchmark.datasets import humans_scanlike as scanlike
 from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
@@ -160,10 +152,8 @@ def gallery() -> Arrays:
 
 def subjects() -> Arrays:
     """Phenotypes of all draws of random subjects."""
-    return {
-        f"draw-{n}": [astuple(body) for body in drawn.values()]
-        for n, drawn in enumerate(human_subjects.RANDOM_SUBJECTS)
-    }
+    draws = enumerate(human_subjects.RANDOM_SUBJECTS)
+    return {f"draw-{n}": [astuple(body) for body in drawn.values()] for n, drawn in draws}
 
 
 def bodies() -> Arrays:
@@ -240,16 +230,8 @@ def file_of(path: Path) -> Arrays:
 def frame_of(path: Path) -> Arrays:
     """Object of a depth image, with the mask and the intrinsics that lie beside it."""
     observed_object = frame.FrameFiles(path).observe()
-    return {
-        "vertices": observed_object.surface.vertices,
-        "faces": observed_object.surface.faces,
-        "mask": observed_object.mask,
-    }
-
-
-def folder_of(path: Path) -> Arrays:
-    """What a folder of meshes says of its shapes."""
-    return entries_of(folder.folder_dataset(path))
+    surface = observed_object.surface
+    return {"vertices": surface.vertices, "faces": surface.faces, "mask": observed_object.mask}
 
 
 def measured(matrices: Sequence[str], answered: bool) -> Arrays:
@@ -281,14 +263,7 @@ def scored(method_name: str, scorer_name: str) -> Arrays:
     return {"distances": np.array(matrices), **_flat(measures.scores(matrices, [name[:-2] for name in names]))}
 
 
-def _flat(nested: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Numbers of nested dictionaries by their path; a query without a measure has NaN."""
-    flat: dict[str, Any] = {}
-    for key, value in nested.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[prefix + key] = (
-                [np.nan if each is None else each for each in value] if isinstance(value, list) else value
-            )
-    return flat
+def _flat(nested: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers of nested dictionaries by path; NaN marks a query without a measure."""
+    (flat,) = pandas.json_normalize(dict(nested)).to_dict("records")
+    return {str(key): np.array(value, float) if isinstance(value, list) else value for key, value in flat.items()}
