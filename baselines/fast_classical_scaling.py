@@ -77,7 +77,7 @@ class FastClassicalScaling(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
-        from baselines._kernels.interpolation import smooth_interpolation
+        from baselines._kernels.low_rank import smooth_interpolation
         from baselines._kernels.sampling import farthest_points, stress_of_rows
 
         require_vertices(shape)

@@ -120,7 +120,7 @@ class _Rows:
 
     def farthest(self, vertex: int, points: FloatArray) -> int:
         """Vertex that the axes so far leave farthest from a given one."""
-        from baselines._kernels.ties import largest
+        from baselines._kernels.sampling import largest
 
         return largest(self.residual(vertex, points), self._shape.mesh.vertices)
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.frame import on_grid, principal_frame
+from baselines._kernels.curve_skeleton import on_grid, principal_frame
 from baselines._kernels.orientation import vertex_areas
-from baselines._kernels.ties import TIE, largest, order_by_coordinates
+from baselines._kernels.sampling import TIE, largest, order_by_coordinates
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -21,8 +21,7 @@ from benchmark.api.contracts import (
     Shape,
     UnsupportedShape,
 )
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, edges_of
 
 if TYPE_CHECKING:
     from baselines._kernels.curve_skeleton import CurveSkeleton

@@ -1,4 +1,4 @@
-"""Remove compiled kernels that are older than the code that was compiled into them.
+"""Compiled kernels: remove outdated ones, and choose a writable folder for them.
 
 numba caches a kernel until its own file changes, although kernels of other files can be compiled into it.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import ast
 import os
+import stat
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -94,3 +96,33 @@ def _callees(source: Path, known: Mapping[str, Path]) -> set[Path]:
             if path and (any(name.isupper() for name in names) or b"njit" in path.read_bytes()):
                 found.add(path)
     return found
+
+
+#: Environment variable with the folder where numba stores compiled kernels.
+VARIABLE = "NUMBA_CACHE_DIR"
+
+_PACKAGE = Path(__file__).parent
+
+
+def choose_kernel_cache() -> None:
+    """Set a temporary folder for compiled kernels, for this process and its children, if numba would find none.
+
+    Only the user may write to it, because its content is executed.
+    """
+    own = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111  # raises nothing
+    if VARIABLE in os.environ or os.access(_PACKAGE / "geometry", os.W_OK) or _can_be_made(own):
+        return
+    folder = Path(tempfile.gettempdir()) / f"canonical-forms-kernels-{os.getuid()}"
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    status = folder.lstat()
+    if status.st_uid == os.getuid() and stat.S_IMODE(status.st_mode) == 0o700 and stat.S_ISDIR(status.st_mode):
+        os.environ[VARIABLE] = str(folder)
+    else:
+        os.environ[VARIABLE] = tempfile.mkdtemp(prefix="canonical-forms-")
+
+
+def _can_be_made(folder: Path) -> bool:
+    """Return whether a folder is writable or can be created."""
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    return folder.is_absolute() and os.access(there, os.W_OK | os.X_OK)

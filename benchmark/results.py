@@ -34,8 +34,7 @@ from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.inspection import inspect
 from benchmark.plugins.registry import methods
 from benchmark.plugins.scorers import scorers
-from benchmark.report.lines import line_of
-from benchmark.report.results import Result, Results
+from benchmark.report.results import Result, Results, line_of
 from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:

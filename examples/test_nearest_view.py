@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.plugins.conformance import check_target
+from benchmark.plugins.conformance.cases import BENDS, view
 from benchmark.plugins.conformance.checks import trained
-from benchmark.plugins.conformance.shapes import BENDS, view
 from benchmark.plugins.registry import plugin_methods
 
 PLUGIN = Path(__file__).with_name("nearest_view.py")

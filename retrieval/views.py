@@ -10,8 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, edges_of
 from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles
 
 BACKGROUND = 1.0

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     ("benchmark.errors",),
     ("benchmark.machine", "benchmark.arrays", "benchmark.files", "benchmark.source_code", "benchmark.text"),
-    ("benchmark.kernel_cache", "benchmark.kernels", "benchmark.execution.processes"),
+    ("benchmark.kernels", "benchmark.execution.processes"),
     ("benchmark.geometry",),
     ("benchmark.api", "benchmark.depth"),
     ("baselines", "learned", "retrieval"),

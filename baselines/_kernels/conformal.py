@@ -6,11 +6,10 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 
 from baselines._kernels.arap import factorise_definite
-from baselines._kernels.sampling import edge_graph, within
-from baselines._kernels.ties import TIE, largest
+from baselines._kernels.sampling import TIE, edge_graph, largest, within
 from benchmark.api.contracts import FloatArray, Mesh, Shape
-from benchmark.geometry.edges import edges_of
 from benchmark.geometry.laplacian import Laplacian
+from benchmark.geometry.mesh import edges_of
 
 HOLD = 1e-9
 """Share of the mass that makes the Laplacian definite, far below its first eigenvalue."""

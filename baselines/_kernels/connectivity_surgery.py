@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import FloatArray
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, edges_of
 
 SAMPLING = 0.1
 """Weight of the sampling cost against the shape cost, as in Au et al. (2008)."""

@@ -1,11 +1,14 @@
-"""Classic scaling of squared distances that are known as a product of thin matrices."""
+"""MDS of a few rows of distances: interpolation over the surface, and classic scaling of thin products."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse.linalg import splu
 
 from baselines._kernels.handedness import Side, oriented
 from benchmark.api.contracts import FloatArray, Mesh
+from benchmark.geometry.laplacian import Laplacian
 
 
 def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side: Side) -> FloatArray:
@@ -34,3 +37,53 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side
     values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
     leading = np.maximum(values[:-4:-1], 0.0)
     return oriented(mesh, orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading, side=side)
+
+
+def smooth_interpolation(
+    laplacian: Laplacian, samples: ArrayLike, *, weights: FloatArray | None = None, fidelity: float = np.inf
+) -> FloatArray:
+    r"""Matrix that continues values at sampled vertices smoothly to all vertices.
+
+    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2`, W being diagonal. Every minimiser is a
+    combination of Green's functions :math:`L^+ W L^+ e_s` of the samples and a constant, so one sparse factorisation of
+    L and a dense system as large as the number of samples give them all.
+
+    Parameters
+    ----------
+    laplacian
+        Of a surface in one piece.
+    samples
+        Distinct vertex indices, shape (p,).
+    weights
+        The diagonal of W, shape (n,); by default the vertex areas, which makes the interpolation biharmonic.
+    fidelity
+        The weight :math:`\mu` of the fit; values at samples are met exactly if it is infinite.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, p); every row sums to 1, and the rows of samples form the identity if the fit is exact.
+    """
+    samples = np.asarray(samples)
+    weights = laplacian.mass if weights is None else weights
+    n, p = len(laplacian.mass), len(samples)
+    shares = weights / weights.sum()
+    # The Laplacian is singular only for the constant: without its first row and column it has a factor.
+    grounded = laplacian.stiffness.tocsc()[1:, 1:]
+    factor = splu(grounded, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def solve(loads: FloatArray) -> FloatArray:
+        balanced = loads - np.outer(shares, loads.sum(axis=0))
+        solution = np.vstack([np.zeros((1, p)), factor.solve(balanced[1:])])
+        return np.asarray(solution - shares @ solution)
+
+    units = np.zeros((n, p))
+    units[samples, np.arange(p)] = 1.0
+    green = solve(weights[:, None] * solve(units))
+    scale = np.abs(green[samples]).max()
+    green /= scale
+    border = np.ones((p, 1))
+    inner = green[samples] + np.eye(p) / (fidelity * scale)
+    system = np.block([[inner, border], [border.T, np.zeros((1, 1))]])
+    coefficients = np.linalg.solve(system, np.vstack([np.eye(p), np.zeros((1, p))]))
+    return np.asarray(green @ coefficients[:-1] + coefficients[-1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines._kernels.ties import largest
+from baselines._kernels.sampling import largest
 from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 

@@ -13,7 +13,7 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from baselines._kernels.arap import factorise_definite
 from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import FloatArray, Mesh
-from benchmark.geometry.edges import edges_of
+from benchmark.geometry.mesh import edges_of
 
 HOLD = 1e-6
 """Share by which each vertex is held at its present place. Neither springs nor pushes feel a translation, so the system

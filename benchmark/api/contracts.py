@@ -249,7 +249,7 @@ class Shape:
         """
         import hashlib
 
-        from benchmark.geometry.ordering import measurements
+        from benchmark.geometry.mesh import measurements
 
         digest = hashlib.sha256(f"{self.seed}|{measurements(self.mesh)}|{purpose}".encode()).digest()
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))

@@ -13,7 +13,7 @@ from benchmark.bundles.archive import Fault, Status
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.pipeline.storage.record_schema import read_json
-from benchmark.report.rounding import number
+from benchmark.report.escaping import number
 from retrieval.measures import PRINTED
 
 _COMPARED = {"data": "labels and inputs compared with the data", "records": "labels and inputs as in records"}

@@ -33,8 +33,8 @@ from benchmark.plugins.scorers import BUILT_IN as SCORERS
 from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
 from benchmark.plugins.serving import unfolded
 from benchmark.protocols.galleries import Gallery
+from benchmark.report.escaping import number
 from benchmark.report.results import galleries_of
-from benchmark.report.rounding import number
 from benchmark.report.significance import intervals, queries_of
 from retrieval.measures import PRINTED
 

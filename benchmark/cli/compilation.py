@@ -24,7 +24,7 @@ from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import available_cores
 from benchmark.pipeline.method_run import MethodRun, Preparation
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.conformance.shapes import BENDS, figure
+from benchmark.plugins.conformance.cases import BENDS, figure
 from benchmark.plugins.output_checks import form_distances, signature_of
 from benchmark.plugins.registry import VARIANTS, methods
 from benchmark.plugins.scorers import ScorerSpec

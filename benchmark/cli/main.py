@@ -16,7 +16,7 @@ from click.shell_completion import get_completion_class, shell_complete
 from benchmark import __version__
 from benchmark.cli.options import INTERRUPTED, SECTIONS, TERMINATED, USAGE, Completion
 from benchmark.errors import BenchmarkError
-from benchmark.kernel_cache import choose_kernel_cache
+from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
 from benchmark.plugins import close_process
 from benchmark.text import say

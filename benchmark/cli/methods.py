@@ -186,7 +186,7 @@ def trained_on_people(spec: MethodSpec) -> str:
 
 def _facts(spec: MethodSpec) -> dict[str, Any]:
     """Return the details of a method in JSON types."""
-    from benchmark.reference.bibliography import source_of
+    from benchmark.reference.paper import source_of
 
     info = spec.info
     chosen = {name: format_value(value) for name, value in spec.parameters.items()}

@@ -28,7 +28,7 @@ from benchmark.plugins.specs import ScorerSpec
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.tables import INPUTS, TABLES
 from benchmark.reference import paper
-from benchmark.report.rounding import number
+from benchmark.report.escaping import number
 from benchmark.text import brief, clean, say, say_lines
 from retrieval.measures import PRINTED
 

@@ -31,8 +31,7 @@ from benchmark.execution.plan import unavailable_record
 from benchmark.execution.pools import LocalPool, Pool, PoolHere
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.scheduler import Scheduler
-from benchmark.kernel_cache import VARIABLE
-from benchmark.kernels import compiled_files, drop_stale_kernels
+from benchmark.kernels import VARIABLE, compiled_files, drop_stale_kernels
 from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.records import Record, by_place
@@ -40,10 +39,10 @@ from benchmark.pipeline.storage.store import Store, sweep_leftovers
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.report.content import contents
+from benchmark.report.escaping import number
 from benchmark.report.results import Result
 from benchmark.report.robustness import markdown as robustness_markdown
 from benchmark.report.robustness import robustness
-from benchmark.report.rounding import number
 from benchmark.results import frame_of
 from benchmark.source_code import ROOT
 from benchmark.text import brief, clean, say, say_lines

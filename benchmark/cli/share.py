@@ -1,4 +1,4 @@
-"""``merge``, ``prune``, ``submit`` and ``verify``: results folders and bundles."""
+"""``merge``, ``prune``, ``submit``, ``verify`` and ``score``: results folders, bundles and external distances."""
 
 from __future__ import annotations
 
@@ -11,18 +11,21 @@ from benchmark.bundles.outcomes import Outcome, RowOutcome, keep, worst
 from benchmark.bundles.packing import write_bundle
 from benchmark.bundles.rows import Request
 from benchmark.bundles.verification import verify as verify_bundle
-from benchmark.cli.options import NOT_OK, OK, USAGE, Merge, Prune, Submit, Verify, explained, name_skipped
+from benchmark.cli.options import NOT_OK, OK, USAGE, Merge, Prune, Score, Submit, Verify, explained, name_skipped
 from benchmark.cli.plan import scores_in_words
 from benchmark.cli.selection import recorded
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.errors import ConfigurationError
 from benchmark.execution.claims import Claims
+from benchmark.external.files import read_distances, read_labels, read_ranked
+from benchmark.external.records import keep_distances
+from benchmark.external.scoring import FORMATS, Task, evaluated
 from benchmark.pipeline.storage.merging import job_name, merge_records, publish, records_under
 from benchmark.pipeline.storage.store import Store, remove, sweep_leftovers, unneeded
 from benchmark.plugins.registry import methods, variant
 from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.rounding import number
-from benchmark.text import clean, say
+from benchmark.report.escaping import number
+from benchmark.text import clean, say, say_lines
 
 #: Exit codes by the status of a bundle.
 EXIT = {"verified": OK, "claimed": NOT_OK, "false": NOT_OK, "unreadable": USAGE}
@@ -124,3 +127,21 @@ def _basis(row: RowOutcome, outcome: Outcome) -> str:
         again = "; none made again: no plugin, or its data is not here"
     compared = {"data": "gallery compared with the data", "records": "gallery compared with records"}
     return f"from {row.holds}; {compared.get(row.compared, 'gallery not compared with anything')}{again}"
+
+
+def score(options: Score) -> None:
+    """Print the measures, and store them as an external row if a folder is given."""
+    if options.dataset and options.folder is None:
+        raise ConfigurationError("--dataset has no effect without --results", "pass --results DIR, too")
+    gallery = read_labels(options.labels)
+    matrix = read_ranked(options.distances, gallery) if options.ranked else read_distances(options.distances)
+    task = Task.of(matrix, gallery, read_labels(options.query_labels) if options.query_labels else None)
+    title = options.title or options.distances.stem
+    say_lines(FORMATS[options.format](title, evaluated(task)))
+    if options.folder is not None:
+        store = Store.open(options.folder)
+        dataset = options.dataset or options.labels.resolve().stem
+        record = keep_distances(store, task, title, dataset, options.input)
+        name_skipped(store)
+        name = record["data"]["name"]
+        say(f"kept as {record['method']}: 'tables -d {name}' and 'report -d {name}' show it", err=True)

@@ -1,4 +1,4 @@
-"""Interface of a data set to the harness."""
+"""Interface of a data set to the harness, and parts of a set."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from benchmark.errors import DatasetError
 if TYPE_CHECKING:
     from benchmark.geometry.camera import Camera
     from benchmark.geometry.mesh import Mesh
+
+
+from dataclasses import dataclass
 
 
 class Dataset(Protocol):
@@ -30,15 +33,15 @@ class Dataset(Protocol):
     """
 
     @property
-    def name(self) -> str: ...  # noqa: D102
+    def name(self) -> str: ...
     @property
-    def title(self) -> str: ...  # noqa: D102
+    def title(self) -> str: ...
     @property
-    def stand_in_for(self) -> str: ...  # noqa: D102
+    def stand_in_for(self) -> str: ...
     @property
-    def half_width(self) -> float | None: ...  # noqa: D102
+    def half_width(self) -> float | None: ...
     @property
-    def entries(self) -> tuple[Entry, ...]: ...  # noqa: D102
+    def entries(self) -> tuple[Entry, ...]: ...
 
     def load(self, entry: Entry) -> Mesh:
         """Return the mesh as the set gives it, or raise ``UnreadableMesh`` / ``InvalidMesh``."""
@@ -97,3 +100,48 @@ def natural_key(text: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts ``cat2`` before ``cat10``."""
     parts = re.findall(r"[0-9]+|[^0-9]+", text)
     return tuple((0, int(part), "") if part[0] in "0123456789" else (1, 0, part) for part in parts)
+
+
+__all__ = ["Part", "thinned"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some subjects of a data set in some poses.
+
+    Parameters
+    ----------
+    subjects
+        Subjects by name, or by their place in the data set; empty for all.
+    poses
+        Poses by their place among the shapes of the subject; empty for all.
+    """
+
+    subjects: tuple[int | str, ...] = ()
+    poses: tuple[int, ...] = ()
+
+    def of(self, dataset: Dataset) -> tuple[Entry, ...]:
+        """Shapes of this part, in the order of the data set."""
+        members: dict[str, list[Entry]] = {}
+        for entry in dataset.entries:
+            members.setdefault(entry.subject, []).append(entry)
+        chosen = {
+            entry.identifier
+            for place, (subject, shapes) in enumerate(members.items())
+            if not self.subjects or subject in self.subjects or place in self.subjects
+            for pose, entry in enumerate(shapes)
+            if not self.poses or pose in self.poses
+        }
+        return tuple(entry for entry in dataset.entries if entry.identifier in chosen)
+
+
+def thinned(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
+    """Keep evenly spaced poses of each subject, at most this many, the first one always."""
+    by_subject: dict[str, list[Entry]] = {}
+    for entry in entries:
+        by_subject.setdefault(entry.subject, []).append(entry)
+    kept: set[str] = set()
+    for members in by_subject.values():
+        step = -(-len(members) // most)
+        kept.update(entry.identifier for entry in members[::step])
+    return tuple(entry for entry in entries if entry.identifier in kept)

@@ -10,14 +10,12 @@ from typing import ClassVar
 import numpy as np
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Entry
+from benchmark.datasets.base import Entry, Part
 from benchmark.datasets.humans import Humans
-from benchmark.datasets.parts import Part
 from benchmark.depth.frame import ObservedObject, observe
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth.mask import Mask
 from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
-from benchmark.depth.reading import DEFAULT_SCALE, Depths
+from benchmark.depth.reading import DEFAULT_SCALE, Depths, Mask
 from benchmark.depth.scene import DepthFaults, Pose, Scene, behind_box, wrong_outline
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh

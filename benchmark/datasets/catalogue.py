@@ -10,13 +10,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset, Entry, printable
+from benchmark.datasets.base import Dataset, Entry, Part, printable
 from benchmark.datasets.decimated import Decimated, decimated_name, parsed_decimation
 from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
-from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.plugins.modules import unknown
@@ -222,7 +221,7 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     if decimation := parsed_decimation(name):
         return Decimated.of(open_dataset(decimation[0], data_root), decimation[1])
     if found := parsed(name):
-        from benchmark.datasets.perturbations.frames import perturbed
+        from benchmark.datasets.perturbations.dataset import perturbed
 
         return perturbed(open_dataset(found[0], data_root), *found[1:])
     if is_own(name):

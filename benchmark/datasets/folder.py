@@ -12,8 +12,7 @@ from benchmark.datasets.depth_folder import DepthFolder, with_depth_settings
 from benchmark.datasets.files import FolderDataset, text_of
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, inside, read_manifest
 from benchmark.datasets.settings import SETTINGS_FILE, with_settings
-from benchmark.depth.mask import MASK_FOLDERS
-from benchmark.depth.reading import is_depth_file
+from benchmark.depth.reading import MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
 
 #: Extensions in order of preference when one shape is there in several formats.

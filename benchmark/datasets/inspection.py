@@ -13,8 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import CleaningReport, clean
 from benchmark.geometry.depth import camera_coordinates
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Faces, Mesh
+from benchmark.geometry.mesh import Faces, Mesh, edges_of
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,9 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from benchmark.geometry.cleaning import largest_component
-from benchmark.geometry.edges import sides_of
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, sides_of
+from benchmark.geometry.preparation import isotropic_remesh
 from benchmark.geometry.rasterise import depth_buffer
-from benchmark.geometry.remeshing import isotropic_remesh
 
 CELL = 0.005
 """Side of a voxel in metres."""

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics
 from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, read_intrinsics
-from benchmark.depth.mask import Mask, checked_mask, find_mask, read_mask
-from benchmark.depth.planes import Plane, background_planes
 from benchmark.depth.projection import FRAME, HALF_WIDTH, object_surface, unprojected, upright, without_flying_pixels
-from benchmark.depth.reading import Depths, in_metres, read_depth
-from benchmark.depth.segmentation import find_object
+from benchmark.depth.reading import Depths, Mask, checked_mask, find_mask, in_metres, read_depth, read_mask
+from benchmark.depth.segmentation import Plane, background_planes, find_object
 from benchmark.geometry.mesh import Mesh
 
 _PLANE_STEP = 2

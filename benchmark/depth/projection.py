@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from benchmark.depth.errors import NoObject
 from benchmark.depth.intrinsics import Rays
-from benchmark.depth.mask import Mask
-from benchmark.depth.reading import FEWEST_SEEN
+from benchmark.depth.reading import FEWEST_SEEN, Mask
 from benchmark.depth.segmentation import jump
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh, Points

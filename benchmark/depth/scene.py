@@ -9,8 +9,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth.mask import Mask
-from benchmark.depth.reading import Depths
+from benchmark.depth.reading import Depths, Mask
 from benchmark.geometry.mesh import Faces, Mesh, Points
 
 KINECT = Intrinsics(525.0, 525.0, 319.5, 239.5, (640, 480))

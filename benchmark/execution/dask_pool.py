@@ -31,7 +31,7 @@ from benchmark.execution.plan import changed_names
 from benchmark.execution.pools import LOST, LocalPool, Running
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.execution.processes.process import INTERVAL
-from benchmark.kernel_cache import choose_kernel_cache
+from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
 from benchmark.pipeline import recipes
 from benchmark.pipeline.storage.environment import PACKAGES, environment

@@ -12,8 +12,7 @@ from pandas import DataFrame
 
 from benchmark.errors import ConfigurationError
 from benchmark.external.files import SEVERAL, DistanceMatrix, Labels, as_distances, as_labels
-from benchmark.report.escaping import csv_text, latex_text, markdown_line, markdown_table, markdown_text
-from benchmark.report.rounding import number
+from benchmark.report.escaping import csv_text, latex_text, markdown_line, markdown_table, markdown_text, number
 from benchmark.report.significance import UNIT, intervals
 from retrieval.chance import chance_of_queries
 from retrieval.measures import MEASURES

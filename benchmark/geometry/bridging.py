@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.cleaning import compact, connected_components
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, edges_of
 
 IntArray = NDArray[np.int64]
 _Edge = tuple[int, int]

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import InvalidMesh
-from benchmark.geometry.edges import edges_of, sides_of
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, edges_of, sides_of
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]

@@ -8,8 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmark.geometry.edges import edges_of, sides_of
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, edges_of, sides_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

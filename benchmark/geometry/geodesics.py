@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import UnsupportedShape, did_you_mean
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
-from benchmark.geometry.edges import edges_of
 from benchmark.geometry.geodesic_graph import Graph, edge_graph, geodesic_graph
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, edges_of
 from benchmark.geometry.shortest_paths import shortest_paths
 
 FloatArray = NDArray[np.float64]

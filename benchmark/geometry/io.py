@@ -11,8 +11,7 @@ from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.geometry.formats.mat import read_mat
 from benchmark.geometry.formats.parsing import Arrays
 from benchmark.geometry.formats.ply import read_ply
-from benchmark.geometry.formats.stl import read_stl
-from benchmark.geometry.formats.text import read_obj, read_off, read_vert_tri
+from benchmark.geometry.formats.text import read_obj, read_off, read_stl, read_vert_tri
 from benchmark.geometry.mesh import Mesh
 
 _READERS: dict[str, Callable[..., Arrays]] = {

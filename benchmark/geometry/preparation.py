@@ -1,4 +1,4 @@
-"""From a mesh as read to the mesh that every method sees: one component, unit area, about 2000 vertices."""
+"""Prepare a mesh for all methods (one component, unit area, about 2000 vertices), and re-mesh it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,7 @@ from benchmark.geometry.cleaning import (
     extent_of,
     make_manifold,
 )
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh, Points
-from benchmark.geometry.ordering import in_spatial_order
+from benchmark.geometry.mesh import Mesh, Points, edges_of, in_spatial_order
 
 # Components with a smaller share of the area are debris; larger ones are parts of the shape.
 SMALLEST_SHARE = 0.01
@@ -198,3 +196,48 @@ def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
     )
     collapsed = work.current_mesh()
     return Mesh(collapsed.vertex_matrix(), collapsed.face_matrix())
+
+
+def isotropic_remesh(
+    mesh: Mesh, edge: float, *, iterations: int, feature_degrees: float, max_deviation: float | None = None
+) -> Mesh:
+    """Re-mesh a surface with edges of one length.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    edge
+        Wanted length of the edges, in units of the mesh.
+    iterations
+        Rounds of splitting, collapsing, flipping and smoothing.
+    feature_degrees
+        Edges sharper than this are kept.
+    max_deviation
+        Largest distance from the given surface in percent of the diagonal of its bounding box; None for no bound.
+
+    References
+    ----------
+    Hoppe, DeRose, Duchamp, McDonald, Stuetzle, "Mesh optimization", 1993, as implemented in MeshLab.
+    """
+    import pymeshlab
+
+    layers = pymeshlab.MeshSet(verbose=False)
+    layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    # pymeshlab remembers parameters from call to call, so every one is named.
+    layers.meshing_isotropic_explicit_remeshing(
+        iterations=iterations,
+        adaptive=False,
+        selectedonly=False,
+        targetlen=pymeshlab.PureValue(edge),
+        featuredeg=feature_degrees,
+        checksurfdist=max_deviation is not None,
+        maxsurfdist=pymeshlab.PercentageValue(1.0 if max_deviation is None else max_deviation),
+        splitflag=True,
+        collapseflag=True,
+        swapflag=True,
+        smoothflag=True,
+        reprojectflag=True,
+    )
+    result = layers.current_mesh()
+    return Mesh(result.vertex_matrix(), result.face_matrix())

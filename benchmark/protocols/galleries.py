@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Dataset, Entry, check_retrievable
+from benchmark.datasets.base import Dataset, Entry, Part, check_retrievable, thinned
 from benchmark.datasets.catalogue import (
     CATALOGUE,
     check_ranked,
@@ -20,7 +20,6 @@ from benchmark.datasets.catalogue import (
 )
 from benchmark.datasets.decimated import decimated_name, parsed_decimation
 from benchmark.datasets.jittered import Jittered, clean_name, jittered_name
-from benchmark.datasets.parts import Part, thinned
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.plugins.registry import MethodSpec

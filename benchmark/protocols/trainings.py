@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.learning import Learner
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.base import Dataset, Entry, Part
 from benchmark.datasets.catalogue import catalogued, is_present, open_dataset
-from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError, did_you_mean
 
 

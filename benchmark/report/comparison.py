@@ -16,9 +16,8 @@ from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from benchmark.report.content import TableContent, contents
-from benchmark.report.escaping import markdown_table, markdown_text
+from benchmark.report.escaping import BLANK, markdown_table, markdown_text, millionths, number
 from benchmark.report.results import Result
-from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.report.significance import (
     ALPHA,
     class_permutation_test,

@@ -17,9 +17,8 @@ from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import ABLATION, INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
-from benchmark.report.lines import MISSING, Figures, line_of
-from benchmark.report.results import Result, tables_of
-from benchmark.report.rounding import number
+from benchmark.report.escaping import number
+from benchmark.report.results import MISSING, Figures, Result, line_of, tables_of
 from benchmark.report.significance import CONTROL, TableSignificance, table_significance
 from benchmark.text import brief
 
@@ -63,7 +62,7 @@ class TableContent:
         A row for each method and input that has jobs, or that the paper has a row of: the paper's methods in the
         paper's order, then all others. Its columns are ``method``, ``title``, ``family``, ``paper`` (the figures there,
         or None), ``departs`` (how the method departs from its source), ``run_under`` (all inputs with a job),
-        ``input``, and those of :func:`benchmark.report.lines.line_of`.
+        ``input``, and those of :func:`benchmark.report.results.line_of`.
     chance
         Expected scores of a random ranking; the mean over the galleries where there are several.
     n_galleries

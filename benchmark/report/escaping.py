@@ -9,13 +9,30 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from decimal import ROUND_HALF_UP, Decimal
 from html import escape
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from benchmark.report.rounding import number
 from benchmark.text import clean
+
+#: Stands where there is no figure.
+BLANK = "--"
+
+
+def millionths(value: float) -> float:
+    """Return a figure without what differs between processors, for a comparison that decides something in print."""
+    return round(float(value), 6) + 0.0
+
+
+def number(value: float | None, decimals: int = 2) -> str:
+    """Return a figure with so many decimals: rounded to 1e-6, then half up."""
+    if value is None:
+        return BLANK
+    rounded = Decimal(repr(millionths(value))).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP)
+    return str(rounded + 0)  # nothing is negative that reads as zero
+
 
 #: Marks of Markdown that mean something anywhere; an underscore means nothing within a word, an ampersand only before a
 #: name or a number.

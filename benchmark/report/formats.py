@@ -9,13 +9,12 @@ from typing import Any
 
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import TIED, TableContent
-from benchmark.report.escaping import csv_text, markdown_document, markdown_table, markdown_text
+from benchmark.report.escaping import csv_text, markdown_document, markdown_table, markdown_text, number
 from benchmark.report.frame import Style, figures, labels, printed
 from benchmark.report.latex import Notes, latex_files, latex_rows
-from benchmark.report.lines import Figures
 from benchmark.report.notes import notes
 from benchmark.report.reproduction import paper_tables, reproduction_markdown
-from benchmark.report.rounding import number
+from benchmark.report.results import Figures
 from benchmark.report.significance import DRAWS, RESAMPLES, FigureSignificance
 from retrieval.measures import PRINTED
 

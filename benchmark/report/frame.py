@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from benchmark.api.contracts import Input
 from benchmark.report.content import TableContent
-from benchmark.report.rounding import BLANK, number
+from benchmark.report.escaping import BLANK, number
 from benchmark.report.significance import CONTROL
 from retrieval.measures import PRINTED
 

@@ -23,13 +23,12 @@ from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.plugins.scorers import DEFAULT, scorers
-from benchmark.reference.bibliography import is_listed
+from benchmark.reference.paper import is_listed
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import latex_prose, latex_text
+from benchmark.report.escaping import latex_prose, latex_text, number
 from benchmark.report.frame import Extra, Style, figures, labels, printed
-from benchmark.report.lines import MISSING
 from benchmark.report.notes import notes
-from benchmark.report.rounding import number
+from benchmark.report.results import MISSING
 from benchmark.text import clean
 
 T = TypeVar("T")

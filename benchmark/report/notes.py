@@ -9,8 +9,8 @@ from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference import paper
 from benchmark.report.content import OUTDATED, TIED, TableContent
-from benchmark.report.lines import MISSING
-from benchmark.report.rounding import number
+from benchmark.report.escaping import number
+from benchmark.report.results import MISSING
 from benchmark.text import brief
 from retrieval.measures import PRINTED
 

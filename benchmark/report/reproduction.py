@@ -19,8 +19,15 @@ from benchmark.api.contracts import Input
 from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import CLAIMS, MEASURES, NUMERALS, Claim, is_learned, rows
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import markdown_document, markdown_line, markdown_table, markdown_text
-from benchmark.report.rounding import BLANK, millionths, number
+from benchmark.report.escaping import (
+    BLANK,
+    markdown_document,
+    markdown_line,
+    markdown_table,
+    markdown_text,
+    millionths,
+    number,
+)
 from benchmark.report.significance import ALPHA, class_permutation_test, holm, queries_of
 from retrieval.measures import PRINTED
 

@@ -11,10 +11,18 @@ from benchmark.pipeline.storage.records import Record, chance_of, coverage_of
 from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import stem
-from benchmark.report.escaping import csv_text, latex_text, markdown_document, markdown_table, markdown_text
+from benchmark.report.escaping import (
+    BLANK,
+    csv_text,
+    latex_text,
+    markdown_document,
+    markdown_table,
+    markdown_text,
+    millionths,
+    number,
+)
 from benchmark.report.latex import Columns, float_of
 from benchmark.report.results import Result
-from benchmark.report.rounding import BLANK, millionths, number
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.api.contracts import Input
-from benchmark.report.rounding import millionths
+from benchmark.report.escaping import millionths
 from retrieval.measures import PRINTED
 
 #: Records keep six decimals. Sums of whole numbers are the same in any order, so on every machine.

@@ -13,8 +13,7 @@ from scipy.sparse import csr_array
 from torch import Tensor
 
 from benchmark.api.streaming import MakesSurfaces
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, edges_of
 from learned.field.configuration import Field
 from learned.field.sampling import random_samples
 from learned.frame import centred, frame_of

@@ -14,9 +14,8 @@ from torch import Tensor
 from benchmark.api.contracts import FloatArray, Shape
 from benchmark.api.learning import card_digest, read_card
 from benchmark.errors import UnsupportedShape
-from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, edges_of
 from learned.described import described_in
 from learned.field.configuration import Field, from_card
 from learned.field.detail import Rest, with_detail

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from benchmark.api.streaming import MakesScans, Scan
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.edges import edges_of
 from benchmark.geometry.interpolation import vertex_normals
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, edges_of
 from learned.field.batches import EDGES, SurfaceBatch, noised, shares
 from learned.field.configuration import Field
 from learned.field.sampling import random_samples

@@ -21,9 +21,8 @@ from learned.paired.model import load_model, predict
 from learned.paired.pairs import Pairs, gather
 from learned.paired.schedule import Schedule, schedule
 from learned.training.fitting import Fitting
-from learned.training.loop import Trained, TrainingRun
+from learned.training.loop import Trained, TrainingRun, measures
 from learned.training.machine import Machine, machine_among
-from learned.training.measures import measures
 from learned.weights import as_stored
 
 SAMPLES = 60

@@ -12,11 +12,10 @@ from torch import Tensor, nn
 from benchmark.api.learning import card_digest, read_card
 from benchmark.geometry.depth import DepthImage
 from benchmark.geometry.mesh import Mesh
-from learned.images import enlarge, smooth
+from learned.images import enlarge, smooth, surface_behind
 from learned.paired.card import network_of
 from learned.paired.network import build
 from learned.paired.pairs import seen_by
-from learned.surface import surface_behind
 from learned.weights import with_weights
 
 

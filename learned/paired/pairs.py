@@ -13,8 +13,7 @@ from torch import Tensor
 from benchmark.api.learning import TrainingPair
 from benchmark.errors import TrainingError
 from benchmark.geometry.depth import DepthImage
-from learned.crop import cropped
-from learned.images import Floats, checked_image, shrink
+from learned.images import Floats, checked_image, cropped, shrink
 
 
 @dataclass(frozen=True, eq=False)

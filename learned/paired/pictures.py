@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from learned.images import COVERED
-from learned.training.measures import overlaps
+from learned.training.loop import overlaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,9 +17,8 @@ from learned.paired.network import RESOLUTIONS, build
 from learned.paired.pairs import Pairs
 from learned.paired.schedule import Epochs, Schedule, losses
 from learned.training.checkpoint import stands_at
-from learned.training.loop import Objective, Trained, TrainingLoop, TrainingRun
+from learned.training.loop import Objective, Trained, TrainingLoop, TrainingRun, measures
 from learned.training.machine import is_out_of_memory
-from learned.training.measures import measures
 
 
 def check_resolution(configuration: Configuration, resolution: int) -> None:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from benchmark.api.streaming import Fresh, MakesFresh
-from learned.crop import Image, cropped, shrunk, window
+from learned.images import Image, cropped, shrunk, window
 from learned.streamed.configuration import Streamed
 
 OVERSAMPLING = {"varied": 2.0, "wide": 1.5}

@@ -13,8 +13,7 @@ from learned.streamed.configuration import Streamed
 from learned.streamed.images import ImageBatch, MakesImages
 from learned.streamed.losses import NAMES, losses, weighted
 from learned.streamed.network import StreamedNetwork, build_streamed
-from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun, fresh_bodies
-from learned.training.measures import measures
+from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun, fresh_bodies, measures
 
 LOOKED_AT = 32
 """Validation bodies that are looked at."""

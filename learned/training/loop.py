@@ -1,4 +1,4 @@
-"""The training loop of all networks: steps of Adam, resumable, the same result however often it was stopped."""
+"""Training loop of all networks with Adam: an interrupted training resumes with the same result."""
 
 from __future__ import annotations
 
@@ -19,11 +19,38 @@ from torch import Tensor, nn
 
 from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError, TrainingError
+from learned.images import COVERED
 from learned.training import checkpoint
-from learned.training.average import Average
-from learned.training.checkpoint import SNAPSHOTS, Checkpoint, Progress
+from learned.training.checkpoint import SNAPSHOTS, Average, Checkpoint, Progress
 from learned.training.machine import Precision, has_bfloat16, keep_freed_memory
 from learned.training.stream import Batch, batches
+
+
+def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
+    """Intersection over union of the masks of each pair, shape (n,); both have depth and mask, shape (n, 2, r, r)."""
+    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
+    return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
+
+
+def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
+    """Overlap of masks, and error of depths where both masks are.
+
+    Parameters
+    ----------
+    predictions, targets
+        Depth and mask, shape (n, 2, r, r).
+
+    Returns
+    -------
+    dict
+        ``"mask overlap"``: intersection over union, mean over the images. ``"depth error"``: mean absolute error inside
+        both masks, as a share of the depth of the frame.
+    """
+    both = (predictions[:, 1] > COVERED) & (targets[:, 1] > COVERED)
+    error = (predictions[:, 0] - targets[:, 0]).abs()[both]
+    overlap = float(overlaps(predictions, targets).mean())
+    return {"mask overlap": overlap, "depth error": float(error.mean()) if len(error) else float("nan")}
+
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints: what a crash costs at most, and the steps of a row."""

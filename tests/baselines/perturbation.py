@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 
-from baselines._kernels import arap, interpolation
+from baselines._kernels import arap, low_rank
 from benchmark.api.contracts import Mesh
 from benchmark.geometry import geodesics, laplacian
 
@@ -66,6 +66,6 @@ def other_rounding(seed: int) -> Iterator[None]:
         patch.setattr(laplacian, "eigsh", eigen(laplacian.eigsh))
         patch.setattr(scipy.sparse.linalg, "eigsh", eigen(scipy.sparse.linalg.eigsh))
         patch.setattr(geodesics, "shortest_paths", plain(geodesics.shortest_paths))
-        for module in (arap, interpolation):
+        for module in (arap, low_rank):
             patch.setattr(module, "splu", Factors)
         yield

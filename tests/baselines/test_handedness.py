@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from baselines._kernels.handedness import handedness
 from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import Shape
-from benchmark.plugins.conformance.shapes import figure
+from benchmark.plugins.conformance.cases import figure
 from benchmark.plugins.registry import methods, variant
 
 MIRROR = np.array([1.0, 1.0, -1.0])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import FloatArray, Mesh, Method
-from benchmark.plugins.conformance.shapes import figure, view
+from benchmark.plugins.conformance.cases import figure, view
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from tests.baselines.deformable import moved_to, shape_of, sheet, tube
 from tests.baselines.perturbation import moved, other_rounding
@@ -78,8 +78,8 @@ def test_the_disturbance_is_real(name):
 
 
 def test_a_choice_by_the_last_bits_would_be_found(monkeypatch):
-    monkeypatch.setattr("baselines._kernels.ties.TIE", 0.0)
-    monkeypatch.setattr("baselines._kernels.ties.STEP", 1e-300)
+    monkeypatch.setattr("baselines._kernels.sampling.TIE", 0.0)
+    monkeypatch.setattr("baselines._kernels.sampling.STEP", 1e-300)
     with pytest.raises(AssertionError, match="Not equal to tolerance"):
         for name, surface in (("fast-mds", "flat strip"), ("fast-mds", "round tube"), ("classic-mds", "round tube")):
             check(name, shape(surface), 1)

@@ -19,8 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
-from benchmark.datasets.base import Entry
-from benchmark.datasets.parts import thinned
+from benchmark.datasets.base import Entry, thinned
 from benchmark.protocols import galleries
 from benchmark.results import open_results
 from tests.behaviour.pins import listed

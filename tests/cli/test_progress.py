@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from benchmark.cli import run as run_module
 from benchmark.cli.main import cli
-from benchmark.kernel_cache import VARIABLE
+from benchmark.kernels import VARIABLE
 from tests.execution.test_executors import orders
 from tests.toy import write_rods
 

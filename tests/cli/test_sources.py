@@ -3,7 +3,7 @@
 import pytest
 
 from benchmark.plugins.registry import BUILT_IN, methods
-from benchmark.reference.bibliography import source_of
+from benchmark.reference.paper import source_of
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

@@ -4,7 +4,7 @@ import trimesh
 
 from benchmark.datasets.animals import Animals, animals_mesh
 from benchmark.datasets.animals.poses import POSES
-from benchmark.geometry.edges import edges_of
+from benchmark.geometry.mesh import edges_of
 
 pytestmark = pytest.mark.kernels
 

@@ -12,9 +12,8 @@ from benchmark.datasets.human_poses import POSES, Arm, Pose
 from benchmark.datasets.human_subjects import CLEARANCE, SUBJECTS, adults
 from benchmark.datasets.varied.bodies import Body, varied_subject
 from benchmark.datasets.varied.model import CANONICAL, body_model
-from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import free_pose, joint_limits
-from benchmark.datasets.varied.sampler import LARGEST_DOUBLED
+from benchmark.datasets.varied.sampler import LARGEST_DOUBLED, doubled_share
 from benchmark.geometry.mesh import Mesh
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from benchmark.datasets.human_poses import POSES, bone_rotations
 from benchmark.datasets.human_subjects import CLEARANCE, clearance
-from benchmark.datasets.scans.triangles import collapsed
+from benchmark.datasets.scans.surfaces import collapsed
 from benchmark.datasets.varied import wide
 from benchmark.datasets.varied.bodies import AWAY_FROM, Body, varied_body
 from benchmark.datasets.varied.coarse import coarse_model

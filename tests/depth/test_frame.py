@@ -6,9 +6,9 @@ import pytest
 from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, InvalidMask, NoObject
 from benchmark.depth.frame import observe
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth.planes import background_planes
 from benchmark.depth.projection import UPRIGHT, unprojected, without_flying_pixels
 from benchmark.depth.scene import KINECT, DepthFaults, Pose, Scene
+from benchmark.depth.segmentation import background_planes
 from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
 from tests.depth.scenes import figure, frame, overlap, scene

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from benchmark.depth.errors import InvalidMask
-from benchmark.depth.mask import find_mask, read_mask
+from benchmark.depth.reading import find_mask, read_mask
 
 MASK = np.zeros((6, 8), dtype=np.uint8)
 MASK[2:5, 3:6] = 255

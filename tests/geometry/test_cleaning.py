@@ -9,8 +9,7 @@ from benchmark.geometry.cleaning import (
     largest_component,
     make_manifold,
 )
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, edges_of
 from tests.geometry.surfaces import flat_grid, joined, relabelled, sphere
 
 

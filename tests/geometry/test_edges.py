@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.geometry.edges import edges_of, sides_of
+from benchmark.geometry.mesh import edges_of, sides_of
 
 TRIANGLES = st.lists(st.tuples(*[st.integers(0, 9)] * 3), max_size=30)
 

@@ -7,8 +7,7 @@ import pytest
 
 from benchmark.api.contracts import Shape
 from benchmark.geometry.cleaning import make_manifold
-from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.ordering import in_spatial_order
+from benchmark.geometry.mesh import Mesh, in_spatial_order
 from benchmark.geometry.preparation import prepare
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, sphere
 

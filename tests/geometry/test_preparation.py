@@ -7,9 +7,7 @@ import trimesh
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.cleaning import clean, connected_components, fans_per_vertex
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.ordering import in_spatial_order
+from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order
 from benchmark.geometry.preparation import decimate, prepare
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, sphere
 

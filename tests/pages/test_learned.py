@@ -59,9 +59,9 @@ def test_the_field_is_above_every_classical_form_of_complete_surfaces_but_in_nn_
         field, forms = compared(records, galleries, "deformation-field", "mesh")
         above = [measure for measure in PRINTED if f"{field[measure]:.2f}" > f"{forms[measure].max():.2f}"]
         assert above == [measure for measure in PRINTED if measure != "NN" or galleries != ["humans-scanlike"]]
-    assert (
-        f"{field['NN']:.2f}" == f"{forms.loc['classic-mds[metric=diffusion]', 'NN']:.2f}" == f"{forms['NN'].max():.2f}"
-    )
+    best = forms.loc["classic-mds[metric=diffusion]", "NN"]
+    assert (f"{field['NN']:.2f}", f"{best:.2f}") == ("0.57", "0.58")
+    assert best == forms["NN"].max()
 
 
 @pytest.mark.parametrize(

@@ -21,11 +21,10 @@ from benchmark.report.comparison import compare_folders
 from benchmark.report.content import contents
 from benchmark.report.formats import render
 from benchmark.report.html.data import chart_data
-from benchmark.report.html.forms import DrawnSet
+from benchmark.report.html.forms import DrawnSet, script_json
 from benchmark.report.html.pages import TablePages, index_page, table_pages
-from benchmark.report.html.scripts import script_json
 from benchmark.report.paper.document import paper_files
-from benchmark.report.ranked import ranked_cells
+from benchmark.report.rankings import ranked_cells
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.datasets import humans
-from benchmark.datasets.base import Entry
-from benchmark.datasets.parts import Part
+from benchmark.datasets.base import Entry, Part
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import render_depth

@@ -3,9 +3,9 @@
 import pytest
 
 from benchmark.datasets.animals import Animals
+from benchmark.datasets.base import Part
 from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.humans import Humans
-from benchmark.datasets.parts import Part
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS, TRAININGS, trainings_by_shape, with_validation

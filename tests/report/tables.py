@@ -7,8 +7,7 @@ from typing import Any
 
 from pandas import DataFrame
 
-from benchmark.report.lines import line_of
-from benchmark.report.results import Result
+from benchmark.report.results import Result, line_of
 
 
 def line(method: str, input_: str, *results: Result, title: str = "", **more: Any) -> dict[str, Any]:

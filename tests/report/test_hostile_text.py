@@ -21,12 +21,11 @@ from benchmark.report.escaping import csv_cell, html_text, latex_text, markdown_
 from benchmark.report.formats import render
 from benchmark.report.frame import lines
 from benchmark.report.html.data import chart_data
-from benchmark.report.html.forms import DrawnSet, Sheets
+from benchmark.report.html.forms import DrawnSet, Sheets, add_script
 from benchmark.report.html.pages import ENVIRONMENT, TablePages, index_page, table_pages
-from benchmark.report.html.scripts import add_script
 from benchmark.report.notes import notes
 from benchmark.report.output import Folder
-from benchmark.report.ranked import ranked_cells
+from benchmark.report.rankings import ranked_cells
 from benchmark.report.results import Result
 from benchmark.text import LONGEST_REASON, clean
 from tests.records import failed, record

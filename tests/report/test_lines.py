@@ -10,9 +10,8 @@ from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.html.pages import ENVIRONMENT
 from benchmark.report.latex import latex
-from benchmark.report.lines import line_of
 from benchmark.report.notes import notes
-from benchmark.report.results import Result
+from benchmark.report.results import Result, line_of
 from tests.records import failed, record
 
 MODEL = {"training": "humans-fold-0", "data": "ten humans", "schedule": "one pass", "extra_data": False}

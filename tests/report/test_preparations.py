@@ -8,8 +8,7 @@ import pytest
 
 from benchmark.report.content import contents
 from benchmark.report.formats import as_csv, as_json, markdown
-from benchmark.report.lines import line_of
-from benchmark.report.results import Result
+from benchmark.report.results import Result, line_of
 from tests.records import record
 
 SHAPES = [f"{animal}{number}" for animal in ("cat", "dog") for number in range(20)]

@@ -14,14 +14,13 @@ from benchmark.protocols.tables import Table
 from benchmark.report import html
 from benchmark.report.comparison import compare_folders, lines
 from benchmark.report.content import TableContent
+from benchmark.report.escaping import number
 from benchmark.report.formats import render
 from benchmark.report.frame import figures
-from benchmark.report.lines import line_of
 from benchmark.report.notes import notes
 from benchmark.report.paper.document import leads
-from benchmark.report.results import Result
+from benchmark.report.results import Result, line_of
 from benchmark.report.robustness import half_at
-from benchmark.report.rounding import number
 from tests.records import MEASURES, record
 from tests.report.tables import frame, line
 

@@ -129,8 +129,7 @@ def _components() -> Iterator[tuple[str, Component]]:
     called = (f"{_SETS}depth_folder", "benchmark.depth.reading")
     yield "data/frames", Component(partial(_read, "frames"), called)
     for name, known in PERTURBATIONS.items():
-        called = (f"{_SETS}perturbations.frames",) if known.of_frames else (f"{_SETS}perturbations.dataset",)
-        called += (known.on_mesh.__module__,) if known.on_mesh else ()
+        called = (f"{_SETS}perturbations.dataset", *((known.on_mesh.__module__,) if known.on_mesh else ()))
         yield f"change/{name}", Component(partial(_changed, name), called, FORMS)
     jitters = {"1": ("jitter", 1, 0), "2": ("jitter", 2, 0)}
     yield "change/jitter", Component(partial(_called, stages.changed, jitters), (f"{_SETS}jittered",))

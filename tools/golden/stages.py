@@ -19,13 +19,12 @@ from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS
-from benchmark.datasets.perturbations.frames import perturbed
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, perturbed
 from benchmark.datasets.scans.sampler import ScanSampler
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.datasets.varied_animals import AnimalSampler
-from benchmark.depth import frame, intrinsics, mask, projection, reading
+from benchmark.depth import frame, intrinsics, projection, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
@@ -219,7 +218,7 @@ def file_of(path: Path) -> Arrays:
         mesh = read_mesh(path)
         return {"vertices": mesh.vertices, "faces": mesh.faces, "count": mesh.n_vertices}
     if "mask" in path.name:
-        return {"mask": mask.read_mask(path)}
+        return {"mask": reading.read_mask(path)}
     if path.suffix not in (".json", ".yaml", ".txt"):
         return {"depth": reading.read_depth(path)}
     camera = intrinsics.read_intrinsics(path)

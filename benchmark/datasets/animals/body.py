@@ -14,7 +14,7 @@ from benchmark.datasets.animals.anatomy import Species, Tube
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.remeshing import isotropic_remesh
+from benchmark.geometry.preparation import isotropic_remesh
 
 SUBDIVISIONS = 6
 """Straight pieces between two cross sections."""

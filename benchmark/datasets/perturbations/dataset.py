@@ -5,18 +5,20 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.datasets.base import Dataset, Entry, Part
+from benchmark.datasets.camera_frames import CameraFrames
 from benchmark.datasets.changed import ChangedDataset
-from benchmark.datasets.parts import Part
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
+from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 
@@ -219,3 +221,26 @@ class Perturbed(ChangedDataset):
         """The same at every strength, so that a stronger perturbation is more of the same."""
         name = f"{self.perturbation}|{entry.identifier}".encode("utf-8", "surrogatepass")
         return int.from_bytes(hashlib.sha256(name).digest()[:4], "big")
+
+
+def perturbed(clean: Dataset, perturbation: str, strength: int) -> Perturbed:
+    """Put a data set under a perturbation, which of frames is a parameter of the set.
+
+    Raises
+    ------
+    ConfigurationError
+        If the perturbation is one of frames, and the set has none; or if the camera has depth noise already.
+    """
+    known = PERTURBATIONS[perturbation]
+    if known.of_frames and isinstance(clean, CameraFrames):
+        given: dict[str, Any] = {known.of_frames: known.amounts[strength - 1]}
+        return Perturbed(replace(clean, **given), perturbation, strength)
+    if known.of_frames:
+        raise ConfigurationError(
+            f"{clean.name} has no frames of a depth camera, which '{perturbation}' perturbs",
+            "use it with camera or camera-few, or choose a perturbation of surfaces, such as noise",
+        )
+    sensor = getattr(clean, "sensor", None)
+    if perturbation == "depth-noise" and sensor and sensor(clean.entries[0]):
+        raise ConfigurationError(f"{clean.name} has depth noise already", "name one strength of depth-noise")
+    return Perturbed(clean, perturbation, strength)

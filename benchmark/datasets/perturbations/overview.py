@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import fitting_perturbations
-from benchmark.datasets.perturbations.dataset import STRENGTHS, Perturbed
-from benchmark.datasets.perturbations.frames import perturbed
+from benchmark.datasets.perturbations.dataset import STRENGTHS, Perturbed, perturbed
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh

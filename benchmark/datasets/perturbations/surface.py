@@ -10,10 +10,8 @@ import numpy as np
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.cleaning import compact, extent_of, largest_component
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import decimate
-from benchmark.geometry.remeshing import isotropic_remesh
+from benchmark.geometry.mesh import Mesh, edges_of
+from benchmark.geometry.preparation import decimate, isotropic_remesh
 
 Random = np.random.Generator
 

@@ -1,23 +1,49 @@
-"""Fresh bodies, scanned; a batch is a function of its number alone."""
+"""Scans of new bodies; a batch is a function of its number alone."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchmark.api.streaming import Scan, Scans
-from benchmark.datasets.scans.bodies import WideBodies
-from benchmark.datasets.scans.holes import blind, patched
-from benchmark.datasets.scans.noise import misaligned, noisy
-from benchmark.datasets.scans.triangles import clustered, collapsed, subdivided
-from benchmark.datasets.scans.welding import welded
-from benchmark.datasets.scans.wrapping import wrapped
-from benchmark.datasets.varied.sampler import height_of
+from benchmark.api.streaming import Scan, Scans, Surfaces
+from benchmark.datasets.scans.noise import blind, misaligned, noisy, patched
+from benchmark.datasets.scans.surfaces import clustered, collapsed, subdivided, welded, wrapped
+from benchmark.datasets.varied.coarse import Resting, coarse_model
+from benchmark.datasets.varied.model import CANONICAL
+from benchmark.datasets.varied.sampler import drawn_bodies, height_of
+from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.cleaning import largest_component
 from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.preparation import decimate
+
+
+@dataclass(frozen=True, kw_only=True)
+class WideBodies(WideSampler):
+    """Makes batches; see :class:`benchmark.datasets.varied.wide.WideSampler`, with which it shares no body."""
+
+    def surfaces(self, number: int, bodies: int) -> Surfaces:
+        """Make one batch; see :class:`benchmark.api.streaming.MakesSurfaces`."""
+        model, again = coarse_model(self.triangles), Counter[str]()
+        names = [f"scanned-{self.seed}-{number}-{place}" for place in range(bodies)]
+        # A number other than those of the two streams of images, so that no body of theirs comes here.
+        randoms = [np.random.default_rng([self.seed, number, place, 2]) for place in range(bodies)]
+
+        def standing(candidates: Sequence[Resting]) -> Iterable[Points]:
+            return model.posed(candidates, np.tile(CANONICAL.angles(), (len(candidates), 1)))
+
+        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
+        return Surfaces(
+            identifiers=tuple(names),
+            canonical=np.stack(shapes),
+            posed=self._posed(model, names, drawn, shapes, randoms, again),
+            faces=model.faces,
+            drawn_again=dict(again),
+        )
+
 
 PREPARED, SMALL = 2000, 4000
 """Vertices that a scan is decimated to, as in the preparation of every comparison, and up to which that is left out: it

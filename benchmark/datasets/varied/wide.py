@@ -18,13 +18,13 @@ from benchmark.datasets.varied.bodies import varied_body
 from benchmark.datasets.varied.camera import Perturbations, both_sides, drawn_perturbations, rendered, turned
 from benchmark.datasets.varied.coarse import CoarseModel, Resting, coarse_model
 from benchmark.datasets.varied.model import CANONICAL
-from benchmark.datasets.varied.overlap import doubled_share
 from benchmark.datasets.varied.poses import range_of_motion
 from benchmark.datasets.varied.sampler import (
     LARGEST_DOUBLED,
     MOST_DRAWS,
     POSES_OVERLAP,
     SHARES,
+    doubled_share,
     drawn_bodies,
     height_of,
     hopeless,

@@ -16,8 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
 from benchmark.execution.processes.process import is_child
 from benchmark.plugins.conformance import checks
-from benchmark.plugins.conformance.cases import DatasetCase, ScorerCase, Skipped, Warned, explain
-from benchmark.plugins.conformance.shapes import figure
+from benchmark.plugins.conformance.cases import DatasetCase, ScorerCase, Skipped, Warned, explain, figure
 from benchmark.plugins.inspection import inspect, plugins_in
 from benchmark.plugins.registry import methods, plugin_methods, variants
 from benchmark.plugins.scorers import scorer_of, scorers

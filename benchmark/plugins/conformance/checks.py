@@ -27,7 +27,9 @@ from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.storage import keys
 from benchmark.plugins.conformance.cases import (
+    BENDS,
     REPEAT_TOLERANCE,
+    TRAINING,
     Case,
     DatasetCase,
     Failed,
@@ -39,8 +41,8 @@ from benchmark.plugins.conformance.cases import (
     explain,
     is_mirrored,
     same,
+    training_data,
 )
-from benchmark.plugins.conformance.shapes import BENDS, TRAINING, training_data
 from benchmark.plugins.output_checks import problems_of, problems_of_learner
 from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec
 from benchmark.text import DATA_VARIABLE
@@ -128,7 +130,7 @@ def _training(case: MethodCase) -> str:
 
 
 def trained(spec: MethodSpec, folder: Path, options: Any = ()) -> Method:
-    """Train a learner on :func:`~benchmark.plugins.conformance.shapes.training_data` and load the model.
+    """Train a learner on :func:`~benchmark.plugins.conformance.cases.training_data` and load the model.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
-from benchmark.datasets.animals.people import BODIES
+from benchmark.datasets.animals.dataset import BODIES
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.human_subjects import SUBJECTS, Subject, clearances

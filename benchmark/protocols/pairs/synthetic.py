@@ -16,7 +16,7 @@ from benchmark.api.learning import MakesPairs, TrainingData, TrainingPair
 from benchmark.api.streaming import ScannedData, StreamedAndScannedData, StreamedData
 from benchmark.datasets import humans
 from benchmark.datasets.animals import CANONICAL_POSE, Animals
-from benchmark.datasets.animals.people import CENTIMETRES
+from benchmark.datasets.animals.dataset import CENTIMETRES
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose
 from benchmark.datasets.human_subjects import CLEARANCE, TESTED

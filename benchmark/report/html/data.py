@@ -10,12 +10,19 @@ from benchmark.api.contracts import Input
 from benchmark.pipeline.storage.records import answered_shapes
 from benchmark.report.artefact_reader import NOT_STORED
 from benchmark.report.content import TableContent
-from benchmark.report.html.forms import Sheets
-from benchmark.report.html.scripts import Files, add_script
+from benchmark.report.escaping import millionths
+from benchmark.report.html.forms import Files, Sheets, add_script
 from benchmark.report.pictures.posing import spread
-from benchmark.report.ranked import CLASSES, POSES, RankedCell, RankedGallery, classes_of, poses_of
-from benchmark.report.rankings import RECALLS, pareto_front
-from benchmark.report.rounding import millionths
+from benchmark.report.rankings import (
+    CLASSES,
+    POSES,
+    RECALLS,
+    RankedCell,
+    RankedGallery,
+    classes_of,
+    pareto_front,
+    poses_of,
+)
 from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import PRINTED

@@ -21,16 +21,14 @@ from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, Record
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import html_line, html_text
+from benchmark.report.escaping import BLANK, html_line, html_text, millionths, number
 from benchmark.report.frame import Style, lines
 from benchmark.report.html.data import chart_data, write_queries
-from benchmark.report.html.forms import DrawnSet, draw_set
-from benchmark.report.html.scripts import Files, Progress, add_script, script_json
+from benchmark.report.html.forms import DrawnSet, Files, Progress, add_script, draw_set, script_json
 from benchmark.report.notes import notes
 from benchmark.report.output import Folder
-from benchmark.report.ranked import RankedCell, poses_of, ranked_cells
+from benchmark.report.rankings import RankedCell, poses_of, ranked_cells
 from benchmark.report.reproduction import reproduced_figures
-from benchmark.report.rounding import BLANK, millionths, number
 from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import MEASURES, PRINTED

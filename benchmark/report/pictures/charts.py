@@ -18,12 +18,11 @@ from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.errors import ConfigurationError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
+from benchmark.report.escaping import millionths, number
 from benchmark.report.pictures.forms import WIDTH
 from benchmark.report.pictures.painting import save
-from benchmark.report.ranked import CLASSES, RankedCell, classes_of, ranked_cells
-from benchmark.report.rankings import RECALLS, pareto_front
+from benchmark.report.rankings import CLASSES, RECALLS, RankedCell, classes_of, pareto_front, ranked_cells
 from benchmark.report.robustness import file_stem, titles
-from benchmark.report.rounding import millionths, number
 from benchmark.report.significance import CONTROL
 from benchmark.text import clean
 

@@ -20,8 +20,7 @@ from scipy.spatial import cKDTree
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import FRONT, Camera
-from benchmark.geometry.edges import edges_of
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, edges_of
 from benchmark.geometry.rasterise import depth_buffer
 
 if TYPE_CHECKING:

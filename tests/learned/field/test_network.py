@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from benchmark.errors import ConfigurationError
 from learned.field.batches import MakesSurfaceBatches
 from learned.field.configuration import FIELDS, check_sizes, field_named, from_card
-from learned.field.losses import losses, weighted
 from learned.field.network import Unbent, build_field
+from learned.field.training import losses, weighted
 from tests.learned.field.toy import TOY
 from tests.learned.streamed.toy import Ellipsoids
 

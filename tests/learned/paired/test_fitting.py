@@ -17,7 +17,7 @@ from learned.paired.fitting import fit
 from learned.paired.model import load_model, predict
 from learned.paired.pairs import gather
 from learned.training.fitting import HISTORY
-from learned.training.measures import measures
+from learned.training.loop import measures
 from tests.learned.toy import OPTIONS, TINY, files, toy_data
 
 PICTURES = {"history.png", "samples-training.png", "samples-unseen.png"}

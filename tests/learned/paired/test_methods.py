@@ -17,11 +17,11 @@ from benchmark.api.learning import WEIGHTS
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
-from benchmark.geometry.edges import edges_of
+from benchmark.geometry.mesh import edges_of
 from benchmark.plugins.registry import methods, variant
+from learned.images import surface_behind
 from learned.paired.methods import Learned
 from learned.paired.model import canonical_depth
-from learned.surface import surface_behind
 from tests.learned.paired.test_model import replace_weights
 from tests.learned.toy import TINY, Image, ellipsoid
 

@@ -19,9 +19,8 @@ from learned.paired.pairs import Pairs, gather
 from learned.paired.schedule import Schedule
 from learned.paired.training import train
 from learned.training import loop
-from learned.training.loop import Trained
+from learned.training.loop import Trained, measures
 from learned.training.machine import device_named
-from learned.training.measures import measures
 from tests.learned.toy import BUILDS, TINY, quiet, run_in, toy_pairs
 
 CPU = torch.device("cpu")

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from benchmark.errors import UnsupportedShape
-from learned.streamed.stitching import closed_surface
+from learned.streamed.model import closed_surface
 from tests.learned.streamed.toy import both
 
 

@@ -15,10 +15,9 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html.data import chart_data, write_queries
-from benchmark.report.html.forms import ACROSS, DOWN, SIDE
+from benchmark.report.html.forms import ACROSS, DOWN, SIDE, add_script, script_json
 from benchmark.report.html.pages import CONTENTS, write_report
-from benchmark.report.html.scripts import add_script, script_json
-from benchmark.report.ranked import ranked_cells
+from benchmark.report.rankings import ranked_cells
 from benchmark.report.results import Result
 from retrieval.measures import PRINTED
 from tests.records import SHAPES, failed, record

@@ -170,7 +170,7 @@ const canonicalForms = (() => {
     document.querySelector("header nav a[aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" });
   });
 
-  /* A figure in print, as benchmark/report/rounding.py writes it: rounded to 1e-6, then half up. */
+  /* A figure in print, as benchmark/report/escaping.py writes it: rounded to 1e-6, then half up. */
   const number = (value, decimals = 2) => (Math.floor(Math.round(value * 1e6) / 10 ** (6 - decimals) + 0.5) / 10 ** decimals).toFixed(decimals);
 
   return { load, receive, plotly, pageData, address, addressOf, make, fill, number, plain, colour, unpack, onTheme, isDark };
