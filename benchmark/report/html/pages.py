@@ -254,7 +254,8 @@ def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Boar
         for part in record.get("environments", ()):
             environments[in_words(part.get("environment", ""))] += int(part.get("artefacts", 0))
     dates = sorted(str(record["finished"]) for record in records.values() if record.get("finished"))
-    data = {p.table.data_title: [p.table.data[key] for key in ("name", "n_shapes", "n_classes")] for p in tables}
+    by_size = sorted(tables, key=lambda pages: pages.table.data["n_shapes"])  # a set has that of its largest gallery
+    data = {p.table.data_title: [p.table.data[key] for key in ("name", "n_shapes", "n_classes")] for p in by_size}
     return _page(
         "index.html",
         tables,

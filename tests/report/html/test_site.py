@@ -118,6 +118,13 @@ def test_real_and_generated_data_stand_in_tables_of_their_own(artefacts, tmp_pat
     assert "generated stand-in &#x27;animals&#x27;, not TOSCA" in index
 
 
+def test_a_set_has_the_shapes_of_its_largest_gallery(artefacts, tmp_path):
+    whole = record("gps", gallery="tosca", data={"n_shapes": 80, "n_classes": 9})
+    part = record("gps", gallery="tosca held out", data={"name": "tosca", "title": "tosca"})
+    report(tmp_path, artefacts, whole, part)
+    assert "80</td>" in (tmp_path / "index.html").read_text()
+
+
 def test_names_that_are_no_names_of_files_are_none_here_either(artefacts, tmp_path):
     data = {"name": HOSTILE, "title": HOSTILE, "source": HOSTILE}
     report(
