@@ -8,9 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import Side, side_notes
-from baselines._kernels.low_rank import low_rank_scaling
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import Side, low_rank_scaling, side_notes, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -38,7 +36,7 @@ class AcceleratedMDS(CheckedParameters):
 
     which is exact in the rows and columns of the samples (the Boolean sum of the two interpolations, Gordon 1971) and
     costs the same distances. Either way the matrix is :math:`Z M Z^\top` with few columns in Z, see
-    :func:`baselines._kernels.low_rank.low_rank_scaling`. For the average of the two continuations see
+    :func:`baselines._kernels.orientation.low_rank_scaling`. For the average of the two continuations see
     :class:`baselines.fast_classical_scaling.FastClassicalScaling`, and for one that asks the distances alone
     :class:`baselines.nystrom_mds.NystromMDS`.
 
@@ -77,7 +75,7 @@ class AcceleratedMDS(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
-        from baselines._kernels.low_rank import smooth_interpolation
+        from baselines._kernels.interpolation import smooth_interpolation
         from baselines._kernels.sampling import farthest_points, squares_between, stress_of_rows
 
         require_vertices(shape)

@@ -8,8 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_pairs, require_vertices
-from baselines._kernels.handedness import Side, oriented, side_notes
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import Side, oriented, side_notes, vertex_areas
 from baselines._kernels.spectral import Metric, spectral_embedding
 from benchmark.api.contracts import (
     CanonicalForm,
@@ -33,7 +32,7 @@ class ClassicMDS(CheckedParameters):
 
     where the three largest eigenvalues are kept and negative ones count as zero. The first two axes point to the side
     of positive area-weighted third moment; the third decides between the form and its mirror image, see
-    :mod:`baselines._kernels.handedness`, and the note ``side_in_doubt`` is 1 where that is open. Elad and Kimmel
+    :mod:`baselines._kernels.orientation`, and the note ``side_in_doubt`` is 1 where that is open. Elad and Kimmel
     (2003), "On bending invariant signatures for surfaces"; Torgerson (1952), "Multidimensional scaling: I. Theory and
     method".
 
@@ -110,7 +109,7 @@ class ClassicMDS(CheckedParameters):
 def oriented_classic_scaling(
     mesh: Mesh, distances: FloatArray, side: Side = "moment"
 ) -> tuple[FloatArray, list[float]]:
-    """Classic scaling of the vertices of a mesh, with the axes of :func:`baselines._kernels.handedness.oriented`.
+    """Classic scaling of the vertices of a mesh, with the axes of :func:`baselines._kernels.orientation.oriented`.
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ def oriented_classic_scaling(
     distances
         Geodesic distances, symmetric, shape (n, n) with n at least 4.
     side
-        As of :func:`baselines._kernels.handedness.oriented`.
+        As of :func:`baselines._kernels.orientation.oriented`.
 
     Returns
     -------

@@ -8,9 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import Side, side_notes
-from baselines._kernels.low_rank import low_rank_scaling
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import Side, low_rank_scaling, side_notes, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -35,7 +33,7 @@ class FastClassicalScaling(CheckedParameters):
     .. math:: D \circ D \approx \tfrac12 (P F + F^\top P^\top),
 
     is the matrix :math:`Z M Z^\top` of classic scaling with 2p columns in Z, see
-    :func:`baselines._kernels.low_rank.low_rank_scaling`. Shamai, Aflalo, Zibulevsky and Kimmel (2015), "Classical
+    :func:`baselines._kernels.orientation.low_rank_scaling`. Shamai, Aflalo, Zibulevsky and Kimmel (2015), "Classical
     scaling revisited", and Shamai, Zibulevsky and Kimmel (2018), "Efficient inter-geodesic distance computation and
     fast classical scaling"; equations and defaults are those of the code that the authors released.
 
@@ -77,7 +75,7 @@ class FastClassicalScaling(CheckedParameters):
         UnsupportedShape
             If the shape has fewer than four vertices, no face, or several pieces.
         """
-        from baselines._kernels.low_rank import smooth_interpolation
+        from baselines._kernels.interpolation import smooth_interpolation
         from baselines._kernels.sampling import farthest_points, stress_of_rows
 
         require_vertices(shape)

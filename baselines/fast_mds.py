@@ -8,8 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from baselines._kernels.handedness import Side, oriented, side_notes
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import Side, oriented, side_notes, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -36,7 +35,7 @@ class FastMDS(CheckedParameters):
     from the geodesic centre, which is the vertex whose largest distance to four mutually far vertices is smallest;
     distances along edges are good enough for that. At the end the first two axes are turned to the side of positive
     area-weighted third moment, and the third decides between the form and its mirror image, see
-    :mod:`baselines._kernels.handedness`. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing,
+    :mod:`baselines._kernels.orientation`. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing,
     data-mining and visualization of traditional and multimedia datasets".
 
     Parameters
@@ -120,7 +119,7 @@ class _Rows:
 
     def farthest(self, vertex: int, points: FloatArray) -> int:
         """Vertex that the axes so far leave farthest from a given one."""
-        from baselines._kernels.sampling import largest
+        from baselines._kernels.orientation import largest
 
         return largest(self.residual(vertex, points), self._shape.mesh.vertices)
 

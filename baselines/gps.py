@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import Side, oriented, side_notes
+from baselines._kernels.orientation import Side, oriented, side_notes
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, MethodInfo, Shape
 
 
@@ -23,7 +23,7 @@ class GPS(CheckedParameters):
 
     The eigenfunctions have unit norm on the surface, so the form depends on neither position nor size of the shape.
     Their signs are open: the first two axes point to the side of positive area-weighted third moment, the third decides
-    between the form and its mirror image, see :mod:`baselines._kernels.handedness`. Neighbouring
+    between the form and its mirror image, see :mod:`baselines._kernels.orientation`. Neighbouring
     eigenvalues of nearly the same size let eigenfunctions change places between poses; the smallest relative gap is
     noted. Rustamov (2007), "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
 

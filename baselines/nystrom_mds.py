@@ -8,9 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.handedness import Side, side_notes
-from baselines._kernels.low_rank import low_rank_scaling
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import Side, low_rank_scaling, side_notes, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from baselines._kernels.checks import require_connected, require_pairs, require_vertices
-from baselines._kernels.handedness import Side, oriented, side_notes
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import Side, oriented, side_notes, vertex_areas
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, MethodInfo, Shape
 
 

@@ -9,8 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_pairs, require_vertices
-from baselines._kernels.handedness import Side, oriented, side_notes
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import Side, oriented, side_notes, vertex_areas
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, Interval, MethodInfo, Shape
 
 MARGIN = 1e-6

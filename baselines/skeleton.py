@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.curve_skeleton import on_grid, principal_frame
-from baselines._kernels.orientation import vertex_areas
-from baselines._kernels.sampling import TIE, largest, order_by_coordinates
+from baselines._kernels.frame import on_grid, principal_frame
+from baselines._kernels.orientation import TIE, largest, order_by_coordinates, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,

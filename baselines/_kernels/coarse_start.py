@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines._kernels.sampling import largest
+from baselines._kernels.orientation import largest
 from benchmark.api.contracts import FloatArray
 
 #: Spread vertices that are scaled first: a sixtieth of the pairs of 2000 vertices. With 160 of them the fingers of some

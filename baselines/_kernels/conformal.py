@@ -6,7 +6,8 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 
 from baselines._kernels.arap import factorise_definite
-from baselines._kernels.sampling import TIE, edge_graph, largest, within
+from baselines._kernels.orientation import TIE, largest
+from baselines._kernels.sampling import edge_graph, within
 from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.geometry.laplacian import Laplacian
 from benchmark.geometry.mesh import edges_of

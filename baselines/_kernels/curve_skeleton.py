@@ -1,4 +1,4 @@
-"""Curve skeletons: the voxel frame, joints, bones, and the part of the surface that belongs to each joint."""
+"""Curve skeletons: joints, the bones between them, and the part of the surface that each joint owns."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, shortest_path
 
 from baselines._kernels.connectivity_surgery import SAMPLING, collapse
-from baselines._kernels.orientation import canonical_signs, vertex_areas
-from baselines._kernels.sampling import TIE
+from baselines._kernels.orientation import TIE, vertex_areas
 from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh, edges_of
 
@@ -219,60 +218,3 @@ def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indice
         neighbours = ends[(ends[:, 0] == speck) & (ends[:, 1] != speck), 1]
         owners = np.where(owners == speck, np.bincount(neighbours).argmax(), owners)
         owners = owners - (owners > speck)
-
-
-CLEAR = 1e-3
-"""Variances along two principal axes that differ by less than this share of the largest leave the axes open."""
-
-GRID = 2.0**-20
-"""Step of the grid, in roots of the surface's area: a few ten-thousandths of an edge of two thousand vertices."""
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """An origin, three axes and a unit of length.
-
-    Parameters
-    ----------
-    origin
-        Shape (3,).
-    axes
-        Columns, shape (3, 3): a rotation.
-    unit
-        Positive.
-    """
-
-    origin: FloatArray
-    axes: FloatArray
-    unit: float
-
-    def coordinates(self, points: FloatArray) -> FloatArray:
-        """Return points of space, shape (n, 3), in this frame."""
-        return np.asarray((points - self.origin) @ self.axes / self.unit)
-
-    def points(self, coordinates: FloatArray) -> FloatArray:
-        """Return what has these coordinates, shape (n, 3): the inverse of :meth:`coordinates`."""
-        return np.asarray(coordinates * self.unit @ self.axes.T + self.origin)
-
-
-def principal_frame(mesh: Mesh) -> Frame:
-    """Return the frame of the principal axes of a surface, in units of the root of its area.
-
-    A surface whose axes are not clear, such as a round tube, keeps the axes of space: those of its own would hang on
-    rounding errors.
-    """
-    areas = vertex_areas(mesh)
-    origin = areas @ mesh.vertices / areas.sum()
-    centred = mesh.vertices - origin
-    variances, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)
-    if np.diff(variances).min() <= CLEAR * variances[2]:
-        axes = np.eye(3)
-    else:
-        axes = axes[:, ::-1] * canonical_signs(centred @ axes[:, ::-1], areas, mesh.vertices)
-        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return Frame(origin, axes, float(np.sqrt(areas.sum())))
-
-
-def on_grid(mesh: Mesh, frame: Frame) -> Mesh:
-    """Return the surface in the frame, its coordinates rounded to multiples of ``GRID``."""
-    return mesh.with_vertices(np.round(frame.coordinates(mesh.vertices) / GRID) * GRID + 0.0)

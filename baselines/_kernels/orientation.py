@@ -1,20 +1,54 @@
-"""One rule for the signs that an eigen-decomposition leaves open."""
+"""Axes of embeddings: ties, signs, the side of the mirror, and classic scaling of thin products."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Literal
 
-from baselines._kernels.sampling import largest
-from benchmark.api.contracts import FloatArray
-from benchmark.geometry.mesh import Mesh
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.api.contracts import FloatArray, Mesh
+
+TIE = 1e-6
+"""Values nearer to the extreme one than this fraction of it are equal. Distances are stored in single precision, whose
+last bit is a seventeenth of that; symmetric surfaces have many such ties."""
+
+STEP = 2.0**-24
+"""Coordinates are compared in multiples of this share of the largest one: far coarser than rounding errors."""
+
+
+def largest(values: FloatArray, vertices: FloatArray) -> int:
+    """Return the vertex of the largest value; of equal ones, the first by its coordinates.
+
+    Parameters
+    ----------
+    values
+        One number per vertex, shape (n,).
+    vertices
+        Positions, shape (n, 3).
+    """
+    highest = values.max()
+    # What cannot be reached is infinitely far, and as far as what else cannot.
+    bound = highest - TIE * np.abs(highest) if np.isfinite(highest) else highest
+    tied = np.flatnonzero(values >= bound)
+    if len(tied) == 1:
+        return int(tied[0])
+    return int(tied[order_by_coordinates(vertices[tied], float(np.abs(vertices).max()))[0]])
+
+
+def order_by_coordinates(vertices: FloatArray, extent: float) -> NDArray[np.int64]:
+    """Return the order of points by their coordinates x, y, z in multiples of ``STEP * extent``, shape (n,)."""
+    cells = np.round(vertices / (STEP * max(extent, np.finfo(float).tiny)))
+    return np.asarray(np.lexsort(cells.T[::-1]), dtype=np.int64)
+
 
 EQUAL = 1e-6
 """Eigenvalues that differ by less than this share of the larger are equal: their axes may be turned into each other."""
 
 
 NEGLIGIBLE = 1e-6
-"""A third moment below this share of its largest possible value is that of an axis of symmetry. Geodesic distances in
-single precision give one of some 1e-8 to an axis that should have none."""
+"""A third moment below this share of its largest possible value is that of an axis of symmetry, a smaller handedness
+that of a mirror image of itself. Geodesic distances in single precision give some 1e-8 where there should be none."""
 
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
@@ -63,7 +97,7 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
     The moment is a sum over the surface, so the choice follows any relabelling of the vertices and hardly depends on
     the sampling. An axis of symmetry has no third moment: there the vertex farthest from the centre decides, of several
     equally far ones the first by its position on the surface. Along an axis that is nearly one a jitter may decide;
-    so which of a form and its mirror image it is, is settled by :mod:`baselines._kernels.handedness`, and two signs
+    so which of a form and its mirror image it is, is settled by :mod:`baselines._kernels.orientation`, and two signs
     that change together are half a turn, which the scorer tries.
 
     Parameters
@@ -85,3 +119,121 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
     extremes = np.array([column[largest(np.abs(column), positions)] for column in centred.T])
     negligible = np.abs(moments) <= NEGLIGIBLE * (weights @ np.abs(centred) ** 3)
     return np.where(np.where(negligible, extremes, moments) < 0, -1.0, 1.0)
+
+
+Side = Literal["moment", "off"]
+
+DOUBTFUL = 0.02
+"""Below it a note says so, and nothing else changes: a jitter of 1e-6 or another triangulation may turn the side."""
+
+
+def handedness(points: FloatArray, weights: FloatArray) -> float:
+    r"""Return how clearly a form differs from its mirror image, and which of the two it is.
+
+    In coordinates (x, y, z) along the principal axes, the longest first and z making the frame right-handed, it is
+
+    .. math:: \sum_i w_i x_i y_i z_i \Big/ \sum_i w_i |x_i y_i z_i| .
+
+    The product does not change when two axes are turned round, so that the value depends on neither position, rotation
+    nor size, and changes its sign in a mirror. It is 0 for what is symmetric about a principal plane. It is in doubt
+    where it is near 0, and where two principal variances nearly tie.
+
+    Parameters
+    ----------
+    points
+        Positions, shape (n, 3).
+    weights
+        Weight of each, usually its area, shape (n,).
+
+    Returns
+    -------
+    float
+        From -1 to 1.
+    """
+    shares = weights / weights.sum()
+    centred = points - shares @ points
+    _, axes = np.linalg.eigh((centred * shares[:, None]).T @ centred)
+    along = centred @ axes[:, ::-1]
+    products = along.prod(axis=1) * np.sign(np.linalg.det(axes[:, ::-1]))
+    size = float(shares @ np.abs(products))
+    return float(shares @ products) / size if size > 0 else 0.0
+
+
+def right_handed(points: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the form or its mirror image: that of positive :func:`handedness`.
+
+    Parameters
+    ----------
+    points, weights
+        As of :func:`handedness`. The last axis is the one that is turned round.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 3).
+    """
+    return points * [1.0, 1.0, -1.0] if handedness(points, weights) < -NEGLIGIBLE else points
+
+
+def oriented(
+    mesh: Mesh,
+    points: FloatArray,
+    eigenvalues: FloatArray | None = None,
+    *,
+    areas: FloatArray | None = None,
+    side: Side = "moment",
+) -> FloatArray:
+    """Settle what an embedding leaves open: axes of equal eigenvalues, signs, and the side of the mirror.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    points
+        Positions along the axes, shape (n, 3).
+    eigenvalues
+        Of the axes, shape (3,), where equal ones leave axes open.
+    areas
+        Of the vertices, shape (n,); those of the mesh by default.
+    side
+        ``"moment"``: see :func:`right_handed`; ``"off"``: the side that the signs of the axes happen to give.
+    """
+    if eigenvalues is not None:
+        points = settled_axes(points, eigenvalues, mesh.vertices)
+    areas = vertex_areas(mesh) if areas is None else areas
+    points = points * canonical_signs(points, areas, mesh.vertices)
+    return right_handed(points, areas) if side == "moment" else points
+
+
+def side_notes(points: FloatArray, weights: FloatArray) -> dict[str, float]:
+    """Return the notes of a form on its side: ``handedness``, and ``side_in_doubt``, 1 where that is near 0, else 0."""
+    found = handedness(points, weights)
+    return {"handedness": found, "side_in_doubt": float(abs(found) < DOUBTFUL)}
+
+
+def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side: Side) -> FloatArray:
+    r"""Classic scaling of the squared distances :math:`Z M Z^\top`, without making that matrix.
+
+    The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, as large as Z has
+    columns.
+
+    Parameters
+    ----------
+    mesh
+        The surface, which settles axes of equal eigenvalues, signs, and the side of the mirror.
+    columns
+        The matrix Z, shape (n, k) with k at least 3.
+    coupling
+        The symmetric matrix M, shape (k, k).
+    side
+        As of :func:`baselines._kernels.orientation.oriented`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Centred positions, shape (n, 3), along axes of falling variance; negative eigenvalues count as zero.
+    """
+    orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
+    values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
+    leading = np.maximum(values[:-4:-1], 0.0)
+    return oriented(mesh, orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading, side=side)

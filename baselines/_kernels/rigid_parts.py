@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines._kernels.arap import AsRigidAsPossible, nearest_rotation
-from baselines._kernels.sampling import TIE
+from baselines._kernels.orientation import TIE
 from benchmark.api.contracts import FloatArray
 
 CLEARER = 1e-6

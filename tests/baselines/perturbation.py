@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 
-from baselines._kernels import arap, low_rank
+from baselines._kernels import arap, interpolation
 from benchmark.api.contracts import Mesh
 from benchmark.geometry import geodesics
 
@@ -65,6 +65,6 @@ def other_rounding(seed: int) -> Iterator[None]:
         patch.setattr(np.linalg, "svd", plain(np.linalg.svd))
         patch.setattr(scipy.sparse.linalg, "eigsh", eigen(scipy.sparse.linalg.eigsh))
         patch.setattr(geodesics, "shortest_paths", plain(geodesics.shortest_paths))
-        for module in (arap, low_rank):
+        for module in (arap, interpolation):
             patch.setattr(module, "splu", Factors)
         yield

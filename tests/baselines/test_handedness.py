@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baselines._kernels.handedness import handedness
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.orientation import handedness, vertex_areas
 from benchmark.api.contracts import Shape
 from benchmark.plugins.conformance.cases import figure
 from benchmark.plugins.registry import methods, variant

@@ -78,8 +78,8 @@ def test_the_disturbance_is_real(name):
 
 
 def test_a_choice_by_the_last_bits_would_be_found(monkeypatch):
-    monkeypatch.setattr("baselines._kernels.sampling.TIE", 0.0)
-    monkeypatch.setattr("baselines._kernels.sampling.STEP", 1e-300)
+    monkeypatch.setattr("baselines._kernels.orientation.TIE", 0.0)
+    monkeypatch.setattr("baselines._kernels.orientation.STEP", 1e-300)
     with pytest.raises(AssertionError, match="Not equal to tolerance"):
         for name, surface in (("fast-mds", "flat strip"), ("fast-mds", "round tube"), ("classic-mds", "round tube")):
             check(name, shape(surface), 1)

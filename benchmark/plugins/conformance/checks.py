@@ -340,7 +340,7 @@ def _mirror(case: MethodCase) -> str:
         found = same(before, after, hint, factor=1.0)
         mirrored.add(is_mirrored(before, after))
     if len(mirrored) > 1:
-        cure = "let the form decide which of the two it is (baselines._kernels.handedness), or keep the handedness"
+        cure = "let the form decide which of the two it is (baselines._kernels.orientation), or keep the handedness"
         raise Failed(f"keeps the mirror image of some shapes and not of others; {cure}")
     return f"{'the mirrored form' if True in mirrored else 'the same form'}, {found}"
 
