@@ -85,3 +85,21 @@ def test_either_seed_without_long_range_features_is_below_either_of_the_whole_ne
 def test_what_short_range_features_bring_is_less_than_what_two_seeds_differ_by(ablation: pd.DataFrame) -> None:
     whole, without = ablation.loc["learned"], ablation.loc["learned-without-srf"]
     assert (whole.mean() - without.mean() < whole.max() - whole.min()).all()
+
+
+def test_people_drawn_at_random_are_harder_and_the_network_leads_there_too() -> None:
+    rows = pd.read_json(ROOT / "results" / "tables" / "tables.json")
+    drawn, chosen = (rows[rows["table"] == table].set_index(["input", "method"]) for table in ("I-random", "I-whole"))
+    page = " ".join((ROOT / "docs" / "explanation" / "reproduction.md").read_text(encoding="utf-8").split())
+    named = {"classic MDS of complete surfaces has NN": ("mesh", "classic-mds"), "GPS": ("mesh", "gps")}
+    for words, row in {**named, "and the network": ("view", "learned")}.items():
+        assert f"{words} {figure(drawn, row)} instead of {figure(chosen, row)}" in page
+    network, classical = drawn.loc["view", "learned"], {*paper.rows("I")} - {"learned"}
+    forms = drawn[drawn.index.get_level_values("method").isin(classical)]
+    assert len(forms) == 16
+    assert all(network[measure] > forms[measure].max() for measure in PRINTED)
+
+
+def figure(rows: pd.DataFrame, row: tuple[str, str]) -> str:
+    """NN in print, without its leading zero."""
+    return f"{Decimal(str(round(rows.loc[row, 'NN'], 6))).quantize(HUNDREDTH, ROUND_HALF_UP)}"[1:]
