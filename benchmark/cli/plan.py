@@ -67,7 +67,7 @@ def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
     if options.paper:
         jobs = _of_paper(jobs)
     if options.shard is not None:
-        say(options.shard.told(jobs))
+        say(options.shard.description(jobs))
         jobs = options.shard.of(jobs)
     return jobs
 

@@ -69,8 +69,8 @@ class Shard:
             load[place[identity]] += size
         return [job for job in jobs if place[_identity(job)] == self.number - 1]
 
-    def told(self, jobs: Sequence[Job]) -> str:
-        """A line on this part; shards fit together if they name the same plan.
+    def description(self, jobs: Sequence[Job]) -> str:
+        """Return a line on this part; shards belong together if they name the same plan.
 
         Parameters
         ----------

@@ -75,10 +75,10 @@ class ArtefactReader:
                 self._datasets[source] = DatasetError(
                     f"{record['data']['name']} raises {one_line(error)}", "correct it"
                 )
-        found = self._datasets[source]
-        if isinstance(found, BenchmarkError):
-            raise found
-        return found
+        dataset = self._datasets[source]
+        if isinstance(dataset, BenchmarkError):
+            raise dataset
+        return dataset
 
     def preparation(self, record: Record) -> Preparation:
         """The prepared shapes that a record was made from; raises ``BenchmarkError`` if its data set is not here."""
@@ -104,8 +104,8 @@ class ArtefactReader:
         """A prepared shape; None where it was not kept, or could not be prepared."""
         try:
             preparation = self.preparation(record)
-            found = self.store.find(preparation.recipe(entry))
-            arrays = None if found is None else require_arrays(found)
+            artefact = self.store.find(preparation.recipe(entry))
+            arrays = None if artefact is None else require_arrays(artefact)
         except Exception:  # the data set is not here, or a plugin
             return None
         return None if arrays is None else Mesh(arrays["vertices"], arrays["faces"])
@@ -126,8 +126,8 @@ class ArtefactReader:
             method_run = self.method_run(record)
             if method_run.describes:
                 return "it makes no forms"
-            found = self.store.find(method_run.recipe(entry))
-            arrays = None if found is None else require_arrays(found)
+            artefact = self.store.find(method_run.recipe(entry))
+            arrays = None if artefact is None else require_arrays(artefact)
             surface = self.surface(record, entry) if surface is None else surface
             return NOT_STORED if arrays is None or surface is None else form_mesh(arrays, surface)
         except ShapeError as error:

@@ -44,11 +44,11 @@ def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, An
     rows: dict[str, dict[str, Any]] = {
         row.method: {"method": row.method, "title": row.label, "family": row.family, "inputs": {}} for row in table.rows
     }
-    for each in cells:
-        line = each.line
+    for cell in cells:
+        line = cell.line
         method, input_ = line.method, line.input
         judged = {name: table.significance.get((method, input_, name)) for name in PRINTED}
-        attraction, by_chance = each.attraction() or (None, None)
+        attraction, by_chance = cell.attraction() or (None, None)
         if by_chance is not None:
             at_random.setdefault(input_, by_chance)
         rows[method]["inputs"][input_] = {
@@ -57,10 +57,10 @@ def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, An
             "phases": line.phases,
             "seconds": line.seconds,
             "peak": line.peak_mib,
-            "precision": each.precision(),
+            "precision": cell.precision(),
             "attraction": attraction,
-            "classes": each.by_class(names[CLASSES]) if names[CLASSES] else {},
-            "confusion": {kind: _numbered(each.confusion(kind), known) for kind, known in names.items() if known},
+            "classes": cell.by_class(names[CLASSES]) if names[CLASSES] else {},
+            "confusion": {kind: _numbered(cell.confusion(kind), known) for kind, known in names.items() if known},
         }
     return {
         "inputs": table.inputs,
@@ -82,7 +82,7 @@ def _numbered(counts: Counter[tuple[str, str]], names: Sequence[str]) -> list[li
 def _fronts(cells: Sequence[RankedCell], input_: str, measure: str) -> dict[str, list[str]]:
     """Methods than which none is both cheaper and better, controls aside, and among all rows."""
     timed = {
-        each.line.method: each.line for each in cells if each.line.input == input_ and each.line.seconds is not None
+        cell.line.method: cell.line for cell in cells if cell.line.input == input_ and cell.line.seconds is not None
     }
     points = {method: (line.seconds, millionths(line.scores[measure])) for method, line in timed.items()}
     methods = {name: point for name, point in points.items() if timed[name].family != CONTROL}
@@ -94,9 +94,9 @@ def write_queries(
 ) -> None:
     """Write the scripts of the browser of queries: of large galleries so many, evenly spread, as there is room for."""
     places: dict[tuple[str, Input], list[tuple[RankedCell, RankedGallery]]] = {}
-    for each in cells:
-        for gallery in each.galleries:
-            places.setdefault((gallery.record["gallery"], each.line.input), []).append((each, gallery))
+    for cell in cells:
+        for gallery in cell.galleries:
+            places.setdefault((gallery.record["gallery"], cell.line.input), []).append((cell, gallery))
     room = max(_PART, int(_MOST_BYTES / max(len(places), 1) / max(len(table.rows), 1) / _EACH))
     galleries: list[dict[str, Any]] = []
     for number, ((name, input_), here) in enumerate(places.items()):
@@ -107,7 +107,7 @@ def write_queries(
         chosen = spread(range(len(names)), room)
         for part in range(0, len(chosen), _PART):
             queries = [names[k] for k in chosen[part : part + _PART]]
-            answers = {each.line.method: _answers(gallery, names, queries) for each, gallery in here}
+            answers = {cell.line.method: _answers(gallery, names, queries) for cell, gallery in here}
             add_script(files, f"queries-{stem}-{number}-{part // _PART}", answers)
         sheets = pictures.get(input_) or Sheets("", {})
         galleries.append(
@@ -123,13 +123,13 @@ def write_queries(
                 "queries": chosen if len(chosen) < len(names) else None,
                 "methods": [
                     {
-                        "name": each.line.method,
-                        "title": each.line.label,
-                        "sheet": sheets.numbers.get(each.line.method, 0),
+                        "name": cell.line.method,
+                        "title": cell.line.label,
+                        "sheet": sheets.numbers.get(cell.line.method, 0),
                         "is_ranked": gallery.ranking is not None,
-                        "missing": _missing(gallery, names, sheets.reasons.get(each.line.method, {})),
+                        "missing": _missing(gallery, names, sheets.reasons.get(cell.line.method, {})),
                     }
-                    for each, gallery in here
+                    for cell, gallery in here
                 ],
             }
         )

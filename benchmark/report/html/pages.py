@@ -90,12 +90,12 @@ class TablePages:
     @property
     def n_ranked(self) -> int:
         """Jobs with scores."""
-        return sum(len(each.galleries) for each in self.cells)
+        return sum(len(cell.galleries) for cell in self.cells)
 
     @property
     def n_distances(self) -> int:
         """Those whose distances are stored."""
-        return sum(gallery.ranking is not None for each in self.cells for gallery in each.galleries)
+        return sum(gallery.ranking is not None for cell in self.cells for gallery in cell.galleries)
 
     @cached_property
     def has_poses(self) -> bool:
@@ -106,9 +106,9 @@ class TablePages:
     def best(self) -> list[tuple[str, str, float]]:
         """Input, method and score of the highest DCG under each input, controls aside."""
         contest = [
-            (each.line.input, each.line.label, each.line.scores["DCG"])
-            for each in self.cells
-            if each.line.family != CONTROL
+            (cell.line.input, cell.line.label, cell.line.scores["DCG"])
+            for cell in self.cells
+            if cell.line.family != CONTROL
         ]
         of_inputs = ([one for one in contest if one[0] == input_] for input_ in self.table.inputs)
         return [max(rows, key=lambda one: millionths(one[2])) for rows in of_inputs if rows]
@@ -123,7 +123,7 @@ class TablePages:
         chosen += ["--quick"] * table.quick
         chosen += ["--scorer", table.scorer] if table.scorer else []
         chosen += ["--seed", str(table.seed)] if table.seed else []
-        methods = dict.fromkeys(each.line.method for each in self.cells if each.line.family != EXTERNAL)
+        methods = dict.fromkeys(cell.line.method for cell in self.cells if cell.line.family != EXTERNAL)
         words = (word for method in methods for word in ("-m", method))
         return shlex.join(["python", "-m", "benchmark", "run", *chosen, *words, *self.options])
 
@@ -136,14 +136,14 @@ class TablePages:
 
     def costs(self) -> tuple[list[str], list[list[object]]]:
         """Headings and rows of the table of costs: method, input, seconds by phase, their sum, peak memory."""
-        by_phase = [each.line.phases for each in self.cells]
+        by_phase = [cell.line.phases for cell in self.cells]
         phases = list(dict.fromkeys(phase for seconds in by_phase for phase in seconds))
         rows = [
             [
-                each.line.label, each.line.input, *map(_seconds, [*map(seconds.get, phases), each.line.seconds]),
-                each.line.peak_mib or "",
+                cell.line.label, cell.line.input, *map(_seconds, [*map(seconds.get, phases), cell.line.seconds]),
+                cell.line.peak_mib or "",
             ]
-            for each, seconds in zip(self.cells, by_phase, strict=True)
+            for cell, seconds in zip(self.cells, by_phase, strict=True)
         ]  # fmt: skip
         return ["Method", "Input", *(f"{name}, s" for name in phases), "All, s", "Peak, MiB"], rows
 
@@ -203,22 +203,22 @@ def write_report(
     for stem, of_set in sets.items():
         say(f"drawing {next((record['data']['name'] for record in of_set.values()), 'nothing')}")
         drawn[stem] = draw_set(stem, list(of_set.values()), artefacts, files, room, say)
-    made = []
+    all_pages = []
     for table in tables:
         say(f"ranking {table.data['name']}")
-        made.append(TablePages(table, ranked_cells(table, artefacts), drawn[set_stem(table)], tuple(options)))
-    for pages in made:
+        all_pages.append(TablePages(table, ranked_cells(table, artefacts), drawn[set_stem(table)], tuple(options)))
+    for pages in all_pages:
         add_script(files, pages.stem, chart_data(pages.table, pages.cells))
         write_queries(pages.stem, pages.table, pages.cells, pages.drawn.sheets, files)
-        files |= {name: text.encode() for name, text in table_pages(pages, made).items()}
-    files["index.html"] = index_page(made, command, boards).encode()
+        files |= {name: text.encode() for name, text in table_pages(pages, all_pages).items()}
+    files["index.html"] = index_page(all_pages, command, boards).encode()
     return Written(
         folder.write(files),
         len(files),
         sum(map(len, files.values())),
         sum(of_set.n_forms for of_set in drawn.values()),
-        sum(pages.n_distances for pages in made),
-        sum(pages.n_ranked for pages in made),
+        sum(pages.n_distances for pages in all_pages),
+        sum(pages.n_ranked for pages in all_pages),
     )
 
 

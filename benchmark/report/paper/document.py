@@ -153,13 +153,13 @@ def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
         were tested against it, those whose first ranks tie aside; and ``inseparable``, titles of those that cannot be
         told from it.
     """
-    found = []
+    leaders = []
     for input_ in table.inputs:
         lines = [line for line in table.lines if line.input == input_ and line.scores]
         judged = [(line, table.significance[line.method, input_, measure]) for line in lines]
         others = [(row, one) for row, one in judged if one.probability is not None and not one.is_tied]
         for row, best in [(row, one) for row, one in judged if one.is_best][:1]:
-            found.append(
+            leaders.append(
                 {
                     "input": input_,
                     "title": row.title,
@@ -170,7 +170,7 @@ def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
                     "inseparable": [row.title for row, one in others if one.is_inseparable],
                 }
             )
-    return found
+    return leaders
 
 
 def _run(tables: Sequence[TableContent]) -> dict[str, Any]:

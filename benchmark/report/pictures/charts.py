@@ -232,17 +232,17 @@ def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> F
     ConfigurationError
         If no distances are stored.
     """
-    curves = [(each, precision) for each in ranked_cells(table, artefacts) if (precision := each.precision())]
-    inputs = _inputs(each for each, _ in curves)
-    methods = dict.fromkeys(each.line.method for each, _ in curves)
+    curves = [(cell, precision) for cell in ranked_cells(table, artefacts) if (precision := cell.precision())]
+    inputs = _inputs(cell for cell, _ in curves)
+    methods = dict.fromkeys(cell.line.method for cell, _ in curves)
     looks = dict(zip(methods, _looks(), strict=False))
     n_lines = -(-len(methods) // len(inputs) // 2)
     figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1] + 0.14 * n_lines), dpi=300, layout="constrained")
     axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
     for place, input_ in zip(axes, inputs, strict=True):
-        for each, precision in curves:
-            if each.line.input == input_:
-                place.plot(RECALLS, precision, lw=1, ms=2.5, label=each.line.method, **looks[each.line.method])
+        for cell, precision in curves:
+            if cell.line.input == input_:
+                place.plot(RECALLS, precision, lw=1, ms=2.5, label=cell.line.method, **looks[cell.line.method])
         place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, **_TEXT)
         place.set_xlabel("recall", fontsize=8)
         place.set_xlim(0, 1.02)
@@ -250,7 +250,7 @@ def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> F
         _plain_frame(place, "top", "right")
     axes[0].set_ylabel("precision", fontsize=8)
     handles = {label: line for place in axes for line, label in zip(*place.get_legend_handles_labels(), strict=True)}
-    names = {each.line.method: _shortened(clean(each.line.title), 34).replace("$", r"\$") for each, _ in curves}
+    names = {cell.line.method: _shortened(clean(cell.line.title), 34).replace("$", r"\$") for cell, _ in curves}
     figure.legend(
         [handles[name] for name in methods], [names[name] for name in methods],
         loc="outside lower center", ncols=2 * len(inputs), fontsize=5.5, frameon=False,
@@ -262,14 +262,14 @@ def classes_figure(table: TableContent, artefacts: ArtefactReader, measure: str 
     """Draw a panel for each input of a table: the mean of a measure over the queries of each class, by method."""
     cells = ranked_cells(table, artefacts)
     inputs, classes = _inputs(cells), classes_of(cells)
-    counts = [sum(each.line.input == input_ for each in cells) for input_ in inputs]
+    counts = [sum(cell.line.input == input_ for cell in cells) for input_ in inputs]
     size = (WIDTH, min(0.8 * len(inputs) + 0.14 * sum(counts), _TALLEST))
     figure = Figure(figsize=size, dpi=300, layout="constrained")
     axes = figure.subplots(len(inputs), 1, squeeze=False, height_ratios=counts)[:, 0]
     for place, input_ in zip(axes, inputs, strict=True):
-        shown = [each for each in cells if each.line.input == input_]
-        values = np.array([each.by_class(classes)[measure] for each in shown], dtype=float)
-        image = _heat_map(place, values, classes, [_shortened(clean(each.line.title), 34) for each in shown])
+        shown = [cell for cell in cells if cell.line.input == input_]
+        values = np.array([cell.by_class(classes)[measure] for cell in shown], dtype=float)
+        image = _heat_map(place, values, classes, [_shortened(clean(cell.line.title), 34) for cell in shown])
         place.set_title(f"{measure}, {input_}", fontsize=_SIZE + 1)
         if len(classes) <= _MOST_NAMES // 2:
             for line, column in np.argwhere(np.isfinite(values)):
@@ -290,8 +290,8 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
     """
     cells = ranked_cells(table, artefacts)
     names = classes_of(cells)
-    panels = [(each, counts) for each in cells if (counts := each.confusion(CLASSES))][:_MOST_PANELS]
-    _inputs(each for each, _ in panels)
+    panels = [(cell, counts) for cell in cells if (counts := cell.confusion(CLASSES))][:_MOST_PANELS]
+    _inputs(cell for cell, _ in panels)
     columns = min(_PANELS, len(panels))
     rows, side = -(-len(panels) // columns), WIDTH / max(columns, 2)
     figure = Figure(figsize=(side * columns, (side + 0.15) * rows), dpi=300, layout="constrained")
@@ -299,13 +299,13 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
     place_of = {name: k for k, name in enumerate(names)}
     for place in axes[len(panels) :]:
         place.axis("off")
-    for order, (place, (each, counts)) in enumerate(zip(axes, panels, strict=False)):
+    for order, (place, (cell, counts)) in enumerate(zip(axes, panels, strict=False)):
         values = np.zeros((len(names), len(names)))
         for (query, match), n_queries in counts.items():
             values[place_of[query], place_of[match]] = n_queries
         values /= np.maximum(values.sum(axis=1, keepdims=True), 1)
         image = _heat_map(place, values, names, names if order % columns == 0 else [])
-        place.set_title(f"{_shortened(clean(each.line.title), 20)}, {each.line.input}", fontsize=_SIZE, **_TEXT)
+        place.set_title(f"{_shortened(clean(cell.line.title), 20)}, {cell.line.input}", fontsize=_SIZE, **_TEXT)
     bar = figure.colorbar(image, ax=axes, fraction=0.02, pad=0.01, format=PercentFormatter(1))
     bar.ax.tick_params(labelsize=_SIZE - 1)
     figure.supylabel("query", fontsize=_SIZE)
@@ -315,7 +315,7 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
 
 def _inputs(cells: Iterable[RankedCell]) -> list[Input]:
     """Inputs of some rows; raises ``ConfigurationError`` if there are none."""
-    inputs = list(dict.fromkeys(each.line.input for each in cells))
+    inputs = list(dict.fromkeys(cell.line.input for cell in cells))
     if not inputs:
         raise ConfigurationError("no distances of the table are stored here", "run its methods here")
     return inputs
