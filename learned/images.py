@@ -158,8 +158,6 @@ def surface_behind(predicted: DepthImage, jump: float | None = None) -> tuple[Me
     return surface.with_vertices(surface.vertices / surface.area**0.5), notes
 
 
-Image = NDArray[np.float32]
-
 FILL = 0.9
 """Share of the frame that the longer side of the foreground's bounding box fills."""
 
@@ -167,7 +165,7 @@ _TIE = 1e-6
 """Shares that differ by less are equal: far above the rounding errors of a sum of pixels."""
 
 
-def cropped(images: Image, resolution: int) -> Image:
+def cropped(images: Floats, resolution: int) -> Floats:
     """Depth at another resolution, in a frame that the foreground of the first image fills.
 
     A pixel gets the mean depth of what it sees of the shape, never a mixture with the background. Depths are scaled
@@ -195,7 +193,7 @@ def cropped(images: Image, resolution: int) -> Image:
     return _resampled(images, down, across, middle, size / length)
 
 
-def window(image: Image) -> tuple[tuple[float, float], float]:
+def window(image: Floats) -> tuple[tuple[float, float], float]:
     """Return the first row and column of the frame that the foreground of an image fills, and its side, in pixels."""
     seen = image > 0
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
@@ -204,7 +202,7 @@ def window(image: Image) -> tuple[tuple[float, float], float]:
     return (first, second), length
 
 
-def shrunk(images: Image, resolution: int) -> Image:
+def shrunk(images: Floats, resolution: int) -> Floats:
     """The same without leaving the frame: depth at another resolution, shape (k, resolution, resolution)."""
     size = images.shape[-1]
     whole = _resampling(0.0, float(size), size, resolution)
@@ -223,7 +221,7 @@ def _resampling(start: float, length: float, size: int, resolution: int) -> csr_
     return csr_array((shares[covered], old[covered], begins), shape=(resolution, size))
 
 
-def _resampled(images: Image, rows: csr_array, columns: csr_array, middle: float, scale: float) -> Image:
+def _resampled(images: Floats, rows: csr_array, columns: csr_array, middle: float, scale: float) -> Floats:
     seen = (images[0] > 0).astype(np.float64)
     # A sparse product adds in one order on every machine.
     cover = (columns @ (rows @ seen).T).T

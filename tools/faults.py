@@ -69,22 +69,24 @@ class Command:
     """A running command in its own session."""
 
     def __init__(
-        self, words: list[str], folder: Path, *, target: str = BENCHMARK, largest_file: int = -1,
+        self, words: list[str], folder: Path, *, target: str = BENCHMARK, largest_file: int = 0,
         rights: bool = True, stdout: str = "", patience: float = 30.0,
     ) -> None:  # fmt: skip
         self.folder, self.output, self.error = folder, "", ""
         self.code: int | None = None
-        # Without these capabilities, permissions hold for root too.
+        # Without these capabilities, permissions hold for root too; others have none to give up.
         unprivileged = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", "--inh-caps=-all"]
+        prefix = [] if rights or os.geteuid() else unprivileged
         environment = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
         environment |= dict.fromkeys(VARIABLES, "1") | {"PYTHONPATH": str(Path(__file__).parents[1])}
 
-        limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (largest_file, -1))
+        hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+        limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (largest_file, hard))
         with opened(stdout or str(folder / "stdout")) as output, (folder / "stderr").open("wb") as error:
             self.process = subprocess.Popen(
-                [*([] if rights else unprivileged), sys.executable, "-c", PROGRAM, str(patience), target, *words],
+                [*prefix, sys.executable, "-c", PROGRAM, str(patience), target, *words],
                 cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=error,
-                start_new_session=True, preexec_fn=limit,
+                start_new_session=True, preexec_fn=limit if largest_file else None,
             )  # fmt: skip
 
     def has_ended(self, seconds: float = 0.0) -> bool:

@@ -97,7 +97,7 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
     The moment is a sum over the surface, so the choice follows any relabelling of the vertices and hardly depends on
     the sampling. An axis of symmetry has no third moment: there the vertex farthest from the centre decides, of several
     equally far ones the first by its position on the surface. Along an axis that is nearly one a jitter may decide;
-    so which of a form and its mirror image it is, is settled by :mod:`baselines._kernels.orientation`, and two signs
+    so which of a form and its mirror image it is, is settled by :func:`handedness`, and two signs
     that change together are half a turn, which the scorer tries.
 
     Parameters
@@ -207,8 +207,8 @@ def oriented(
 
 def side_notes(points: FloatArray, weights: FloatArray) -> dict[str, float]:
     """Return the notes of a form on its side: ``handedness``, and ``side_in_doubt``, 1 where that is near 0, else 0."""
-    found = handedness(points, weights)
-    return {"handedness": found, "side_in_doubt": float(abs(found) < DOUBTFUL)}
+    value = handedness(points, weights)
+    return {"handedness": value, "side_in_doubt": float(abs(value) < DOUBTFUL)}
 
 
 def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side: Side) -> FloatArray:
@@ -226,7 +226,7 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side
     coupling
         The symmetric matrix M, shape (k, k).
     side
-        As of :func:`baselines._kernels.orientation.oriented`.
+        As of :func:`oriented`.
 
     Returns
     -------

@@ -259,7 +259,7 @@ class Tables(RunOptions):
     fresh: bool = flag("--fresh", help="Omit rows made by other code or versions.")
 
 
-@verb("Daily use", "show.report", *_SELECTION, "output", "force", "published")
+@verb("Daily use", "report.report", *_SELECTION, "output", "force", "published")
 class Report(RunOptions):
     """Write HTML pages: tables, charts, canonical forms in 3D, and every query with its nearest shapes.
 
@@ -472,7 +472,7 @@ class Compare(RunOptions):
     everything: bool = flag("--all", help="Compare every pair, with perturbed sets, intervals and tests.")
 
 
-@verb("Results", "show.paper", *_SELECTION, ..., "force", "published")
+@verb("Results", "report.paper", *_SELECTION, ..., "force", "published")
 class Paper(RunOptions):
     """Write a LaTeX paper of results: protocol, tables, figures, statistics, sources; compile it by 'make' in DIR.
 

@@ -1,4 +1,4 @@
-"""``tables``, ``compare``, ``report`` and ``paper``: present results."""
+"""``tables`` and ``compare``: print results and differences."""
 
 from __future__ import annotations
 
@@ -23,24 +23,6 @@ from benchmark.text import say, say_lines
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-
-import shlex
-from collections.abc import Iterable
-
-from matplotlib.figure import Figure
-
-from benchmark.bundles.outcomes import boards
-from benchmark.cli.options import Paper, Report
-from benchmark.cli.plan import planned_jobs
-from benchmark.cli.selection import recorded_tables
-from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.content import TableContent
-from benchmark.report.html.pages import write_report
-from benchmark.report.paper.document import main_tables, paper_files
-from benchmark.report.pictures.charts import classes_figure, confusion_figure, cost_figure, precision_recall_figure
-from benchmark.report.pictures.forms import effect_figure, forms_figure
-from benchmark.report.pictures.painting import ENDINGS, SIGNATURE, save
 
 #: Number of tables that are printed in full if methods are named; otherwise each row has one line.
 _FEW = 2
@@ -159,97 +141,3 @@ def _compare_scorers(first: str, second: str, options: RunOptions) -> None:
             f"run them: run -t TABLE --scorer {second}",
         )
     say_lines(agreement_markdown(rows, first, second))
-
-
-#: Kinds of figures: of forms, and of scores.
-_OF_FORMS = ("forms", "effect")
-_CHARTS = {
-    "cost": lambda table, _: cost_figure(table),
-    "precision-recall": precision_recall_figure,
-    "confusion": confusion_figure,
-    "classes": classes_figure,
-}
-
-
-def report(options: Report) -> None:
-    """Write pages, or draw a figure."""
-    figure, what = options.figure, options.what
-    if figure is None:
-        _write_pages(options)
-        return
-    if figure.suffix.lower() not in ENDINGS:
-        raise ConfigurationError(f"{figure} is not the name of a figure", f"use {', '.join(ENDINGS)}")
-    if figure.is_file() and not options.force and SIGNATURE.encode() not in figure.read_bytes():
-        raise ConfigurationError(f"{figure} was not drawn by 'report'", "choose another file, or pass --force")
-    if what in _OF_FORMS:
-        save(_forms_figure(options), figure)
-    else:
-        (table, *others), artefacts = _tables(options)
-        if others:
-            say(f"drew only table {table.identifier}, the first of {len(others) + 1}; choose with -t and -d", err=True)
-        save(_CHARTS[what](table, artefacts), figure)
-    say(f"wrote {figure}")
-
-
-def _tables(options: RunOptions) -> tuple[list[TableContent], ArtefactReader]:
-    """Return the tables of a selection, and a reader of their arrays."""
-    store = stored(options)
-    return recorded_tables(options, store), ArtefactReader(store, methods(options.plugins), options.data_root)
-
-
-def _write_pages(options: Report) -> None:
-    output = options.output
-    tables, artefacts = _tables(options)
-    places = [word for plugin in options.plugins for word in ("--plugin", str(plugin))]
-    places += ["--data-root", str(options.data_root)] if options.data_root else []
-    places += ["--results", str(options.results)] if options.results != RunOptions().results else []
-    command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
-    written = write_report(
-        tables, artefacts, output, command, lambda line: say(line, err=True), boards(options.results),
-        options=places, force=options.force,
-    )  # fmt: skip
-    _name_edited(output, written.edited)
-    say(
-        f"wrote {output / 'index.html'}: {written.size / 2**20:.1f} MiB in {written.n_files} files, "
-        f"{written.n_forms} forms, distances of {written.n_distances} of {written.n_ranked} jobs"
-    )
-
-
-def _forms_figure(options: Report) -> Figure:
-    """Draw forms of the first selected gallery and input; without -m, those of the paper's methods."""
-    store = Store.open(options.results)
-    planned = planned_jobs(options, store)
-    first = planned[0]
-    jobs = [job for job in planned if (job.gallery, job.input) == (first.gallery, first.input)]
-    if not options.methods:  # more would not fit
-        jobs = [job for job in jobs if job.method.info.family == "paper" and not job.method.parameters]
-        jobs = [job for job in jobs if job.state not in ("unavailable", "unsupported")]
-    if not jobs:
-        raise ConfigurationError("no method of the paper has a form here", "name methods with -m")
-    artefacts = ArtefactReader(store, methods(options.plugins), options.data_root)
-    subjects = options.subjects
-    if options.what == "effect":
-        return effect_figure(jobs, artefacts, subjects, options.shapes, options.timeout)
-    return forms_figure(jobs, artefacts, subjects[0] if subjects else "", options.shapes, options.timeout)
-
-
-def _name_edited(folder: Path, names: Iterable[str]) -> None:
-    for name in names:
-        say(f"kept {folder / name}, which was edited; --force overwrites it", err=True)
-
-
-def paper(options: Paper) -> None:
-    """Write the files of a paper."""
-    output = options.output
-    tables, artefacts = _tables(options)
-    tables = [table for table in tables if any(line.scores for line in table.lines)]
-    if not tables:
-        raise ConfigurationError("no finished job of the selection has scores", "run it first, or select less")
-    if not (options.tables or options.datasets):
-        tables = main_tables(tables)
-    files = paper_files(tables, artefacts, options.template)
-    _name_edited(output, Folder(output, "paper", "written-by-paper.json", options.force).write(files))
-    say(f"wrote {len(files)} files to {output}; compile them: make -C {shlex.quote(str(output))}")
-    if "figures/forms.pdf" not in files:
-        figure = shlex.quote(str(output / "figures" / "forms.pdf"))
-        say(f"no forms are stored here; draw some with report -d DATASET --figure {figure}")

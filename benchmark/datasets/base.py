@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from benchmark.api.datasets import Entry
@@ -12,9 +13,6 @@ from benchmark.errors import DatasetError
 if TYPE_CHECKING:
     from benchmark.geometry.camera import Camera
     from benchmark.geometry.mesh import Mesh
-
-
-from dataclasses import dataclass
 
 
 class Dataset(Protocol):
@@ -33,15 +31,15 @@ class Dataset(Protocol):
     """
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str: ...  # noqa: D102
     @property
-    def title(self) -> str: ...
+    def title(self) -> str: ...  # noqa: D102
     @property
-    def stand_in_for(self) -> str: ...
+    def stand_in_for(self) -> str: ...  # noqa: D102
     @property
-    def half_width(self) -> float | None: ...
+    def half_width(self) -> float | None: ...  # noqa: D102
     @property
-    def entries(self) -> tuple[Entry, ...]: ...
+    def entries(self) -> tuple[Entry, ...]: ...  # noqa: D102
 
     def load(self, entry: Entry) -> Mesh:
         """Return the mesh as the set gives it, or raise ``UnreadableMesh`` / ``InvalidMesh``."""
@@ -100,9 +98,6 @@ def natural_key(text: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts ``cat2`` before ``cat10``."""
     parts = re.findall(r"[0-9]+|[^0-9]+", text)
     return tuple((0, int(part), "") if part[0] in "0123456789" else (1, 0, part) for part in parts)
-
-
-__all__ = ["Part", "thinned"]
 
 
 @dataclass(frozen=True)

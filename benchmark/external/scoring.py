@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from pandas import DataFrame
 
 from benchmark.errors import ConfigurationError
 from benchmark.external.files import SEVERAL, DistanceMatrix, Labels, as_distances, as_labels
@@ -17,6 +17,9 @@ from benchmark.report.significance import UNIT, intervals
 from retrieval.chance import chance_of_queries
 from retrieval.measures import MEASURES
 from retrieval.metrics import ASYMMETRY, Query, Scores, evaluate_queries
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +182,8 @@ def score(distances: object, labels: object, query_labels: object = None) -> Eva
 
 def evaluated(task: Task) -> Evaluation:
     """Return measures, intervals and chance of a task."""
+    from pandas import DataFrame
+
     scores = evaluate_queries(task.answers())
     names = [measure.name for measure in MEASURES]
     values = np.column_stack([scores.per_query[name] for name in names])

@@ -173,13 +173,21 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     return mesh
 
 
-def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
+def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
+    """Apply a filter of pymeshlab; name all its parameters, because pymeshlab keeps them from call to call."""
     import pymeshlab
 
-    work = pymeshlab.MeshSet(verbose=False)
-    work.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    # pymeshlab remembers parameters from call to call, so every one is named.
-    work.meshing_decimation_quadric_edge_collapse(
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    meshes.apply_filter(name, **parameters)
+    result = meshes.current_mesh()
+    return Mesh(result.vertex_matrix(), result.face_matrix())
+
+
+def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
+    return filtered(
+        mesh,
+        "meshing_decimation_quadric_edge_collapse",
         targetfacenum=int(n_faces),
         targetperc=0.0,
         qualitythr=0.3,
@@ -194,8 +202,6 @@ def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
         autoclean=True,
         selected=False,
     )
-    collapsed = work.current_mesh()
-    return Mesh(collapsed.vertex_matrix(), collapsed.face_matrix())
 
 
 def isotropic_remesh(
@@ -222,10 +228,9 @@ def isotropic_remesh(
     """
     import pymeshlab
 
-    layers = pymeshlab.MeshSet(verbose=False)
-    layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    # pymeshlab remembers parameters from call to call, so every one is named.
-    layers.meshing_isotropic_explicit_remeshing(
+    return filtered(
+        mesh,
+        "meshing_isotropic_explicit_remeshing",
         iterations=iterations,
         adaptive=False,
         selectedonly=False,
@@ -239,5 +244,3 @@ def isotropic_remesh(
         smoothflag=True,
         reprojectflag=True,
     )
-    result = layers.current_mesh()
-    return Mesh(result.vertex_matrix(), result.face_matrix())

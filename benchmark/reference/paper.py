@@ -146,8 +146,6 @@ CLAIMS: tuple[Claim, ...] = (
 )
 
 
-__all__ = ["is_listed", "source_of"]
-
 #: Accents of TeX, as characters that combine with the letter before them.
 _ACCENTS = {"'": "\u0301", "`": "\u0300", "^": "\u0302", '"': "\u0308", "~": "\u0303", "u": "\u0306", "v": "\u030c",
             "c": "\u0327", "=": "\u0304", ".": "\u0307", "H": "\u030b", "r": "\u030a"}  # fmt: skip

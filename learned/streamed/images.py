@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from benchmark.api.streaming import Fresh, MakesFresh
-from learned.images import Image, cropped, shrunk, window
+from learned.images import Floats, cropped, shrunk, window
 from learned.streamed.configuration import Streamed
 
 OVERSAMPLING = {"varied": 2.0, "wide": 1.5}
@@ -21,7 +21,7 @@ CELL = 8
 """Pixels per side of the coarse pixels whose canonical positions are predicted."""
 
 
-def seen_by(configuration: Streamed, images: Image) -> Image:
+def seen_by(configuration: Streamed, images: Floats) -> Floats:
     """Return what a network of this configuration is given of depth images of one mask, shape (k, r, r)."""
     return (cropped if configuration.crop else shrunk)(images, configuration.resolution)
 

@@ -22,7 +22,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 
-__all__ = ["PERTURBATIONS", "STRENGTHS", "Perturbation", "Perturbed", "Some", "parsed", "perturbed_name"]
+__all__ = ["PERTURBATIONS", "STRENGTHS", "Perturbation", "Perturbed", "Some", "parsed", "perturbed", "perturbed_name"]
 
 STRENGTHS = (1, 2, 3, 4, 5)
 

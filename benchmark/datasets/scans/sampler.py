@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +10,12 @@ import numpy as np
 from benchmark.api.streaming import Scan, Scans, Surfaces
 from benchmark.datasets.scans.noise import blind, misaligned, noisy, patched
 from benchmark.datasets.scans.surfaces import clustered, collapsed, subdivided, welded, wrapped
-from benchmark.datasets.varied.coarse import Resting, coarse_model
-from benchmark.datasets.varied.model import CANONICAL
-from benchmark.datasets.varied.sampler import drawn_bodies, height_of
+from benchmark.datasets.varied.coarse import coarse_model
+from benchmark.datasets.varied.sampler import height_of
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.geometry.cleaning import largest_component
 from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import decimate
 
 
@@ -31,15 +29,11 @@ class WideBodies(WideSampler):
         names = [f"scanned-{self.seed}-{number}-{place}" for place in range(bodies)]
         # A number other than those of the two streams of images, so that no body of theirs comes here.
         randoms = [np.random.default_rng([self.seed, number, place, 2]) for place in range(bodies)]
-
-        def standing(candidates: Sequence[Resting]) -> Iterable[Points]:
-            return model.posed(candidates, np.tile(CANONICAL.angles(), (len(candidates), 1)))
-
-        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
+        shapes, posed = self._drawn(model, names, randoms, again)
         return Surfaces(
             identifiers=tuple(names),
             canonical=np.stack(shapes),
-            posed=self._posed(model, names, drawn, shapes, randoms, again),
+            posed=posed,
             faces=model.faces,
             drawn_again=dict(again),
         )

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from benchmark.geometry.cleaning import compact, largest_component
 from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.preparation import filtered
 
 LARGEST_LOSS = 0.4
 """Share of the area beyond which a fault is left out: what remains must show a person."""
@@ -54,12 +55,12 @@ def wrapped(mesh: Mesh, ball: float, offset: float) -> Mesh:
     offset
         Distance at which the skin is made, as a share of the same.
     """
-    work = pymeshlab.MeshSet(verbose=False)
-    work.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    work.generate_alpha_wrap(
-        alpha=pymeshlab.PercentageValue(100 * ball), offset=pymeshlab.PercentageValue(100 * offset)
+    skin = filtered(
+        mesh,
+        "generate_alpha_wrap",
+        alpha=pymeshlab.PercentageValue(100 * ball),
+        offset=pymeshlab.PercentageValue(100 * offset),
     )
-    skin = Mesh(work.current_mesh().vertex_matrix(), work.current_mesh().face_matrix())
     squares, _, feet = igl.point_mesh_squared_distance(skin.vertices, mesh.vertices, mesh.faces.astype(np.int64))
     near = squares < (SETTLED * offset * np.linalg.norm(np.ptp(mesh.vertices, axis=0))) ** 2
     return skin.with_vertices(np.where(near[:, None], feet, skin.vertices))
@@ -86,16 +87,16 @@ def clustered(mesh: Mesh, n_vertices: int) -> Mesh:
         Vertices to come near to.
     """
     cell = SIDE / 2 * (mesh.area / n_vertices) ** 0.5
-    made = _changed(mesh, "meshing_decimation_clustering", threshold=pymeshlab.PureValue(cell))
+    clusters = filtered(mesh, "meshing_decimation_clustering", threshold=pymeshlab.PureValue(cell))
     # The filter gives the triangles in an order that hangs on where they lay in memory.
-    first = made.faces.argmin(axis=1)[:, None]
-    faces = np.take_along_axis(made.faces, (first + np.arange(3)) % 3, axis=1)
-    return Mesh(made.vertices, faces[np.lexsort(faces.T[::-1])])
+    first = clusters.faces.argmin(axis=1)[:, None]
+    faces = np.take_along_axis(clusters.faces, (first + np.arange(3)) % 3, axis=1)
+    return Mesh(clusters.vertices, faces[np.lexsort(faces.T[::-1])])
 
 
 def collapsed(mesh: Mesh, n_vertices: int) -> Mesh:
     """Surface with its shortest edges collapsed onto vertices that it had, until so many are left."""
-    return _changed(
+    return filtered(
         mesh,
         "meshing_decimation_quadric_edge_collapse",
         targetfacenum=2 * n_vertices,
@@ -112,13 +113,6 @@ def collapsed(mesh: Mesh, n_vertices: int) -> Mesh:
         autoclean=True,
         selected=False,
     )
-
-
-def _changed(mesh: Mesh, change: str, **how: object) -> Mesh:
-    work = pymeshlab.MeshSet(verbose=False)
-    work.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    work.apply_filter(change, **how)
-    return Mesh(work.current_mesh().vertex_matrix(), work.current_mesh().face_matrix())
 
 
 OPPOSED = -0.5

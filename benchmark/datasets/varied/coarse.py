@@ -15,7 +15,8 @@ from benchmark.datasets.skinning import linear_blend_skinning
 from benchmark.datasets.varied.bodies import Body
 from benchmark.datasets.varied.joints import batch_rotations
 from benchmark.datasets.varied.model import BodyModel, body_model, one_thread
-from benchmark.geometry.mesh import Faces
+from benchmark.geometry.mesh import Faces, Mesh
+from benchmark.geometry.preparation import filtered
 
 _DECIMALS = 6
 """Coordinates are rounded to micrometres, far above the rounding errors by which a batch differs."""
@@ -110,14 +111,11 @@ def coarse_model(triangles: int) -> CoarseModel:
     ----------
     Garland and Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997.
     """
-    import pymeshlab
-
     fine = body_model()
     template = fine.model.template_vertices.numpy()[fine.rows]
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(template, fine.faces))
-    # pymeshlab remembers parameters from call to call, so every one is named.
-    meshes.meshing_decimation_quadric_edge_collapse(
+    coarse = filtered(
+        Mesh(template, fine.faces),
+        "meshing_decimation_quadric_edge_collapse",
         targetfacenum=triangles,
         targetperc=0.0,
         qualitythr=0.3,
@@ -132,9 +130,9 @@ def coarse_model(triangles: int) -> CoarseModel:
         autoclean=True,
         selected=False,
     )
-    kept = cKDTree(template).query(meshes.current_mesh().vertex_matrix())[1]
-    faces = meshes.current_mesh().face_matrix().astype(np.int32)
-    left, right = (np.isin(kept, fine.faces[hand])[faces].all(axis=1) for hand in fine.hands)
+    kept = cKDTree(template).query(coarse.vertices)[1]
+    faces = coarse.faces
+    left, right = (np.asarray(np.isin(kept, fine.faces[hand])[faces].all(axis=1)) for hand in fine.hands)
     model, rows = copy.copy(fine.model), fine.rows[kept]
     model._buffers = dict(model._buffers)
     model.template_vertices, model.blendshapes = model.template_vertices[rows], model.blendshapes[:, rows].contiguous()

@@ -92,12 +92,7 @@ class WideSampler:
         names = [f"wide-{self.seed}-{number}-{place}" for place in range(bodies)]
         # A number more than those of `Sampler`, so that no body of it comes here.
         randoms = [np.random.default_rng([self.seed, number, place, 1]) for place in range(bodies)]
-
-        def standing(candidates: Sequence[Resting]) -> Iterable[Points]:
-            return model.posed(candidates, np.tile(CANONICAL.angles(), (len(candidates), 1)))
-
-        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
-        posed = self._posed(model, names, drawn, shapes, randoms, again)
+        shapes, posed = self._drawn(model, names, randoms, again)
         images = np.zeros((bodies, self.poses * self.views, size, size), dtype=np.float32)
         fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
         count = len(shapes[0])
@@ -116,6 +111,17 @@ class WideSampler:
             identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again),
             pixels=pixels, places=places, points=_standardised(places, self.triangles),
         )  # fmt: skip
+
+    def _drawn(
+        self, model: CoarseModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
+    ) -> tuple[list[Points], NDArray[np.float64]]:
+        """Draw bodies: their vertices in the canonical pose, and in their poses; see :meth:`_posed`."""
+
+        def standing(candidates: Sequence[Resting]) -> Iterable[Points]:
+            return model.posed(candidates, np.tile(CANONICAL.angles(), (len(candidates), 1)))
+
+        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
+        return shapes, self._posed(model, names, drawn, shapes, randoms, again)
 
     def _posed(
         self,
