@@ -36,7 +36,7 @@ from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
 from benchmark.report.significance import UNIT
 
-__all__ = ["Result", "Results", "with_repeats"]
+__all__ = ["MISSING", "Figures", "Result", "Results", "line_of", "with_repeats"]
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Results:
         """
         wanted = [
             rivals
-            for place, rivals in (by_place(self.records()) if places is None else places).items()
+            for place, rivals in sorted((by_place(self.records()) if places is None else places).items())
             if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals)))
         ]
         results = [self._best(rivals) for rivals in wanted]

@@ -15,6 +15,8 @@ from benchmark.pipeline.storage.records import as_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select
 from benchmark.protocols.galleries import galleries
+from benchmark.report.content import contents
+from benchmark.report.formats import markdown
 from benchmark.report.results import Results
 from tests import records as made_up
 from tests.pipeline.test_records import put_aliens
@@ -56,6 +58,17 @@ def call(*arguments, code=0):
 
 def chosen(store, **options):
     return {result.record["method"]: result for result in Results(store, methods()).all(**options)}
+
+
+def test_tables_say_the_same_in_whichever_order_the_jobs_ended(rods, tmp_path):
+    texts = []
+    for step in (1, -1):
+        store = Store.open(tmp_path / f"results{step}")
+        plan = make_plan(galleries([], [str(rods)]), ["mesh", "view"], select(METHODS, methods()), store)
+        for second, job in enumerate([*plan][::step]):
+            store.write_record(of_job(job, finished=f"2026-01-01T00:00:{second:02}+00:00"))
+        texts.append([markdown(table) for table in contents(Results(store, methods()).all())])
+    assert texts[0] == texts[1] and texts[0][0].index("(mesh), NN") > texts[0][0].index("surface area alone")
 
 
 def test_what_this_code_would_make_again_is_not_outdated(rods, store):
