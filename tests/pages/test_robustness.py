@@ -53,7 +53,6 @@ def test_what_breaks_the_descriptors_of_complete_surfaces() -> None:
 
 def test_what_breaks_the_rows_of_single_views() -> None:
     assert halves("view", CURVES) == {
-        ("classic-mds[metric=biharmonic]", "view-angle"): 45,
         ("gps", "view-angle"): 60,
         ("shape-dna", "view-angle"): 45,
         ("classic-mds", "depth-noise"): 0.001,
@@ -65,7 +64,8 @@ def test_what_breaks_the_rows_of_single_views() -> None:
         for each in CURVES
         if (each["method"], each["input"]) == ("mesh-unfolding", "view")
     ]
-    assert max(moved) < 0.12
+    assert max(moved) < 0.13
+    assert "within .13" in PAGE
 
 
 def test_how_far_scale_moves_what_it_does_not_change() -> None:
