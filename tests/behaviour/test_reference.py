@@ -6,7 +6,7 @@ from copy import deepcopy
 import pytest
 
 from benchmark.datasets.catalogue import open_dataset
-from tests.behaviour.reference import MEASURES, REFERENCE, compare, few, make, summary
+from tests.behaviour.reference import MEASURES, PROCESSOR, REFERENCE, comparable, compare, few, make, summary
 
 ROW = "every, animals (quick), mesh, gps, cm-bof"
 SHAPES = "every, animals (quick)"
@@ -55,6 +55,15 @@ def test_the_last_of_six_digits_may_be_rounded_either_way():
 def test_a_row_that_has_its_scores_now_shows_that():
     now = ROWS | {OTHER: {"NN": [1.0, 1.0]}}
     assert compare(ROWS, now) == [f"{OTHER}: status ['failed'] -> None; NN of other queries"]
+
+
+def test_networks_are_compared_under_the_same_instructions_of_the_processor_alone(capsys):
+    network = "every, animals (quick), view, learned-wide-extra[training=animals-sampled], cm-bof"
+    known, now = (
+        ROWS | {PROCESSOR: {"vectors": [name]}, network: {"NN": [nn]}} for name, nn in (("AVX2", 1), ("AVX512", 0))
+    )
+    assert comparable(known, known) == (known, known) and not capsys.readouterr().out
+    assert comparable(known, now) == (ROWS, ROWS) and "learned-wide-extra are not compared" in capsys.readouterr().out
 
 
 def test_the_summary_names_methods_and_scorers():
