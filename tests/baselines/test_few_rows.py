@@ -15,7 +15,6 @@ from baselines.nystrom_mds import NystromMDS
 from baselines.subspace_mds import SubspaceMDS
 from benchmark.api.contracts import Shape
 from benchmark.datasets.official.tosca import tosca
-from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import prepare
 from tests.baselines.embedding import (
     PointShape,
@@ -47,11 +46,6 @@ def test_all_vertices_as_samples_give_classic_scaling(method, tolerance):
     shape = limbed(120)
     classic = ClassicMDS().canonicalise(shape).vertices
     np.testing.assert_allclose(method.canonicalise(shape).vertices, classic, atol=tolerance)
-
-
-def test_an_unknown_variant_is_refused():
-    with pytest.raises(ConfigurationError, match="did you mean samples"):
-        AcceleratedMDS(variant="sample")  # type: ignore[arg-type]
 
 
 @pytest.mark.data

@@ -36,14 +36,6 @@ def alignment(points, others, weights):
     return np.sqrt(rest / (weights @ (others**2).sum(axis=1))), mirrored
 
 
-def shape(mesh):
-    return Shape(identifier="figure", mesh=mesh)
-
-
-def of(mesh):
-    return handedness(mesh.vertices, vertex_areas(mesh))
-
-
 @pytest.mark.parametrize("name", OPEN)
 def test_methods_that_see_distances_alone_settle_the_side(name):
     method = variant(name, methods()).create()
@@ -64,7 +56,10 @@ def test_without_the_rule_signs_of_axes_decide_on_the_side():
     sides = set()
     for name in OPEN:
         off = f"{name.removesuffix(']')},side=off]" if name.endswith("]") else f"{name}[side=off]"
-        points, left = (variant(one, methods()).create().canonicalise(shape(figure())).vertices for one in (name, off))
+        points, left = (
+            variant(one, methods()).create().canonicalise(Shape(identifier="figure", mesh=figure())).vertices
+            for one in (name, off)
+        )
         np.testing.assert_allclose(np.abs(left), np.abs(points), atol=1e-9)
         sides.add(np.allclose(left, points, atol=1e-9))
     assert sides == {True, False}

@@ -7,7 +7,7 @@ from sklearn.manifold import smacof as sklearn_smacof
 from baselines._kernels.smacof import smacof
 from baselines.least_squares_mds import LeastSquaresMDS
 from benchmark.api.contracts import Shape
-from tests.baselines.embedding import PointShape, points_on_ellipsoid, sphere, spread
+from tests.baselines.embedding import sphere, spread
 
 pytestmark = pytest.mark.kernels
 
@@ -40,13 +40,6 @@ def test_the_stress_never_rises_with_or_without_weights(seed, weighted):
     ).stress
     assert (np.diff(course) <= 1e-12).all()
     assert course[-1] < course[0]
-
-
-def test_points_in_space_are_a_fixed_point():
-    points = points_on_ellipsoid()
-    form = LeastSquaresMDS().canonicalise(PointShape(points))
-    np.testing.assert_allclose(form.vertices, points - points.mean(axis=0), atol=1e-10)
-    assert form.notes["stress"] == pytest.approx(0, abs=1e-12)
 
 
 def test_majorization_takes_the_plain_steps_of_scikit_learn_from_the_mesh():

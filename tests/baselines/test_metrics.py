@@ -8,12 +8,11 @@ from scipy.linalg import expm
 
 from baselines._kernels.spectral import distances_under
 from baselines.classic_mds import ClassicMDS
-from baselines.gps import GPS
 from baselines.least_squares_mds import LeastSquaresMDS
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
 from benchmark.errors import ConfigurationError
 from tests.baselines.deformable import shape_of
-from tests.baselines.embedding import limbed, sphere, spread
+from tests.baselines.embedding import limbed
 
 METRICS = ("diffusion", "commute-time", "biharmonic")
 
@@ -41,15 +40,6 @@ def test_with_all_eigenfunctions_the_distances_are_those_of_the_definition(metri
     distances = distances_under(shape, metric, 0.03, 119, "default")
     expected = by_definition(shape, metric, 0.03)
     np.testing.assert_allclose(distances**2, expected, atol=1e-9 * expected.max())
-
-
-def test_commute_time_on_an_evenly_sampled_surface_is_the_global_point_signature():
-    # Classic scaling weighs vertices alike and GPS by their area, which on this sphere is the same but for 1 %.
-    mesh = sphere(800)
-    shape = shape_of(mesh.with_vertices(mesh.vertices * [1.6, 1.2, 1.0]))
-    gps = GPS().canonicalise(shape).vertices * np.sqrt(shape.mesh.area)
-    form = ClassicMDS(metric="commute-time").canonicalise(shape).vertices
-    assert np.abs(spread(form) - spread(gps)).max() < 0.05 * spread(gps).max()
 
 
 def test_parts_that_hang_together_by_nothing_are_refused():

@@ -13,11 +13,6 @@ from benchmark.geometry.mesh import Mesh, edges_of
 from tests.geometry.surfaces import flat_grid, joined, relabelled, sphere
 
 
-def soup(mesh):
-    """Every triangle with its own three vertices, as STL stores them."""
-    return Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(3 * mesh.n_faces).reshape(-1, 3))
-
-
 def test_a_clean_mesh_comes_back_as_it_was():
     mesh, _ = relabelled(sphere(2))
     cleaned, report = clean(mesh)
@@ -27,13 +22,6 @@ def test_a_clean_mesh_comes_back_as_it_was():
     assert (report.components, report.boundary_edges, report.merged, report.degenerate_faces) == (1, 0, 0, 0)
     assert (report.duplicate_faces, report.unreferenced, report.non_manifold_edges) == (0, 0, 0)
     assert report.non_manifold_vertices == 0
-
-
-def test_triangle_soup_is_sewn():
-    cleaned, report = clean(soup(sphere(2)))
-    assert (cleaned.n_vertices, cleaned.n_faces) == (162, 320)
-    assert report.merged == 3 * 320 - 162
-    assert cleaned.area == pytest.approx(sphere(2).area)
 
 
 def test_near_duplicates_are_not_welded():

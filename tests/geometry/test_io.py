@@ -3,7 +3,6 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 from trimesh import Trimesh
 
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
@@ -66,12 +65,6 @@ def test_ascii_ply_with_a_quad_and_further_properties(tmp_path):
     header = ply_header("ascii", face="property uchar flag\nproperty list uchar uint vertex_index\n", faces=1)
     body = b"0 0 0 7\n1 0 0 7\n1 1 0 7\n0 1 0 7\n9 4 0 1 2 3\n1\n"
     assert_square(read_mesh(written(tmp_path, "square.ply", header + body)))
-
-
-def test_mat_of_tosca(tmp_path):
-    surface = {"X": SQUARE[:, :1], "Y": SQUARE[:, 1:2], "Z": SQUARE[:, 2:], "TRIV": np.array(FAN) + 1.0}
-    savemat(tmp_path / "square.mat", {"surface": surface})
-    assert_square(read_mesh(tmp_path / "square.mat"))
 
 
 @pytest.mark.parametrize("base", [0, 1])
@@ -182,12 +175,3 @@ def test_writing_where_one_cannot(tmp_path):
         write_mesh(tmp_path / "square.stl", mesh)
     with pytest.raises(ConfigurationError, match="No such file"):
         write_mesh(tmp_path / "nowhere" / "square.off", mesh)
-
-
-@pytest.mark.data
-def test_tosca_keeps_the_order_of_the_file(data_root):
-    path = data_root / "tosca" / "cat0.off"
-    lines = path.read_text().split("\n")
-    mesh = read_mesh(path)
-    np.testing.assert_array_equal(mesh.vertices[:3], [[float(x) for x in line.split()] for line in lines[2:5]])
-    assert (mesh.n_vertices, mesh.n_faces) == tuple(int(count) for count in lines[1].split()[:2])

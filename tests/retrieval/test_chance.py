@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
 from retrieval.chance import chance_levels
-from retrieval.measures import MEASURES
 from retrieval.metrics import evaluate
 
 TOSCA = {
@@ -47,22 +46,6 @@ def labels_of(sizes: list[int]) -> NDArray[Any]:
 def test_table_of_chance_levels(name: str) -> None:
     sizes, expected = RANDOM[name]
     assert tuple(round(chance_levels(labels_of(sizes))[name], 3) for name in COLUMNS) == expected
-
-
-def simulate(labels: NDArray[Any], first: NDArray[Any], rounds: int) -> NDArray[Any]:
-    rng = np.random.default_rng(0)
-    totals = np.zeros(len(MEASURES))
-    for _ in range(rounds):
-        noise = rng.uniform(1, 2, first.shape)
-        scores = evaluate(np.where(first, 0.5 * (noise + noise.T) - 1, 0.5 * (noise + noise.T)), labels)
-        totals += list(scores.means.values())
-    return totals / rounds
-
-
-def test_simulation_agrees() -> None:
-    labels = labels_of([3, 4, 8, 15])
-    levels = chance_levels(labels)
-    np.testing.assert_allclose(simulate(labels, np.zeros((30, 30), bool), 300), list(levels.values()), atol=0.01)
 
 
 def test_an_all_tied_matrix_is_at_chance_exactly() -> None:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
@@ -18,15 +17,6 @@ def projected_area(mesh: Mesh) -> float:
     """Sum over triangles of the areas of their projections on the three coordinate planes."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     return float(0.5 * np.abs(np.cross(b - a, c - a)).sum())
-
-
-def test_a_turned_box_is_set_upright() -> None:
-    box = trimesh.creation.box([1.0, 0.6, 0.3])
-    mesh = Mesh(box.vertices, box.faces)
-    away = turned(mesh, Rotation.random(rng=4).as_matrix())
-    upright = turned(away, rectilinearity_rotation(away))
-    # The normals are the axes again; the area of a rectilinear mesh is the sum of its projections.
-    assert projected_area(upright) == pytest.approx(mesh.area, rel=1e-5)
 
 
 def test_the_rotation_is_the_minimiser(seed: int = 1) -> None:
