@@ -36,17 +36,21 @@ def alignment(points, others, weights):
     return np.sqrt(rest / (weights @ (others**2).sum(axis=1))), mirrored
 
 
+def shape(mesh):
+    return Shape(identifier="figure", mesh=mesh)
+
+
 @pytest.mark.parametrize("name", OPEN)
 def test_methods_that_see_distances_alone_settle_the_side(name):
     method = variant(name, methods()).create()
     mesh = figure()
-    form = method.canonicalise(Shape(identifier="figure", mesh=mesh))
+    form = method.canonicalise(shape(mesh))
     weights = vertex_areas(mesh)
     assert handedness(form.vertices, weights) > 0.02
     assert "metric" in name or form.notes["handedness"] == pytest.approx(handedness(form.vertices, weights), abs=1e-3)
     noise = 1e-6 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
     for vertices in (mesh.vertices * MIRROR, (mesh.vertices + noise) @ TURNED.T):
-        other = method.canonicalise(Shape(identifier="figure", mesh=mesh.with_vertices(vertices)))
+        other = method.canonicalise(shape(mesh.with_vertices(vertices)))
         distance, mirrored = alignment(form.vertices, other.vertices, weights / weights.sum())
         assert not mirrored
         assert distance < 0.01
@@ -56,10 +60,7 @@ def test_without_the_rule_signs_of_axes_decide_on_the_side():
     sides = set()
     for name in OPEN:
         off = f"{name.removesuffix(']')},side=off]" if name.endswith("]") else f"{name}[side=off]"
-        points, left = (
-            variant(one, methods()).create().canonicalise(Shape(identifier="figure", mesh=figure())).vertices
-            for one in (name, off)
-        )
+        points, left = (variant(one, methods()).create().canonicalise(shape(figure())).vertices for one in (name, off))
         np.testing.assert_allclose(np.abs(left), np.abs(points), atol=1e-9)
         sides.add(np.allclose(left, points, atol=1e-9))
     assert sides == {True, False}
