@@ -44,6 +44,21 @@ def look_here(monkeypatch):
     monkeypatch.setattr(remote, "call_apart", lambda function, *arguments, **_: function(*arguments))
 
 
+@pytest.fixture
+def call(tmp_path, monkeypatch, capfd):
+    """Run the command line in this process, in a folder of its own; returns what it said."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CANONICAL_FORMS_DATA", raising=False)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
+        with suppress(SystemExit):
+            main()
+        return capfd.readouterr()
+
+    return run
+
+
 SCORER = """
 from dataclasses import dataclass
 from typing import ClassVar
@@ -124,19 +139,10 @@ def test_of_one_package_the_methods_that_work_stay(install, look_here):
     assert line.startswith("installed package both, none: both has no 'Absent'")
 
 
-def test_every_verb_goes_on_beside_a_broken_package(install, tmp_path, monkeypatch, capfd):
+def test_every_verb_goes_on_beside_a_broken_package(install, call, tmp_path):
     install("ends-it", on_import="exits")
     install("works")
     write_off(tmp_path / "rod.off", rod(0.1, 1.0))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("CANONICAL_FORMS_DATA", raising=False)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
-        with suppress(SystemExit):
-            main()
-        return capfd.readouterr()
-
     done = call("list", "methods", "--json")
     assert {"works"} == {row["name"].partition("[")[0] for row in json.loads(done.out)} - set(registry.BUILT_IN)
     assert [line.partition(":")[0] for line in done.err.splitlines()] == ["installed package ends-it, ends-it"]
@@ -147,21 +153,13 @@ def test_every_verb_goes_on_beside_a_broken_package(install, tmp_path, monkeypat
     assert len(done.err.splitlines()) == 1
 
 
-def test_a_package_whose_scorer_ends_or_prints_at_import_costs_itself_alone(install, tmp_path, monkeypatch, capfd):
+def test_a_package_whose_scorer_ends_or_prints_at_import_costs_itself_alone(install, call, tmp_path):
     for name, on_import in (("ends-it", "import os; os._exit(0)"), ("talks", "print('hello')"), ("works", "")):
         install(name, kind=scorers.ScorerSpec, scorer=SCORER.format(name=name, on_import=on_import))
     install("takes-it", "cm-bof = takes_it:Tried", scorers.ScorerSpec, SCORER.format(name="cm-bof", on_import=""))
     write_off(tmp_path / "rods" / "thin0.off", rod(0.1, 1.0))
     write_off(tmp_path / "rods" / "thin1.off", rod(0.1, 0.9))
     write_off(tmp_path / "rods" / "wide0.off", rod(0.3, 1.0))
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
-        with suppress(SystemExit):
-            main()
-        return capfd.readouterr()
-
     listed = call("list", "scorers", "--json")
     assert [row["name"] for row in json.loads(listed.out)] == [*scorers.BUILT_IN, "talks", "works"]
     assert [line for line in listed.err.splitlines() if line != "hello"] == [

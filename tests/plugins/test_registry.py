@@ -36,22 +36,9 @@ def test_a_built_in_method_carries_its_own_name_and_can_be_made(name):
 
 def test_listing_imports_neither_scipy_nor_numba():
     code = "import sys; from benchmark.plugins import registry; [spec.info for spec in registry.methods().values()]"
-    code += "; print({'scipy', 'numba', 'torch'} & set(sys.modules))"
+    code += "; print({'scipy', 'numba', 'torch', 'matplotlib', 'safetensors'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
-
-
-def test_an_unknown_method_is_answered_with_the_nearest_name():
-    with pytest.raises(ConfigurationError, match="unknown method 'clasic-mds'; did you mean classic-mds"):
-        registry.select(["clasic-mds"], registry.methods())
-
-
-def test_a_plugin_file_adds_its_methods_and_is_kept_beside_named_ones(tmp_path):
-    path = write_plugin(tmp_path)
-    known = registry.methods([path])
-    assert list(known)[-1] == "flatten"
-    assert [spec.name for spec in registry.select(["gps"], known, [path])] == ["gps", "flatten"]
-    assert known["flatten"].info.title == "Flattened"
 
 
 def test_of_a_plugin_file_with_a_named_method_the_others_stay_out(tmp_path):
@@ -68,19 +55,10 @@ def test_of_a_plugin_file_with_a_named_method_the_others_stay_out(tmp_path):
     assert {"gps", "flatten", "second", "other"} <= set(chosen("all", "second"))
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("x = (", "cannot be imported: SyntaxError"),
-        ("raise RuntimeError('boom')", "cannot be imported: RuntimeError: boom"),
-        ("x = 1", "defines no method"),
-    ],
-)
-def test_a_broken_plugin_is_named(tmp_path, text, message):
-    path = tmp_path / "broken.py"
-    path.write_text(text)
-    with pytest.raises(ConfigurationError, match=message):
-        registry.methods([path])
+def test_a_file_without_a_method_is_named(tmp_path):
+    (tmp_path / "broken.py").write_text("x = 1")
+    with pytest.raises(ConfigurationError, match="defines no method"):
+        registry.methods([tmp_path / "broken.py"])
 
 
 def test_a_class_without_behaviour_is_refused(tmp_path):
@@ -90,14 +68,6 @@ def test_a_class_without_behaviour_is_refused(tmp_path):
     )
     with pytest.raises(ConfigurationError, match="neither 'canonicalise' nor 'describe'"):
         registry.methods([path])["lazy"].create()
-
-
-def test_a_missing_package_makes_a_method_unavailable_not_broken(tmp_path):
-    path = tmp_path / "needy.py"
-    path.write_text(
-        PLUGIN.format(name="needy").replace('title="Flattened"', 'title="Needy", requires=("no_such_package",)')
-    )
-    assert registry.methods([path])["needy"].missing_packages() == ("no_such_package",)
 
 
 @pytest.mark.parametrize(
@@ -124,47 +94,9 @@ def test_every_way_to_write_a_variant_is_one_method():
     assert spec.name == "least-squares-mds[start=classic,max_iterations=7]"
     assert spec.title == "Least Square MDS (start=classic, max_iterations=7)"
     assert spec.parameters == {"start": "classic", "max_iterations": 7}
-    assert spec.resolved_parameters() == {
-        "algorithm": "quasi-newton",
-        "start": "classic",
-        "weights": "uniform",
-        "max_iterations": 7,
-        "rtol": 1e-3,
-        "metric": "geodesic",
-        "time": 0.05,
-        "eigenfunctions": 100,
-        "solver": DEFAULT_SOLVER,
-    }
     again = registry.variant(spec.name, known)
     assert [registry.variant(f"least-squares-mds[{way}]", known) for way in ways] == [again] * len(ways)
     assert pickle.loads(pickle.dumps(again)) == again  # noqa: S301
-
-
-#: One of each kind of constraint; tests/behaviour/pinned/signatures.txt holds those of all parameters.
-UNFIT = [
-    ("least-squares-mds", "stard", "classic", "did you mean start"),
-    ("least-squares-mds", "start", "clasic", "did you mean classic"),
-    ("least-squares-mds", "max_iterations", "many", "write a whole number"),
-    ("least-squares-mds", "rtol", "1", "write a number of at least 0 and below 1"),
-    ("classic-mds", "solver", "heta", "did you mean heat"),
-    ("classic-mds", "time", "inf", "write a number above 0"),
-    ("subspace-mds", "eigenfunctions", "(9,20)", "write values in parentheses, each a whole number of at least 10"),
-    ("learned", "training_seed", str(2**63), "write a whole number of at least 0"),
-    ("learned", "training", "../elsewhere", "write a name of letters, digits and hyphens"),
-    ("learned", "jump", "-0.05", "write a number above 0 or none"),
-    ("deformation-field", "rounds", "101", "write a whole number of at least 0 and of at most 100"),
-]
-
-
-@pytest.mark.parametrize(("name", "parameter", "text", "hint"), UNFIT)
-def test_an_unfit_value_is_refused_before_anything_runs(name, parameter, text, hint):
-    known = registry.methods()
-    with pytest.raises(ConfigurationError) as caught:
-        registry.variant(f"{name}[{parameter}={text}]", known)
-    assert name in caught.value.problem
-    assert parameter in caught.value.problem
-    assert caught.value.hint.startswith(hint)
-    assert "\n" not in str(caught.value)
 
 
 PARAMETERS = """

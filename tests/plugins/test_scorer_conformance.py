@@ -1,40 +1,22 @@
 """A right scorer passes, and each fault of one is found by the check that is made for it."""
 
-from pathlib import Path
-
 import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.plugins import conformance
-from benchmark.plugins.conformance import checks
-from tests.plugins.test_conformance import call_here
+from tests.plugins.conftest import EXAMPLES
 
 RETURN = 'return cdist(shares, shares, "cityblock")'
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
+EXAMPLE = EXAMPLES / "distance_distribution.py"
 
 
-@pytest.fixture
-def findings(tmp_path, monkeypatch):
-    """What is found in the example of a scorer, after an edit."""
-    monkeypatch.setattr(checks, "call_apart", call_here)
-    monkeypatch.setattr(checks, "hide_data", lambda: None)  # it would be hidden from all further tests
-    source = EXAMPLE.read_text()
-
-    def check(old="", new=""):
-        assert old in source
-        path = tmp_path / f"scorer_{abs(hash((old, new)))}.py"
-        path.write_text(
-            "import itertools\nCALLS = itertools.count()\n" + source.replace("from __future__", "#").replace(old, new)
-        )
-        (found,) = conformance.check_target(str(path)).findings.values()
-        return {finding.name: finding for finding in found}
-
-    return check
+#: What an edit may use.
+BEFORE = "import itertools\nCALLS = itertools.count()\n"
 
 
-def test_a_right_scorer_passes(findings):
-    assert {found.outcome for found in findings("bins: ", "bins: ").values()} == {"ok"}
+def test_a_right_scorer_passes(findings_in):
+    assert {found.outcome for found in findings_in(EXAMPLE.name, "bins: ", "bins: ", BEFORE).values()} == {"ok"}
 
 
 @pytest.mark.parametrize(
@@ -62,8 +44,8 @@ def test_a_right_scorer_passes(findings):
         ("if not mean > 0:", "if 1 / mean < 0:", "awkward forms", "a point"),
     ],
 )
-def test_a_fault_is_found_by_its_check(findings, old, new, check, message):
-    found = findings(old, new)
+def test_a_fault_is_found_by_its_check(findings_in, old, new, check, message):
+    found = findings_in(EXAMPLE.name, old, new, BEFORE)
     assert found[check].outcome == "failed", found[check]
     assert message in found[check].explanation
 

@@ -24,6 +24,21 @@ class Second(First):
 """
 
 
+@pytest.fixture
+def specs(tmp_path):
+    """Specifications of a target, in whose texts FILE stands for the file."""
+    (tmp_path / "two.py").write_text(TWO)
+
+    def filled(value):
+        return value.replace("FILE", str(tmp_path / "two.py"))
+
+    def of(target):
+        chosen = {key: filled(v) if isinstance(v, str) else tuple(map(filled, v)) for key, v in target.items()}
+        return conformance.Target(**chosen).specs()
+
+    return of
+
+
 @pytest.mark.parametrize(
     ("target", "names"),
     [
@@ -37,14 +52,8 @@ class Second(First):
         ({"name": "gps"}, ["gps"]),
     ],
 )
-def test_methods_are_chosen_by_file_name_and_parameters(target, names, tmp_path):
-    (tmp_path / "two.py").write_text(TWO)
-
-    def filled(value):
-        return value.replace("FILE", str(tmp_path / "two.py"))
-
-    chosen = {key: filled(v) if isinstance(v, str) else tuple(map(filled, v)) for key, v in target.items()}
-    assert [spec.name for spec in conformance.Target(**chosen).specs()] == names
+def test_methods_are_chosen_by_file_name_and_parameters(target, names, specs):
+    assert [spec.name for spec in specs(target)] == names
 
 
 @pytest.mark.parametrize(
@@ -56,12 +65,6 @@ def test_methods_are_chosen_by_file_name_and_parameters(target, names, tmp_path)
         ({"name": "frist", "plugins": ("FILE",)}, "unknown method 'frist'; did you mean first"),
     ],
 )
-def test_what_cannot_be_checked_is_named(target, message, tmp_path):
-    (tmp_path / "two.py").write_text(TWO)
-
-    def filled(value):
-        return value.replace("FILE", str(tmp_path / "two.py"))
-
-    chosen = {key: filled(v) if isinstance(v, str) else tuple(map(filled, v)) for key, v in target.items()}
+def test_what_cannot_be_checked_is_named(target, message, specs):
     with pytest.raises(ConfigurationError, match=message):
-        conformance.Target(**chosen).specs()
+        specs(target)

@@ -1,30 +1,9 @@
 """A learner without a model is trained on a few images, and checked with that."""
 
-from pathlib import Path
-
 import pytest
 
 from benchmark.plugins import conformance
-from benchmark.plugins.conformance import checks
 from benchmark.plugins.registry import methods, variant
-from tests.plugins.test_conformance import call_here
-
-
-@pytest.fixture
-def learner_findings(tmp_path, monkeypatch):
-    """What is found in the example of a learner, after an edit."""
-    monkeypatch.setattr(checks, "call_apart", call_here)
-    monkeypatch.setattr(checks, "hide_data", lambda: None)  # it would be hidden from all further tests
-    source = (Path(__file__).parents[2] / "examples" / "nearest_view.py").read_text()
-
-    def check(old, new, **target):
-        assert old in source
-        path = tmp_path / f"learner_{abs(hash((old, new)))}.py"
-        path.write_text(source.replace(old, new))
-        (found,) = conformance.check_target(str(path)).findings.values()
-        return {finding.name: finding for finding in found}
-
-    return check
 
 
 @pytest.mark.parametrize(
@@ -44,8 +23,8 @@ def learner_findings(tmp_path, monkeypatch):
         ("hexdigest()", "hexdigest()[::-1]", "training", "has digest"),
     ],
 )
-def test_a_fault_of_a_learner_is_found_before_anybody_trains_it(old, new, check, message, learner_findings):
-    found = learner_findings(old, new)
+def test_a_fault_of_a_learner_is_found_before_anybody_trains_it(old, new, check, message, findings_in):
+    found = findings_in("nearest_view.py", old, new)
     assert found[check].outcome == "failed"
     assert message in found[check].explanation
 

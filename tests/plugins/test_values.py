@@ -205,14 +205,6 @@ def test_values_are_written_in_one_way(value: Any, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("number", 0.1 + 0.2), ("flag", True), ("optional", 5), ("levels", (3,)), ("levels", ()), ("pair", (1e-9, 2.0))],
-)
-def test_what_is_written_is_read_again(name: str, value: Any) -> None:
-    assert read(name, format_value(value)) == value
-
-
-@pytest.mark.parametrize(
     ("texts", "found"),
     [
         ("", {}),
