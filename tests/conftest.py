@@ -74,6 +74,14 @@ def forked_workers(server_of_workers: Any) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def rods(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Rods of two builds, straight and bent, for all tests of a module; none may write to them."""
+    from tests.toy import write_rods
+
+    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
+
+
 @pytest.fixture(scope="session")
 def data_root() -> Path:
     """The folder that holds the official data sets; tests that need it are skipped where there is none."""

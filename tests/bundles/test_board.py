@@ -12,6 +12,7 @@ from benchmark.bundles.outcomes import boards, keep
 from benchmark.errors import ConfigurationError
 from tests.bundles.made import Forgery, command
 from tests.bundles.test_verify import edit_score_and_queries, outcome
+from tests.verbs import call
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
 
@@ -24,8 +25,7 @@ def kept(ran, tmp_path) -> Path:
     hostile = Forgery(ran / "flat.zip")
     hostile.manifest["title"] = hostile.manifest["author"] = HOSTILE
     hostile.record["data"]["title"] = HOSTILE
-    made = command("submit", "surface-area", "-o", tmp_path / "area.zip", "--results", ran / "results")
-    assert made.exit_code == 0, made.output
+    call("submit", "surface-area", "-o", tmp_path / "area.zip", "--results", ran / "results")
     for bundle in (ran / "flat.zip", hostile.write(tmp_path / "hostile.zip"), tmp_path / "area.zip"):
         keep(outcome(bundle), tmp_path / "kept")
     return tmp_path / "kept"
@@ -45,10 +45,8 @@ def test_rows_that_can_be_compared_share_a_table_and_say_what_they_are(kept):
 
 
 def test_the_report_shows_them_as_text(kept, ran, tmp_path):
-    made = command("merge", ran / "results", "--results", kept)
-    assert made.exit_code == 0, made.output
-    made = command("report", "--results", kept, "-m", "surface-area", "-o", tmp_path / "report")
-    assert made.exit_code == 0, made.output
+    call("merge", ran / "results", "--results", kept)
+    call("report", "--results", kept, "-m", "surface-area", "-o", tmp_path / "report")
     text = (tmp_path / "report" / "index.html").read_text()
     shown = text[text.index("<h2>Bundles") : text.index("<section id='failures'")]
     assert "<img" not in shown

@@ -23,6 +23,7 @@ from benchmark.plugins.scorers import ScorerSpec
 from benchmark.source_code import digest_of_source
 from tests.bundles.made import SCORER, Forgery, command, object_array, where
 from tests.toy import write_rods
+from tests.verbs import call
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
 
@@ -370,9 +371,8 @@ def test_forms_are_compared_after_a_rotation_and_no_reflection():
 def test_what_is_said_of_a_method_of_the_suite(ran, tmp_path):
     """A descriptor of the suite: a claim where nothing is known of it, verified beside its record."""
     path = tmp_path / "area.zip"
-    made = command("submit", "surface-area", "-o", path, "--results", ran / "results")
-    assert made.exit_code == 0, made.output
-    assert "rods mesh surface-area: descriptors" in made.output
+    made = call("submit", "surface-area", "-o", path, "--results", ran / "results")
+    assert "rods mesh surface-area: descriptors" in made
     assert faults(outcome(path)) == {"not-made-again": "claimed"}
     found = outcome(path, results=ran / "results")
     assert (found.status, found.rows[0].compared) == ("verified", "records")
@@ -391,8 +391,8 @@ def test_forms_of_official_sets_are_never_passed_on(name, is_withheld):
 
 def test_own_data_is_not_passed_on_unless_somebody_says_that_it_may_be(ran, tmp_path):
     path = tmp_path / "signatures.zip"
-    made = command("submit", "flat", "--scorer", SCORER, "-o", path, *where(ran))
-    assert "signatures and distances alone; rods: nobody has said" in made.output
+    made = call("submit", "flat", "--scorer", SCORER, "-o", path, *where(ran))
+    assert "signatures and distances alone; rods: nobody has said" in made
     forged = Forgery(path)
     assert {name for arrays in forged.arrays() for name in arrays} == {"energies"}
     found = outcome(path, data=ran / "rods")
@@ -419,11 +419,9 @@ def test_the_data_files_of_a_plugin_travel_and_count(ran, tmp_path):
     (plugin.parent / "data" / "one.txt").write_text("1")
     of_run = ("-d", ran / "rods", "--input", "mesh", "--executor", "serial", "--scorer", SCORER)
     of_both = ("--plugin", plugin, "--results", tmp_path / "results")
-    done = command("run", "-m", "scaled", *of_run, *of_both)
-    assert done.exit_code == 0, done.output
-    made = command("submit", "scaled", "--scorer", SCORER, "--forms", "-o", tmp_path / "scaled.zip", *of_both)
-    assert made.exit_code == 0, made.output
-    assert f"omitted {elsewhere}: it does not lie beside the plugin" in made.output
+    call("run", "-m", "scaled", *of_run, *of_both)
+    made = call("submit", "scaled", "--scorer", SCORER, "--forms", "-o", tmp_path / "scaled.zip", *of_both)
+    assert f"omitted {elsewhere}: it does not lie beside the plugin" in made
     with zipfile.ZipFile(tmp_path / "scaled.zip") as archive:
         names = {name for name in archive.namelist() if name.startswith("plugin/")}
     assert names == {"plugin/scaled.py", "plugin/factors.csv", "plugin/data/one.txt"}

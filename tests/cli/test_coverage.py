@@ -1,13 +1,12 @@
-"""A method that refuses shapes: they are failed queries, its row says so, and it is never the best."""
+"""A method that refuses shapes: they are failed queries."""
 
 import json
 
 import pytest
-from click.testing import CliRunner
 
-from benchmark.cli.main import cli
 from benchmark.results import open_results
 from tests.toy import write_rods
+from tests.verbs import call
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
 
@@ -30,24 +29,14 @@ def ran(tmp_path_factory):
     folder = tmp_path_factory.mktemp("coverage")
     write_rods(folder / "rods", bends=(0.0, 0.3, 2.4))
     (folder / "refusing.py").write_text(REFUSING)
-    selection = [
-        "-d",
-        str(folder / "rods"),
-        "--plugin",
-        str(folder / "refusing.py"),
-        "--results",
-        str(folder / "results"),
-    ]
-    words = ["-m", "identity", "-m", "refusing", "--input", "mesh", "--executor", "serial"]
-    done = CliRunner().invoke(cli, ["run", *selection, *words])
-    assert done.exit_code == 0, done.output
+    selection = ("-d", folder / "rods", "--plugin", folder / "refusing.py", "--results", folder / "results")
+    call("run", *selection, "-m", "identity", "-m", "refusing", "--input", "mesh", "--executor", "serial")
     return folder, selection
 
 
 def rows(ran):
     _, selection = ran
-    told = CliRunner().invoke(cli, ["tables", *selection, "--format", "json"])
-    return {row["method"]: row for row in json.loads(told.output)}
+    return {row["method"]: row for row in json.loads(call("tables", *selection, "--format", "json"))}
 
 
 def test_a_refused_shape_is_a_failed_query(ran):
@@ -66,12 +55,3 @@ def test_a_refused_shape_is_a_failed_query(ran):
     ])  # fmt: skip
     assert len(queries) == 6
     assert (queries["NN"] == 0).sum() >= 2
-
-
-def test_its_row_says_so_and_is_never_the_best(ran):
-    _, selection = ran
-    text = CliRunner().invoke(cli, ["tables", *selection, "--format", "markdown"]).output
-    line = next(line for line in text.splitlines() if line.startswith("| Refusing"))
-    assert "Refusing (mesh: coverage 0.67)" in line
-    assert "**" not in line
-    assert "Refusing, mesh: 2 unsupported" in text

@@ -8,25 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from benchmark.cli.main import cli
 from benchmark.pipeline.storage.store import Store
-from tests.toy import rod, write_off, write_rods
+from tests.toy import rod, write_off
+from tests.verbs import call
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(scope="module")
-def rods(tmp_path_factory):
-    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
-
-
-def call(*arguments, code=0):
-    done = CliRunner().invoke(cli, [*map(str, arguments)])
-    assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
-    assert done.exit_code == code, done.output
-    return done.output
 
 
 def benchmark(*arguments, cwd=ROOT, **options):

@@ -59,11 +59,6 @@ def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
         shortcuts(rod(0.05, 0.0), 1, random())  # a straight rod has no two parts
 
 
-@pytest.fixture(scope="module")
-def rods(tmp_path_factory):
-    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
-
-
 def test_a_perturbed_set_is_the_same_each_time_and_its_recipe_tells_it_from_others(rods):
     clean = open_dataset(str(rods), None)
     one, same, other = (open_dataset(f"{rods}[noise={strength}]", None) for strength in (3, 3, 4))

@@ -11,7 +11,6 @@ import sys
 import time
 from pathlib import Path
 
-import psutil
 import pytest
 
 from benchmark.cli.options import RunOptions
@@ -21,6 +20,7 @@ from benchmark.execution import pools
 from benchmark.execution.job_specs import Job, first_tasks
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select
+from tests.processes import is_alive, wait_until
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]
@@ -57,14 +57,7 @@ def records(results):
 def alive(notes, name):
     """Processes of which a method has told, and that are still there."""
     found = [int(line) for line in (notes / name).read_text().split()]
-    return [p for p in found if psutil.pid_exists(p) and psutil.Process(p).status() != psutil.STATUS_ZOMBIE]
-
-
-def wait_until(condition, seconds=60.0):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.05)
+    return [process for process in found if is_alive(process)]
 
 
 @pytest.fixture
@@ -133,19 +126,6 @@ def test_each_record_says_what_happened_and_what_to_do(faulty_run):
 def _at_a_shape(record, said):
     """Whether a record names the first shape of a batch, in whatever order, and says what happened."""
     return re.match(rf"thi(ck|n)\d: {re.escape(said)}", record["reason"])
-
-
-@pytest.mark.slow
-def test_why_shows_where_a_job_failed(faulty_run):
-    folder, arguments, _, found = faulty_run
-    told = benchmark("why", "bug", *arguments, notes=folder / "notes")
-    assert told.returncode == 0, told.stderr
-    assert "failed       rods mesh bug" in told.stdout
-    assert "return 1 / 0" in told.stdout
-    by_key = benchmark("why", found["bug"]["key"][:10], *arguments[-2:], notes=folder / "notes").stdout
-    assert "rods mesh bug" in by_key
-    assert "ZeroDivisionError: division by zero" in by_key
-    assert "numpy" in by_key
 
 
 @pytest.mark.slow

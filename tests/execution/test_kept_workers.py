@@ -11,6 +11,7 @@ from benchmark.execution.job_specs import Job, Task
 from benchmark.execution.pools import LocalPool
 from benchmark.pipeline.storage.store import Store
 from tests.execution.test_executors import orders
+from tests.processes import is_alive, wait_until
 
 
 class ForeignJob(Job):
@@ -44,10 +45,6 @@ def do(pool, tmp_path):
     return done
 
 
-def is_alive(pid):
-    return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
-
-
 def test_a_process_does_the_tasks_of_its_package_in_turn_and_ends_with_the_pool(pool, do):
     first = do("identity")
     assert do("pca") == first
@@ -71,6 +68,5 @@ def test_processes_that_are_over_hold_no_file_open(do):
 def test_a_process_that_died_while_it_waited_is_replaced(do):
     first = do("identity")
     os.kill(first, signal.SIGKILL)
-    while is_alive(first):
-        time.sleep(0.01)
+    wait_until(lambda: not is_alive(first))
     assert do("pca") != first

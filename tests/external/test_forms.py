@@ -6,8 +6,8 @@ import shutil
 import pytest
 
 from benchmark.pipeline.storage.store import Store
-from tests.cli.test_workflow import call
 from tests.toy import rod, write_off, write_rods
+from tests.verbs import call
 
 
 @pytest.fixture(scope="module")

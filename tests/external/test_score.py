@@ -14,9 +14,9 @@ from benchmark.external.files import as_distances, read_labels
 from benchmark.external.records import keep_distances
 from benchmark.external.scoring import Task
 from benchmark.pipeline.storage.store import Store
-from tests.cli.test_workflow import call
 from tests.records import record
 from tests.toy import write_rods
+from tests.verbs import call
 
 PLACES = {
     "a0": 0,

@@ -7,20 +7,17 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from benchmark.cli.main import cli
 from retrieval.measures import PRINTED
 from tests.rows import is_form
+from tests.verbs import call
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "reference" / "scorers.md").read_text(encoding="utf-8")
 
 
 def told(*arguments: str) -> str:
-    done = CliRunner().invoke(cli, [*arguments, "--published", "--results", str(ROOT / "results")])
-    assert done.exit_code == 0, done.output
-    return done.output
+    return call(*arguments, "--published", "--results", ROOT / "results")
 
 
 @pytest.fixture(scope="module")

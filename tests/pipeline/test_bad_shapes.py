@@ -1,18 +1,16 @@
 """One bad shape costs one shape: the others are prepared as if it were not there, and the record names it."""
 
-import json
-
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from benchmark.cli.main import cli
 from benchmark.datasets.folder import folder_dataset
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.method_run import Preparation, require_arrays
+from benchmark.pipeline.storage.store import Store
 from tests.geometry.mutations import valid_files
 from tests.toy import rod, write_off, write_rods
+from tests.verbs import call
 
 GOOD = rod(0.1, 0.7)
 
@@ -73,18 +71,9 @@ def test_a_set_with_bad_shapes_is_scored_without_them_and_the_table_names_them(t
     content = bytearray(valid_files(GOOD)["packed.mat"])
     content[300] ^= 255
     (folder / "thin9.mat").write_bytes(content)
-    checked = CliRunner().invoke(cli, ["data", "check", str(folder)])
-    assert checked.exit_code == 1
-    assert "thin9.mat  not a readable mat file" in checked.output
-    results = tmp_path / "results"
-    done = CliRunner().invoke(
-        cli, ["run", "-d", str(folder), "-m", "identity", "--executor", "serial", "--results", str(results)]
-    )
-    assert done.exit_code == 0, done.output
-    records = {}
-    for path in (results / "runs" / "records").glob("*.json"):
-        found = json.loads(path.read_text())
-        records[found["input"]] = found
+    assert "thin9.mat  not a readable mat file" in call("data", "check", folder, code=1)
+    call("run", "-d", folder, "-m", "identity", "--executor", "serial", "--results", tmp_path)
+    records = {found["input"]: found for found in Store.open(tmp_path).records}
     for at, input_ in enumerate(("mesh", "view"), start=1):
         refused = dict(records[input_]["unsupported"])
         wrong = {f"{'thin' if n % 2 else 'thick'}{10 + n}": BAD[name][at] for n, name in enumerate(BAD)}

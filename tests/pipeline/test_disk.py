@@ -11,14 +11,9 @@ from benchmark.cli.main import cli
 from benchmark.pipeline.storage.records import Records
 from benchmark.pipeline.storage.store import StorageError, Store
 from tests.records import record
-from tests.toy import files_of_at_most, write_rods
+from tests.toy import files_of_at_most
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
-
-
-@pytest.fixture(scope="module")
-def rods(tmp_path_factory):
-    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
 
 
 def run(rods, results, *more):

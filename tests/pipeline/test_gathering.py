@@ -139,16 +139,6 @@ def test_a_damaged_part_stays_for_whoever_can_repair_it(records):
     assert Records(records.folder).read(MADE[2]["key"]) == MADE[2]
 
 
-def test_publishing_writes_lines_and_drops_what_they_replace(tmp_path):
-    records, data = Records(tmp_path), {"source": "rods"}
-    old, new = (record("gps", code=code, data=data, finished=f"202{code}") for code in ("6", "7"))
-    assert len(publish([old], records).added) == 1
-    assert len(publish([new], records).added) == 1
-    assert not list(records.folder.glob("*.json"))
-    assert old["key"] not in records
-    assert Records(records.folder).read(new["key"])["finished"] == "2027"
-
-
 def test_merging_gathers_what_was_made_here_and_not_while_a_run_writes(tmp_path):
     store = Store.open(tmp_path)
     for each in MADE:

@@ -4,12 +4,11 @@ import os
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from benchmark.cli.main import cli
 from benchmark.pipeline.storage.store import Store, sweep_leftovers, unneeded
 from tests.records import failed, record
 from tests.toy import write_rods
+from tests.verbs import call
 
 LATER = "2026-02-01T00:00:00+00:00"
 
@@ -49,12 +48,6 @@ def test_scratch_and_leftovers_of_the_dead_go_and_those_of_the_living_stay(store
     sweep_leftovers(store)
     assert [path.name for path in store.progress.iterdir()] == [f"{living}-0"]
     assert sorted(path.name for path in unneeded(store)) == [f"{features}.npz"]
-
-
-def call(*arguments):
-    done = CliRunner().invoke(cli, [*map(str, arguments)])
-    assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
-    return done.output
 
 
 def test_the_verb_frees_what_it_announces_and_a_run_computes_nothing_again(tmp_path, store):

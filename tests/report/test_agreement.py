@@ -9,14 +9,9 @@ from benchmark.cli.main import cli
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import as_text
 from tests.records import record
+from tests.verbs import call
 
 ORDER = ("classic-mds", "fast-mds", "gps", "pca", "identity")
-
-
-def call(*arguments, code=0):
-    done = CliRunner().invoke(cli, [*map(str, arguments)])
-    assert done.exit_code == code, done.output
-    return done.output
 
 
 @pytest.fixture

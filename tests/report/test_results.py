@@ -1,7 +1,6 @@
 """Which record stands for a job, and when it is marked: the same wherever the folder lies."""
 
 import importlib.metadata
-import json
 import shutil
 
 import pytest
@@ -20,15 +19,10 @@ from benchmark.report.formats import markdown
 from benchmark.report.results import Results
 from tests import records as made_up
 from tests.pipeline.test_records import put_aliens
-from tests.toy import write_rods
+from tests.verbs import call
 
 METHODS = ("identity", "surface-area", "classic-mds[solver=dijkstra]")
 EARLIER, LATER = "2026-01-01T00:00:00+00:00", "2026-02-01T00:00:00+00:00"
-
-
-@pytest.fixture(scope="module")
-def rods(tmp_path_factory):
-    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
 
 
 @pytest.fixture
@@ -47,13 +41,6 @@ def of_job(job, *, code=None, finished=EARLIER, make=made_up.record, **more):
         recipe["versions"]["method/identity"] = code
     options = {"method": job.method.name, "finished": finished, **more}
     return {**make(**options), **keys.plain(job.facts), "recipe": recipe, "key": keys.digest(recipe)}
-
-
-def call(*arguments, code=0):
-    done = CliRunner().invoke(cli, [*map(str, arguments)])
-    assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
-    assert done.exit_code == code, done.output
-    return done.stdout
 
 
 def chosen(store, **options):
@@ -180,24 +167,6 @@ def test_the_same_records_make_the_same_tables_in_any_folder(rods, store, tmp_pa
     assert b"\xe2\x80\xa0" in published["table-rods.md"]
 
 
-def test_alien_files_harm_no_verb(rods, store):
-    for job in jobs(rods, store):
-        store.write_record(of_job(job))
-    put_aliens(store.records.folder)
-    put_aliens(store.published.folder)
-    results = ("--results", store.root.parent)
-    selection = ("-d", rods, *(w for m in METHODS for w in ("-m", m)), "--input", "mesh")
-    assert call("plan", *selection, *results).count("cached") == 3
-    rows = json.loads(call("tables", *results, "--format", "json"))
-    assert {row["method"] for row in rows} == set(METHODS)
-    assert "3 of 3 pairs are equal" in call("compare", store.root.parent, store.root.parent)
-    assert "freed" in call("prune", *results)
-    assert call("merge", store.root.parent, *results) == "0 records added, 3 known, 0 conflicts\n"
-    assert "finished" in call("why", "identity", *selection[:2], "--all", *results)
-    (key,) = (found["key"] for found in store.records if found["method"] == "identity")
-    assert "rods mesh identity" in call("why", key[:8], *results)
-
-
 def said_of_files(*arguments):
     """Lines on stderr about files that are skipped, for a verb that ends well."""
     done = CliRunner().invoke(cli, [*map(str, arguments)])
@@ -247,12 +216,6 @@ def test_a_key_that_its_recipe_does_not_give_is_refused_wherever_it_lies(rods, s
     assert call("plan", "-d", rods, "-m", "identity", "--input", "mesh", "--results", store.root.parent).startswith(
         "missing"
     )
-
-
-def test_a_selection_without_records_is_named(store):
-    done = CliRunner().invoke(cli, ["tables", "--results", str(store.root.parent)])
-    assert isinstance(done.exception, BenchmarkError)
-    assert "no finished job under" in str(done.exception)
 
 
 def test_a_plan_says_that_older_code_has_published_a_row(rods, store):

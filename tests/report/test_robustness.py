@@ -3,9 +3,6 @@
 import csv
 import io
 
-from click.testing import CliRunner
-
-from benchmark.cli.main import cli
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, perturbed_name
 from benchmark.pipeline.storage.records import as_text
 from benchmark.protocols.tables import INPUTS
@@ -13,6 +10,7 @@ from benchmark.report.results import Result
 from benchmark.report.robustness import as_csv, latex, markdown, robustness
 from tests.records import failed, record
 from tests.toy import write_rods
+from tests.verbs import call
 
 
 def perturbed(perturbation, strength, **more):
@@ -63,31 +61,28 @@ def test_tables_write_the_curves_beside_the_other_tables_and_perturbed_sets_have
     for method in ("classic-mds", "pca"):
         for each in (record(method, nn=1.0), *noisy(0.75, 0.5, 0.25, 0.25, 0.0, method=method)):
             (folder / f"{each['key']}.json").write_text(as_text(each))
-    common = ["tables", "--results", str(tmp_path / "results"), "-d", "rods"]
-    done = CliRunner().invoke(cli, [*common, "-o", str(tmp_path / "out")])
-    assert done.exit_code == 0, done.output
+    whole = ("tables", "--results", tmp_path / "results", "-o", tmp_path / "out")
+    call(*whole, "-d", "rods")
     files = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"robustness-rods-mesh.md", "robustness-rods-mesh.tex", "robustness-rods-mesh.png"} <= files
     assert {"robustness.csv", "robustness.json", "table-rods.md"} <= files
     assert not [name for name in files if "table-rods[" in name or "noise" in name]
-    assert CliRunner().invoke(cli, [*common, "-o", str(tmp_path / "out"), "--check"]).exit_code == 0
-    whole = ["tables", "--results", str(tmp_path / "results"), "-o", str(tmp_path / "out"), "--check"]
-    assert CliRunner().invoke(cli, whole).exit_code == 0
+    call(*whole, "-d", "rods", "--check")
+    call(*whole, "--check")
     (tmp_path / "out" / "table-old.md").write_text("")
     (tmp_path / "out" / "mine.md").write_text("")
     (tmp_path / "out" / "robustness-rods-mesh.png").unlink()
-    done = CliRunner().invoke(cli, whole)
-    assert done.exit_code == 1
-    assert "stale: robustness-rods-mesh.png\nleft over: table-old.md;" in done.output
-    alone = CliRunner().invoke(cli, [*common, "-t", "robustness"]).output
+    told = call(*whole, "--check", code=1)
+    assert "stale: robustness-rods-mesh.png\nleft over: table-old.md;" in told
+    alone = call(*whole[:3], "-d", "rods", "-t", "robustness")
     assert "| Pca | 1.00 | 0.004 |" in alone
     assert "Table rods" not in alone
 
 
 def test_a_plan_of_robustness_has_each_perturbation_under_the_inputs_that_it_is_made_for(tmp_path):
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    options = ["-d", str(rods), "-m", "pca", "-t", "robustness", "--results", str(tmp_path / "results")]
-    lines = CliRunner().invoke(cli, ["plan", *options]).output.splitlines()
+    options = ("-d", rods, "-m", "pca", "-t", "robustness", "--results", tmp_path / "results")
+    lines = call("plan", *options).splitlines()
     expected = {f"rods {input_} pca" for input_ in INPUTS} | {
         f"{perturbed_name('rods', perturbation, strength)} {input_} pca"
         for perturbation, known in PERTURBATIONS.items()

@@ -19,6 +19,7 @@ from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
+from tests.processes import is_alive, wait_until
 from tests.toy import write_rods
 
 pytest.importorskip("distributed", reason="needs dask: pip install 'dask[distributed]'")
@@ -105,13 +106,6 @@ class Cluster:
 
 def alive(process):
     return process.poll() is None
-
-
-def wait_until(condition, seconds=60.0):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.05)
 
 
 @pytest.fixture
@@ -215,7 +209,7 @@ def test_a_process_beside_a_worker_does_the_tasks_of_a_run_in_turn(place, cluste
     begun = [each for each in psutil.Process(worker.pid).children() if "run(*sys.argv" in " ".join(each.cmdline())]
     assert len(begun) == 1, "one did three batches and the ranking"
     worker.kill()
-    wait_until(lambda: not begun[0].is_running() or begun[0].status() == psutil.STATUS_ZOMBIE, 20)
+    wait_until(lambda: not is_alive(begun[0].pid), 20)
 
 
 @pytest.mark.slow

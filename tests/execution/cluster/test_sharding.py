@@ -14,16 +14,10 @@ from benchmark.execution.sharding import Shard
 from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
 from tests.toy import write_rods
+from tests.verbs import call
 
 #: Enough for every shard to have some; the last one has no model, and takes no mesh.
 METHODS = ("surface-area", "shape-dna", "sd-gdm", "wks-mean", "learned[training_seed=7]")
-
-
-def call(*arguments, code=0):
-    done = CliRunner().invoke(cli, [*map(str, arguments)])
-    assert done.exception is None or isinstance(done.exception, SystemExit), repr(done.exception)
-    assert done.exit_code == code, done.output
-    return done.output
 
 
 def job(key, size, name="", state="missing"):

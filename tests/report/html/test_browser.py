@@ -23,6 +23,7 @@ from tests.records import failed
 from tests.report.html.browser import CHROMIUM, DESK, DRIVER, PHONE, Browser, chromium
 from tests.report.html.made_up import REFUSED, write_made_up
 from tests.toy import rod, write_rods
+from tests.verbs import call
 
 pytestmark = [
     pytest.mark.slow,
@@ -37,16 +38,11 @@ SCENES = ("scene", "scene2")
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The report of a small run: two methods that make forms, a descriptor, and a failure with a name from outside."""
-    from click.testing import CliRunner
-
-    from benchmark.cli.main import cli
-
     base = tmp_path_factory.mktemp("site")
     write_rods(base / "rods")
     results = base / "results"
     chosen = ["-m", "identity", "-m", "pca", "-m", "surface-area"]
-    run = ["run", "-d", str(base / "rods"), "--executor", "serial", "--results", str(results), *chosen]
-    assert CliRunner().invoke(cli, run).exit_code == 0
+    call("run", "-d", base / "rods", "--executor", "serial", "--results", results, *chosen)
     store = Store.open(results)
     example = next(iter(store.records))
     name = "<img src=x onerror=alert(1)>"
@@ -180,14 +176,7 @@ def test_a_search_says_when_nothing_was_found(browser):
 
 def test_the_widest_table_and_its_commands_fit_a_desk_and_no_label_covers_another(driver, tmp_path):
     """Table I, with three groups of columns, spreads and long titles."""
-    from click.testing import CliRunner
-
-    from benchmark.cli.main import cli
-
-    made = CliRunner().invoke(
-        cli, ["report", "-t", "I", "--published", "--results", str(ROOT / "results"), "-o", str(tmp_path)]
-    )
-    assert made.exit_code == 0, made.output
+    call("report", "-t", "I", "--published", "--results", ROOT / "results", "-o", tmp_path)
     browser = Browser(driver, tmp_path)
     for name in ("index.html", "table-I-humans.html"):
         browser.open(name)
