@@ -17,24 +17,6 @@ ROOT = Path(__file__).parents[2]
 SCORES = ("table", "dataset", "input", "method", "NN", "FT", "ST", "DCG", "n_shapes", "unsupported", "status")
 METHODS = ("-m", "identity", "-m", "classic-mds", "-m", "surface-area")
 
-PLUGIN = '''
-from dataclasses import dataclass
-from typing import ClassVar
-
-from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """Stretch a shape along one axis."""
-
-    info: ClassVar[MethodInfo] = MethodInfo(name="stretch", title="Stretched")
-    factor: float = 2.0
-
-    def canonicalise(self, shape: Shape) -> CanonicalForm:
-        return shape.form(shape.mesh.vertices * [self.factor, 1, 1])
-'''
-
 
 def command(*arguments):
     return [sys.executable, "-m", "benchmark", *map(str, arguments)]
@@ -60,14 +42,10 @@ def scores(arguments):
 
 
 @pytest.fixture(scope="module")
-def rods(tmp_path_factory):
-    return write_rods(tmp_path_factory.mktemp("data") / "rods")
-
-
-@pytest.fixture(scope="module")
-def finished(rods, tmp_path_factory):
+def finished(tmp_path_factory):
     """A finished run of three methods on both inputs, two jobs at a time."""
-    arguments = ("-d", rods, *METHODS, "--results", tmp_path_factory.mktemp("results"))
+    folder = tmp_path_factory.mktemp("finished")
+    arguments = ("-d", write_rods(folder / "rods"), *METHODS, "--results", folder / "results")
     return arguments, benchmark("run", *arguments, "-j", 2)
 
 
@@ -122,56 +100,6 @@ def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
     assert scores(other) == scores(arguments)
 
 
-SLOW_PLUGIN = """
-import time
-from benchmark.api.contracts import canonical_form
-
-@canonical_form(name="slow", title="Slow")
-def slow(shape):
-    time.sleep(0.4)
-    return shape.mesh.vertices
-"""
-
-
-@pytest.mark.slow
-def test_an_interrupted_run_says_what_is_kept_and_keeps_it(rods, tmp_path):
-    (tmp_path / "slow.py").write_text(SLOW_PLUGIN)
-    arguments = ("-d", rods, "-m", "slow", "--plugin", tmp_path / "slow.py", "--input", "mesh", "-j", "1")
-    arguments = (*arguments, "--results", tmp_path / "results")
-    runs = tmp_path / "results" / "runs"
-    process = subprocess.Popen(
-        command("run", *arguments), cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )  # fmt: skip
-    deadline = time.monotonic() + 100
-    while len(list(runs.glob("artefacts/*/*.npz"))) < 4 and time.monotonic() < deadline:  # two shapes and their forms
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert said.splitlines()[-1] == ("interrupted; finished jobs are kept, finished shapes too: run again to continue")
-    assert not list((runs / "records").glob("*.json"))
-    kept = {path: path.stat().st_mtime_ns for path in runs.glob("artefacts/*/*.npz")}
-    assert len(kept) >= 4
-    assert benchmark("run", *arguments).returncode == 0
-    assert kept == {path: path.stat().st_mtime_ns for path in kept}
-
-
-@pytest.mark.slow
-def test_a_plugin_file_appears_as_a_row_and_costs_only_itself(finished, tmp_path):
-    arguments, _ = finished
-    (tmp_path / "stretch.py").write_text(PLUGIN)
-    done = benchmark("run", *arguments, "--plugin", tmp_path / "stretch.py")
-    assert done.stdout.startswith("2 of 8 jobs to run, 6 finished before")
-    assert "| Stretched" in done.stdout
-    plan = benchmark("plan", *arguments, "--plugin", tmp_path / "stretch.py")
-    assert plan.stdout.endswith("0 of 8 jobs to run\n")
-    (tmp_path / "stretch.py").write_text(PLUGIN.replace("2.0", "3.0"))
-    changed = benchmark("plan", *arguments, "--plugin", tmp_path / "stretch.py").stdout
-    assert "parameters changed: factor 2.0 -> 3.0; plugin changed: stretch.py " in changed
-    assert changed.endswith("2 of 8 jobs to run\n")
-
-
 @pytest.mark.slow
 @pytest.mark.data
 def test_cats_and_horses_of_tosca_are_told_apart(data_root, tmp_path):
@@ -182,20 +110,3 @@ def test_cats_and_horses_of_tosca_are_told_apart(data_root, tmp_path):
     row = next(row for row in json.loads(told) if row["method"] == "classic-mds")
     assert (row["dataset"], row["n_shapes"], row["n_classes"]) == ("tosca", 19, 2)
     assert row["NN"] >= 0.9
-
-
-@pytest.mark.exhaustive
-@pytest.mark.data
-def test_tosca_agrees_with_the_measured_level(data_root, tmp_path):
-    arguments = ("-d", "tosca", "--input", "mesh", "-m", "classic-mds", "--data-root", data_root, "--results", tmp_path)
-    done = benchmark("run", *arguments)
-    assert done.returncode == 0, done.stderr
-    row = next(
-        row
-        for row in json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
-        if row["method"] == "classic-mds"
-    )
-    assert (row["n_shapes"], row["n_classes"]) == (80, 9)
-    assert 0.75 <= row["NN"] <= 0.95
-    assert row["DCG"] > 0.80
-    assert row["paper"] == {"NN": 0.74, "FT": 0.54, "ST": 0.80, "DCG": 0.80}

@@ -89,20 +89,6 @@ def test_a_finished_model_is_left_alone(trained, results, root):
     assert card.stat().st_mtime_ns == before
 
 
-def test_models_are_listed_with_what_made_them(trained, results):
-    (own,) = [
-        row for row in json.loads(call("list", "models", "--results", results, "--json")) if row["origin"] != "shipped"
-    ]
-    card = json.loads((results / "models" / "tosca-III" / "plain-seed0" / "card.json").read_text())
-    assert own == {
-        "training": "tosca-III",
-        "model": "plain-seed0",
-        "origin": "trained here",
-        "digest": card["digest"][:12],
-        "schedule": card["schedule_in_words"],
-    }
-
-
 def test_table_three_tells_of_the_training_and_of_shapes_that_were_seen(trained, results, root):
     text = run("III", results, root)
     assert "| Mean target" in text
@@ -115,19 +101,6 @@ def test_table_three_tells_of_the_training_and_of_shapes_that_were_seen(trained,
     assert (whole["table"], whole["n_shapes"], whole["n_models"], whole["spread"]) == ("III", 12, 1, None)
     assert (held_out["table"], held_out["n_shapes"], held_out["paper"]) == ("III-held-out", 6, None)
     assert held_out["chance"]["NN"] == pytest.approx(2 / 5)
-
-
-def test_other_weights_make_the_job_stale(trained, results, root, tmp_path):
-    (tmp_path / "models").symlink_to(results / "models")
-    (tmp_path / "runs").symlink_to(results / "runs")
-    run("III-held-out", results, root)
-    arguments = ("-t", "III-held-out", "-m", "mean-target", "--input", "view", "--data-root", root)
-    assert call("plan", *arguments, "--results", results).startswith("cached")
-    (tmp_path / "models").unlink()
-    write_model(tmp_path / "models" / "tosca-III" / "plain-seed0", 0.7, ("dog0",), ("dog",))
-    told = call("plan", *arguments, "--results", tmp_path)
-    assert told.startswith("stale")
-    assert "models changed: tosca-III" in told
 
 
 def test_a_seen_shape_is_an_error_where_all_must_be_unseen(root, tmp_path):
@@ -164,16 +137,6 @@ def test_a_missing_model_is_a_failure_only_where_its_method_was_named(root, tmp_
     assert run_plan([job], store, replace(chosen, methods=()))
 
 
-def test_a_damaged_card_makes_the_job_unavailable(root, tmp_path):
-    folder = tmp_path / "models" / "tosca-III" / "plain-seed0"
-    write_model(folder, 0.7)
-    (folder / "card.json").write_text("{}")
-    selection = ("-t", "III-held-out", "-m", "mean-target", "--results", tmp_path, "--data-root", root)
-    told = call("plan", *selection, "--input", "view")
-    assert told.startswith("unavailable")
-    assert "missing required field `digest`; train the model again" in told
-
-
 @pytest.mark.parametrize(
     ("card", "said"),
     [
@@ -199,6 +162,7 @@ def test_other_weights_or_another_card_are_another_model(root, tmp_path):
     arguments = ("-t", "III-held-out", "-m", "mean-target", "--input", "view", "--data-root", root)
     write_model(folder, 0.7)
     run("III-held-out", tmp_path, root)
+    assert call("plan", *arguments, "--results", tmp_path).startswith("cached")
     write_model(folder, 0.7, ("somebody0", "somebody1"))
     plan = call("plan", *arguments, "--results", tmp_path)
     assert plan.startswith("stale")

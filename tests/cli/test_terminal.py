@@ -1,10 +1,7 @@
 """Tables at a terminal, and which rows there are."""
 
 import os
-import pty
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -49,32 +46,6 @@ def test_a_table_is_as_wide_as_the_terminal_and_loses_no_figure(table):
         lines = shown(table, width)
         assert max(map(len, lines)) <= width
         assert re.findall(r"\d\.\d\d|--", "\n".join(lines)) == figures
-
-
-@pytest.mark.slow
-def test_a_terminal_gets_a_drawn_table_and_a_pipe_markdown():
-    command = [sys.executable, "-m", "benchmark", "tables", "-t", "III", "-m", "gps", "-d", "tosca", "--published"]
-    env = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"} | {"COLUMNS": "80"}
-    piped = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True, env=env).stdout
-    assert "| GPS" in piped
-    ours, theirs = pty.openpty()
-    with subprocess.Popen(command, stdout=theirs, stdin=subprocess.DEVNULL, cwd=ROOT, env=env) as process:
-        os.close(theirs)
-        seen = b""
-        while True:
-            try:
-                chunk = os.read(ours, 4096)
-            except OSError:
-                break
-            if not chunk:
-                break
-            seen += chunk
-        assert process.wait() == 0
-    os.close(ours)
-    text = re.sub(r"\x1b\[[0-9;]*m", "", seen.decode())
-    assert "| GPS" not in text
-    assert re.search(r"^GPS .*0\.83 0\.60 0\.86 0\.84", text, re.MULTILINE)
-    assert max(map(len, text.splitlines())) <= 80
 
 
 # Which rows there are ------------------------------------------------------------------------------------------------

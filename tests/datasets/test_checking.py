@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli.main import main
 from benchmark.cli.options import data
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.inspection import count_holes
-from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_off, write_rods
 
@@ -169,12 +167,6 @@ def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_re
 
 
 def test_an_incomplete_official_set_is_an_error(tmp_path):
-    folder = tmp_path / "shrec14" / "synthetic"
-    for number in (0, 1):
-        write_off(folder / f"{number}.off", rod(0.1, number))
-    report = check_source("shrec14-synthetic", tmp_path)
-    assert not report.usable
-    assert "holds 2 shapes, not the official 300: shape '2' is missing" in str(report.anomalies[0])
     for number in range(3):
         write_off(tmp_path / "tosca" / f"cat{number}.off", rod(0.1, number))
         write_off(tmp_path / "tosca" / f"pig{number}.off", rod(0.2, number))
@@ -225,15 +217,6 @@ def test_a_manifest_that_points_outside_is_an_error_also_for_an_official_set(tmp
         assert not report.usable
 
 
-def test_what_is_not_there_is_no_finding(tmp_path):
-    with pytest.raises(DatasetError, match="data set 'tosca' is not at"):
-        check_source("tosca", tmp_path)
-    with pytest.raises(ConfigurationError, match="unknown data set 'tosac'; did you mean tosca"):
-        check_source("tosac", None)
-    with pytest.raises(ConfigurationError, match="is not a folder"):
-        check_source(str(tmp_path / "none"), None)
-
-
 def test_the_verb_exits_with_1_on_errors_alone(rods):
     assert CliRunner().invoke(data, ["check", str(rods)]).exit_code == 0
     (rods / "thin1.obj").write_text("")
@@ -251,19 +234,6 @@ def test_the_count_goes_to_stderr_from_the_start_on(rods, monkeypatch):
     monkeypatch.setattr("benchmark.cli.terminal.INTERVAL", 0.0)
     progress = CliRunner().invoke(data, ["check", str(rods)]).stderr.splitlines()
     assert [line.partition(",")[0] for line in progress[1:]] == [f"{n} of 6" for n in (1, 2, 3, 4, 5, 6)]
-
-
-def test_an_interruption_ends_the_check_with_one_line(rods, monkeypatch, capsys):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("benchmark.datasets.checking.inspect", interrupt)
-    monkeypatch.setattr("sys.argv", ["benchmark", "data", "check", str(rods)])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    assert stopped.value.code == 130
-    out, err = capsys.readouterr()
-    assert (out, err.splitlines()[1:]) == ("", ["interrupted"])
 
 
 @pytest.mark.data

@@ -3,16 +3,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmark.cli.options import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.export import CLA_FILE, export
 from benchmark.datasets.folder import folder_dataset, read_cla
-from benchmark.datasets.manifest import read_manifest
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import render_depth
@@ -156,18 +153,3 @@ def test_cameras_that_differ_in_a_class_are_named(tmp_path):
 
     with pytest.raises(DatasetError, match="class 'man-2' have different cameras"):
         export(Turning(), tmp_path / "out", "tosca")
-
-
-def test_the_verb_writes_what_the_manifest_says(tmp_path):
-    write_rods(tmp_path / "in")
-    arguments = ["export", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--layout", "tosca"]
-    done = CliRunner().invoke(data, arguments)
-    assert done.exit_code == 0, done.output
-    assert "wrote 8 files" in done.output
-    assert [row.file for row in read_manifest(tmp_path / "out")] == [
-        *("thick0.off", "thick1.off", "thick2.off", "thin0.off", "thin1.off", "thin2.off")
-    ]
-    again = CliRunner().invoke(data, arguments)
-    assert isinstance(again.exception, ConfigurationError)
-    assert CliRunner().invoke(data, [*arguments, "--force"]).exit_code == 0
-    assert CliRunner().invoke(data, [*arguments[:-1], "vrml"]).exit_code == 2

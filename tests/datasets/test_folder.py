@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from benchmark.datasets.base import check_retrievable, natural_key
+from benchmark.datasets.base import check_retrievable
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.manifest import ManifestRow, read_manifest, write_manifest
@@ -78,10 +78,6 @@ def test_one_shape_in_several_formats_counts_once(tmp_path):
     numbered(tmp_path, 2)
     (tmp_path / "0.obj").write_text("v 0 0 0\n")
     assert [e.path.name for e in folder_dataset(tmp_path).entries] == ["0.off", "1.off"]
-
-
-def test_natural_order():
-    assert sorted(["cat10", "cat2", "cat1", "2", "10"], key=natural_key) == ["2", "10", "cat1", "cat2", "cat10"]
 
 
 def test_the_recipe_follows_the_bytes_not_the_place(tmp_path):

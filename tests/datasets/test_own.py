@@ -1,12 +1,7 @@
 """Data sets of plugin files: opened by name, refused by name, and each fault costs what it must and no more."""
 
-import json
-
-import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.own import data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
@@ -169,31 +164,3 @@ def test_a_fault_is_found_by_its_check(plugin, changes, check, message):
     report = conformance.check_target(str(plugin(**changes)))
     failed = {f.name: f.explanation for f in report.findings["rods (data set)"] if f.outcome == "failed"}
     assert message in failed[check]
-
-
-# The command line ----------------------------------------------------------------------------------------------------
-
-
-def call(*arguments, code=0):
-    done = CliRunner().invoke(cli, list(map(str, arguments)))
-    assert done.exit_code == code, (done.output, done.exception)
-    return done.output
-
-
-@pytest.mark.slow
-def test_a_data_set_is_run_listed_checked_written_out_and_its_edit_is_noticed(plugin, tmp_path):
-    path = plugin()
-    options = ("--plugin", path, "--results", tmp_path / "results")
-    run = ("run", *options, "-m", "surface-area", "--input", "mesh", "--executor", "serial")
-    assert "Retrieval on rods: Rods (4 shapes, 2 classes)" in call(*run)
-    rows = json.loads(call("tables", *options, "-d", "rods", "--format", "json"))
-    assert [(row["table"], row["dataset"], row["n_shapes"], row["outdated"]) for row in rows] == [
-        ("rods", "rods", 4, None)
-    ]
-    assert "| Surface area |" in call("tables", "--results", tmp_path / "results")  # without the file, too
-    assert call("list", "datasets", "--plugin", path).splitlines()[-1].split()[:4] == ["rods", "present", "4", "2"]
-    assert "4 shapes, 2 classes" in call("data", "check", "rods", "--plugin", path)
-    call("data", "export", "rods", "--plugin", path, "-o", tmp_path / "out", "--layout", "tosca")
-    assert np.sum([file.suffix == ".off" for file in (tmp_path / "out").iterdir()]) == 4
-    planned = call("plan", *options, "-m", "surface-area", "--input", "mesh")
-    assert planned.startswith("cached ")
