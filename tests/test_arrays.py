@@ -154,9 +154,7 @@ def test_a_small_file_that_unfolds_to_more_than_memory_holds_is_not_unfolded(tmp
 )
 @pytest.mark.parametrize("compressed", [True, False])
 def test_arrays_come_back_as_they_were(tmp_path, array, compressed):
-    with (tmp_path / "file").open("wb") as file:
-        save_arrays(file, KEY, {"x": array}, compressed=compressed)
-    loaded = load_arrays(tmp_path / "file", KEY)["x"]
+    loaded = kept(tmp_path / "file", array, compressed=compressed)
     assert (loaded.dtype, loaded.shape, loaded.strides) == (array.dtype, array.shape, array.strides)
     assert np.array_equal(loaded, array)
     assert loaded.flags.writeable

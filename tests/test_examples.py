@@ -31,10 +31,6 @@ NAMES = {
 }
 
 
-def file_of(kind):
-    return EXAMPLES / f"{NAMES[kind].replace('-', '_')}.py"
-
-
 @pytest.fixture
 def far(tmp_path):
     """A folder outside of the checkout with the examples, and how a program is called there."""
@@ -73,19 +69,6 @@ def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
     passed, skipped = (sum(map(int, re.findall(rf"(\d+) {word}", output))) for word in ("passed", "skipped"))
     assert passed + skipped == 2 * len(NAMES) + 1  # of Octave
     assert skipped == 2 * (shutil.which("g++") is None) + (shutil.which("octave-cli") is None)
-
-
-@pytest.mark.slow
-def test_method_descriptor_scorer_and_data_set_make_a_table_far_from_the_checkout(far):
-    kinds = ("method", "descriptor", "scorer", "dataset")
-    plugins = [word for kind in kinds for word in ("--plugin", file_of(kind).name)]
-    methods = ("-m", "ray-stretch", "-m", "distance-profile", "--scorer", "distance-distribution")
-    output = far("benchmark", "run", *plugins, *methods, "--input", "mesh")
-    title = "**Table bent-ellipsoids. Retrieval on bent-ellipsoids, scored by Distance Distribution: Bent Ellipsoids "
-    assert f"{title}(12 shapes, 3 classes).**" in output
-    rows = [line.split("|")[1].strip() for line in output.splitlines() if line.startswith("| ")]
-    assert rows[0] == "Method"
-    assert rows[2:] == ["Distance Profile", "Ray Stretch", "*Chance*"]
 
 
 @pytest.mark.slow

@@ -1,17 +1,9 @@
 import re
 from importlib.resources import files
 
-import pytest
-
 from benchmark.plugins import registry
 
 BIBLIOGRAPHY = files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("name", list(registry.BUILT_IN))
-def test_every_citation_has_an_entry(name):
-    cite = registry.methods()[name].info.cite
-    assert not cite or f"{{{cite}," in BIBLIOGRAPHY
 
 
 def test_entries_are_unique_and_closed():

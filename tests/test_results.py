@@ -49,34 +49,6 @@ def key_of(results, method, seed=0):
 
 
 @pytest.mark.slow
-def test_records_are_a_frame_with_scores_and_what_is_known_of_the_job(results):
-    records = results.records()
-    assert sorted(zip(records["method"], records["seed"], records["status"], strict=True)) == [
-        ("fails", 0, "failed"),
-        ("identity", 0, "ok"),
-        ("identity", 1, "ok"),
-        ("shape-dna", 0, "ok"),
-    ]
-    assert records["NN"].isna().sum() == 1
-    finished = records[records["status"] == "ok"]
-    assert finished[["NN", "FT", "ST", "DCG", "mAP"]].stack().between(0, 1).all()
-    assert (finished["n_shapes"] == 6).all()
-    assert (finished["outdated"] == "").all()
-    assert "ZeroDivisionError" in records.loc[key_of(results, "fails"), "reason"]
-
-
-@pytest.mark.slow
-def test_queries_average_to_the_scores_of_their_record(results):
-    records, queries = results.records(), results.queries()
-    means = queries.groupby("key")[["NN", "FT", "ST", "DCG"]].mean()
-    wanted = records.loc[means.index, ["NN", "FT", "ST", "DCG"]]
-    np.testing.assert_allclose(means, wanted, atol=1e-6)
-    one = results.queries(key_of(results, "identity"))
-    assert list(one["shape"]) == ["thick0", "thick1", "thick2", "thin0", "thin1", "thin2"]
-    assert list(one["subject"]) == ["thick"] * 3 + ["thin"] * 3
-
-
-@pytest.mark.slow
 def test_distances_give_the_scores_again(results):
     key = key_of(results, "identity")
     matrices = results.distance_matrices(key)
@@ -147,14 +119,6 @@ def test_jobs_done_here_are_passed_over_where_published_ones_are_wanted(tmp_path
     tables("-o", str(tmp_path / "tables"), "--check")
     tables("-o", str(tmp_path / "mine"))
     assert '"peak_mib": 4321.5' in (tmp_path / "mine" / "tables.json").read_text()
-
-
-def test_what_came_with_the_suite_can_be_read_in_any_clone():
-    results = open_results(ROOT / "results", published=True)
-    records = results.records()
-    tosca = records.query("gallery == 'tosca' and input == 'mesh' and status == 'ok'")
-    assert {"classic-mds", "gps", "identity"} <= set(tosca["method"])
-    assert len(results.queries(tosca.index[0])) == tosca.iloc[0]["n_shapes"]
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.humans_gallery import HumansGallery
 from benchmark.protocols.models import Model, TooNear
-from benchmark.protocols.trainings import TRAININGS, NoFolds, trainings_by_shape, trainings_on
+from benchmark.protocols.trainings import NoFolds, trainings_by_shape, trainings_on
 from learned.paired.methods import Learned
 from tests.mean_folds import MeanStrict
 
@@ -67,14 +67,6 @@ def test_every_pair_of_a_shipped_model_and_a_generated_set() -> None:
             seen = {subject for entry, subject in shapes if model.has_seen(entry, name)}
             expected = share_seen(model.training, name) * len({subject for _, subject in shapes})
             assert len(seen) == pytest.approx(expected), f"{model.folder} on {name}"
-
-
-def test_subjects_of_camera_frames_are_known_to_models_that_saw_them() -> None:
-    model = next(model for model in shipped() if model.training == "humans-fold-0")
-    camera = open_dataset("camera", None).entries
-    tested = TRAININGS["humans-fold-1"].tested.of(open_dataset("camera", None))
-    assert len(tested) == 100 and all(model.has_seen(entry, "camera") for entry in tested)
-    assert sum(model.has_seen(entry, "camera") for entry in camera) == 200
 
 
 @pytest.mark.parametrize("name", ["humans[noise=3]", "camera-few", "camera-few[occlusion=1]", "animals-few"])

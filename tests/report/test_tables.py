@@ -5,15 +5,13 @@ from dataclasses import replace
 import pytest
 from pandas import concat
 
-from benchmark.errors import ConfigurationError
 from benchmark.execution.plan import difference
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.protocols.tables import Table
 from benchmark.report.content import TableContent, departs_of
-from benchmark.report.formats import as_csv, markdown, render, rows_as_json
+from benchmark.report.formats import as_csv, markdown, rows_as_json
 from benchmark.report.latex import latex
 from benchmark.report.notes import notes
-from benchmark.report.output import Folder
 from benchmark.report.results import Result
 from retrieval.chance import chance_levels
 from tests.records import failed, record
@@ -125,27 +123,6 @@ def test_json_and_csv_hold_one_row_per_input_and_method():
     lines = as_csv([table()]).splitlines()
     assert len(lines) == 7
     assert lines[0].startswith("table,dataset,stand_in,input,method,title,NN,FT,ST,DCG,paper_NN")
-
-
-def test_a_strangers_file_of_the_same_name_is_replaced_by_force_alone(tmp_path):
-    texts = render([table()], ("latex", "markdown", "csv", "json"))
-    files = {name: text.encode() for name, text in texts.items()}
-    folder = Folder(tmp_path, "tables")
-    folder.write(files)
-    folder.write(files)
-    own = {
-        "references.bib": "@article{elad2003bending,\n",
-        "tables.csv": "a,b\n",
-        "reproduction.md": "",
-        "tables.json": "[]\n",
-    }
-    for name, text in own.items():
-        (tmp_path / name).write_text(text)
-        with pytest.raises(ConfigurationError, match=f"{name} was not written by 'tables'; choose another folder"):
-            folder.write(files)
-        assert (tmp_path / name).read_text() == text
-        replace(folder, force=True).write(files)
-        assert (tmp_path / name).read_bytes() == files[name]
 
 
 @pytest.mark.parametrize(

@@ -54,15 +54,6 @@ def test_the_step_size_is_the_papers_or_falls_along_a_cosine() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "text", "hint"),
-    [("epochs", "many", "a whole number"), ("alpha", "full", "a number"), ("cosine", "perhaps", "true or false")],
-)
-def test_a_value_of_another_kind_says_what_fits(field: str, text: str, hint: str) -> None:
-    with pytest.raises(ConfigurationError, match=f"'{text}' does not fit {field} of the schedule; write {hint}"):
-        schedule({}, {field: text})
-
-
-@pytest.mark.parametrize(
     "options",
     [
         *({field: "0"} for field in ("resolution", "epochs", "batch", "learning_rate")),

@@ -145,14 +145,6 @@ def test_options_that_do_not_fit_are_refused() -> None:
             fitting.checked_plan("toy", options)
 
 
-def test_a_finished_model_of_another_plan_is_left_alone(finished: Path) -> None:
-    messages: list[str] = []
-    fit("toy", 0, toy_stream(), finished, OPTIONS, messages.append)
-    assert messages == [f"{finished} holds this model already"]
-    with pytest.raises(ConfigurationError, match="another training"):
-        fit("toy", 0, toy_stream(), finished, {**OPTIONS, "steps": 61}, quiet)
-
-
 def test_the_method_makes_a_form_of_unit_area_in_any_frame(finished: Path) -> None:
     assert isinstance(StreamedLearner(), Learner)
     method = StreamedLearner(configuration="toy").load(finished)

@@ -9,7 +9,6 @@ import pytest
 from PIL import Image
 
 from benchmark.datasets.base import Entry
-from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.artefact_reader import ArtefactReader
@@ -151,19 +150,6 @@ def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(artefacts
         "index.html", "mine.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html",
     }  # fmt: skip
     assert outside.read_text() == "kept"
-
-
-def test_what_is_of_no_report_is_replaced_by_force_alone(artefacts, tmp_path):
-    folder = tmp_path / "site"
-    write_text(folder / "index.html", "a home page")
-    with pytest.raises(
-        ConfigurationError, match="index.html was not written by 'report'; choose another folder with -o, or"
-    ):
-        report(folder, artefacts, record("gps"))
-    assert [path.read_text() for path in folder.iterdir()] == ["a home page"]
-    write_report(contents([Result(record("gps"))]), artefacts, folder, "python -m benchmark report", force=True)
-    assert (folder / "index.html").read_text() != "a home page"
-    report(folder, artefacts, record("gps"))
 
 
 def test_each_shape_has_its_form_and_its_pose_on_sheets_or_a_reason(tmp_path):
