@@ -55,7 +55,9 @@ BUILT_IN: dict[str, str] = {
     "surface-area": "baselines.surface_area:SurfaceArea",
     "shape-dna": "baselines.shape_dna:ShapeDNA",
     "sd-gdm": "baselines.sd_gdm:SDGDM",
-    "wks-mean": "baselines.wks_mean:MeanWKS",
+    "wks-mean": "baselines.kernel_signatures:MeanWKS",
+    "hks-mean": "baselines.kernel_signatures:MeanHKS",
+    "si-hks": "baselines.kernel_signatures:ScaleInvariantHKS",
 }
 
 _FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))

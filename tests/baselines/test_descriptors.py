@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from baselines.kernel_signatures import MeanHKS, MeanWKS, ScaleInvariantHKS
 from baselines.sd_gdm import SDGDM
 from baselines.shape_dna import ShapeDNA
 from baselines.surface_area import SurfaceArea
-from baselines.wks_mean import MeanWKS
 from benchmark.api.contracts import Descriptor, Shape, UnsupportedShape
 from benchmark.geometry.laplacian import eigenpairs
 from tests.baselines.embedding import PointShape, limbed, points_on_ellipsoid, sphere
@@ -66,3 +66,40 @@ def test_mean_wks_is_even_on_a_sphere_and_agrees_with_the_definition():
         signature = sum(w * functions[:, k + 1] ** 2 for k, w in enumerate(weights)) / weights.sum()
         expected.append(area * np.sqrt((laplacian.mass * signature**2).sum() / area))
     np.testing.assert_allclose(MeanWKS(eigenpairs=20, energies=10).describe(shape), expected, rtol=1e-10)
+
+
+def test_mean_hks_is_the_heat_trace_of_a_sphere():
+    # Eigenvalues l (l + 1) on the unit sphere, each 2 l + 1 times; all of degrees 0 to 9.
+    degrees = np.arange(10)
+    values = 4 * np.pi * degrees * (degrees + 1)
+    times = 4 * np.log(10) / np.geomspace(values[-1], values[1], 20)
+    expected = np.exp(-np.outer(times, values)) @ (2 * degrees + 1)
+    np.testing.assert_allclose(MeanHKS(eigenpairs=99, times=20).describe(ball(3000)), expected, rtol=0.02)
+
+
+def test_si_hks_is_the_spectrum_of_the_slope_of_the_logarithm():
+    shape = limbed(200)
+    laplacian = shape.laplacian()
+    area = laplacian.mass.sum()
+    values, functions = eigenpairs(laplacian, 41)
+
+    def log_signature(tau):
+        return np.log(functions**2 * area @ np.exp(-values[:, None] * area * 2**tau))
+
+    tau, step = np.linspace(-19, 5, 24 * 16 + 1), 1e-4
+    slope = (log_signature(tau + step) - log_signature(tau - step)) / (2 * step)
+    waves = np.exp(-2j * np.pi * np.outer(np.arange(len(tau)), np.arange(4)) / len(tau))
+    rows = ScaleInvariantHKS(eigenpairs=40, frequencies=4).describe(shape).reshape(-1, 5)
+    np.testing.assert_allclose(rows[:, 0], laplacian.mass / area, rtol=1e-12)
+    np.testing.assert_allclose(rows[:, 1:], abs(slope @ waves), rtol=1e-5, atol=1e-5)
+
+
+def test_si_hks_counts_the_words_of_a_gallery():
+    # Two words at distance 6: the share of a vertex in its own word is 1 / (1 + exp(-36 / (2 * 12))).
+    method = ScaleInvariantHKS(frequencies=1, words=2)
+    one, half, other = ([[1.0, 0]], [[0.5, 0], [0.5, 6]], [[0.3, 6], [0.7, 6]])
+    gallery = [np.ravel(rows) for rows in (one, half, other)]
+    share = 1 / (1 + np.exp(-1.5))
+    expected = (2 * share - 1) * np.array([[0, 1, 2], [1, 0, 1], [2, 1, 0]])
+    np.testing.assert_allclose(method.distances(gallery), expected, atol=1e-12)
+    np.testing.assert_allclose(method.distances(gallery[::-1]), expected, atol=1e-12)
