@@ -126,7 +126,7 @@ class ScaleInvariantHKS(CheckedParameters):
     words: Annotated[int, Interval(2)] = 48
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the area and the frequencies of each vertex, shape (n * (1 + frequencies),).
+        """Return the area and the frequencies of each vertex, by the lowest frequency, shape (n * (1 + frequencies),).
 
         Raises
         ------
@@ -140,7 +140,7 @@ class ScaleInvariantHKS(CheckedParameters):
         heat = np.exp(-np.outer(values, times))
         slope = -np.log(2) * times * (functions**2 @ (values[:, None] * heat)) / (functions**2 @ heat)
         moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies]
-        return np.column_stack([areas, moduli]).ravel()
+        return np.column_stack([areas, moduli])[np.argsort(moduli[:, 0])].ravel()
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the sums of absolute differences of the bags of features, shape (N, N)."""

@@ -90,8 +90,10 @@ def test_si_hks_is_the_spectrum_of_the_slope_of_the_logarithm():
     slope = (log_signature(tau + step) - log_signature(tau - step)) / (2 * step)
     waves = np.exp(-2j * np.pi * np.outer(np.arange(len(tau)), np.arange(4)) / len(tau))
     rows = ScaleInvariantHKS(eigenpairs=40, frequencies=4).describe(shape).reshape(-1, 5)
-    np.testing.assert_allclose(rows[:, 0], laplacian.mass / area, rtol=1e-12)
-    np.testing.assert_allclose(rows[:, 1:], abs(slope @ waves), rtol=1e-5, atol=1e-5)
+    moduli = abs(slope @ waves)
+    order = np.argsort(moduli[:, 0])
+    np.testing.assert_allclose(rows[:, 0], (laplacian.mass / area)[order], rtol=1e-12)
+    np.testing.assert_allclose(rows[:, 1:], moduli[order], rtol=1e-5, atol=1e-5)
 
 
 def test_si_hks_counts_the_words_of_a_gallery():
