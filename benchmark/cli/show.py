@@ -51,6 +51,8 @@ def tables(options: Tables) -> bool:
             say_lines(overview(content))
             say(f"{len(content)} tables: select with -t and -d, or print them with notes, intervals and tests by --all")
             return True
+        if formats == ("latex",) and options.tables:  # to paste: without the tables that go with them
+            content = [table for table in content if table.identifier in options.tables]
         texts: dict[str, str] = {}
         if not formats and sys.stdout.isatty():
             print_tables(content)

@@ -1,5 +1,7 @@
 """A first screen is one, and a stranger's file stays."""
 
+import re
+
 import pytest
 from click.testing import CliRunner
 
@@ -60,6 +62,8 @@ def test_what_fits_a_screen_is_told_whole(told):
     assert chosen in told("compare classic-mds gps -d tosca --input mesh --all")
     assert "- Mean" not in told("tables -m gps -t III")
     assert "| GPS " in told("tables -m gps -t III")
+    pasted = told("tables --published -t III -d tosca --input mesh --format latex")
+    assert re.findall(r"\\label\{(.*)\}", pasted) == ["tab:table-III-tosca"]
 
 
 @pytest.mark.parametrize(
