@@ -65,11 +65,12 @@ class FrameJob:
 def canonicalise(options: Canonicalise) -> bool:
     """Write the form of a mesh, or the forms of depth images."""
     method, paths, vertices = options.method, options.paths, options.vertices
-    if nameless := [path for path in paths if not path.name]:
-        raise ConfigurationError(f"{nameless[0]} is not a file", "name a mesh or a depth image")
+    may_miss = len(paths) > 1 or _is_pattern(paths[0])  # a missing frame costs only itself
+    if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
+        raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
     if warning := trained_on_people(variant(method, methods(options.plugins))):
         say(f"{method}: {warning}", err=True)
-    if len(paths) > 1 or paths[0].suffix.lower() in READERS or paths[0].is_dir() or _is_pattern(paths[0]):
+    if may_miss or paths[0].suffix.lower() in READERS or paths[0].is_dir():
         if vertices is not None:
             raise ConfigurationError("a depth image has no vertices", "omit --vertices")
         return _canonicalise_frames(_frame_jobs(options), options)

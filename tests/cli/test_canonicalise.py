@@ -41,9 +41,12 @@ def test_the_file_is_there_only_if_the_method_came_to_its_end(tmp_path):
 
 
 def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path):
+    write_off(tmp_path / "rod.off", rod(0.1, 0.5))
     for output in ("form.xyz", "form"):
-        told = canonicalise(tmp_path / "absent.off", "-o", tmp_path / output)
+        told = canonicalise(tmp_path / "rod.off", "-o", tmp_path / output)
         assert "is not the name of a mesh file; use .off" in told
+    for absent in ("absent.off", "absent.png"):
+        assert f"{absent} is not a file" in canonicalise(absent)
     refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
     assert isinstance(refused.exception, ConfigurationError)
     assert "is not a file" in str(refused.exception)
