@@ -1,8 +1,6 @@
 import re
 from importlib.resources import files
 
-from benchmark.plugins import registry
-
 BIBLIOGRAPHY = files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
 
 
@@ -10,7 +8,3 @@ def test_entries_are_unique_and_closed():
     keys = re.findall(r"^@\w+\{(\w+),$", BIBLIOGRAPHY, re.MULTILINE)
     assert len(keys) == len(set(keys)) == BIBLIOGRAPHY.count("\n}\n")
     assert BIBLIOGRAPHY.count("{") == BIBLIOGRAPHY.count("}")
-
-
-def test_methods_of_the_paper_are_cited():
-    assert all(spec.info.cite for spec in registry.methods().values() if spec.info.family == "paper")
