@@ -32,11 +32,11 @@ def records_under(results: Store) -> list[Record]:
     Raises
     ------
     StorageError
-        If there is no such folder, or it holds no record.
+        If it holds no record and no folder of them, which a shard without jobs has.
     """
     places = (results.published, results.records)
     records = list({record["key"]: record for folder in places for record in folder}.values())
-    if not records:
+    if not (records or results.records.folder.is_dir()):
         raise StorageError(
             f"{results.root.parent} holds no records", "name a results folder: DIR/runs/records or DIR/records"
         )
