@@ -57,6 +57,9 @@ _LONG = 10.0
 #: States of jobs that need no run and are not failures.
 _FINE = ("cached", "unsupported")
 
+#: Notes below a table.
+_MOST_NOTES = 8
+
 
 def run(options: Run) -> bool:
     """Run the selected jobs and print their tables."""
@@ -75,7 +78,7 @@ def run(options: Run) -> bool:
         frame_of(results).to_json(options.frame, orient="table")
     else:
         narrow = bool(options.forms) or options.is_narrow
-        print_tables(contents(results, tables, blanks=not narrow, named=options.is_by_name))
+        print_tables(contents(results, tables, blanks=not narrow, named=options.is_by_name), _MOST_NOTES)
         for perturbed in robustness(results):
             say_lines("\n" + robustness_markdown(perturbed))
     return ok

@@ -64,11 +64,11 @@ def counting(what: str, entries: Sequence[Entry]) -> Iterator[Entry]:
     say(f"{len(entries)} of {len(entries)}", err=True)
 
 
-def print_tables(tables: Iterable[TableContent]) -> None:
-    """Print tables with their notes: fitted to the width of a terminal, otherwise as Markdown."""
+def print_tables(tables: Iterable[TableContent], most_notes: int | None = None) -> None:
+    """Print tables with so many notes: fitted to the width of a terminal, otherwise as Markdown."""
     if not sys.stdout.isatty():
         for table in tables:
-            say_lines("\n" + markdown(table))
+            say_lines("\n" + markdown(table, most_notes))
         return
     console = Console(file=sys.stdout, highlight=False)
     for table in tables:
@@ -77,7 +77,7 @@ def print_tables(tables: Iterable[TableContent]) -> None:
         for part in [whole] if fits else [drawn(table, name) for name in figures(table)["group"].unique()]:
             console.print()
             console.print(part)
-        for note in notes(table):
+        for note in notes(table, most=most_notes):
             console.print(Padding(Text(f"- {clean(note)}"), (0, 0, 0, 1)))
 
 

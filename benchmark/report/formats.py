@@ -66,14 +66,14 @@ def bibliography() -> str:
     return _BIBLIOGRAPHY + resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
 
 
-def markdown(table: TableContent) -> str:
-    """A table as aligned Markdown with its notes, to be read in a terminal as well."""
+def markdown(table: TableContent, most_notes: int | None = None) -> str:
+    """A table as aligned Markdown with its notes, to be read in a terminal as well; see :func:`.notes`."""
     wide = printed(figures(table), _STYLE)
     *names, chance = labels(table)
     names = [*map(markdown_text, names), f"*{chance}*"]
     body = [[name, *row] for name, row in zip(names, wide.to_numpy().tolist(), strict=True)]
     rows = markdown_table(["Method", *map(" ".join, wide.columns)], body, aligned=True)
-    return markdown_document("table", table=table, rows=rows, notes=notes(table))
+    return markdown_document("table", table=table, rows=rows, notes=notes(table, most=most_notes))
 
 
 def overview(tables: Sequence[TableContent]) -> str:

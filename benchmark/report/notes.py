@@ -27,7 +27,7 @@ _OF_PREPARATIONS = "Standard deviation over {} preparations of vertices jittered
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
 
 
-def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
+def notes(table: TableContent, *, reasons: bool = True, most: int | None = None) -> list[str]:
     """Return what a reader must know: thinned galleries, trainings, jobs without scores, departures from sources.
 
     Parameters
@@ -36,6 +36,8 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
         What they stand below.
     reasons
         Whether to say of each outdated row what has changed.
+    most
+        Number of notes, the last of which counts those left out; None for all.
     """
     lines = ["Quick run: some poses of each subject were left out."] if table.quick else []
     lines += [_OF_MEANS] if table.n_galleries > 1 else []
@@ -57,7 +59,10 @@ def notes(table: TableContent, *, reasons: bool = True) -> list[str]:
     elif outdated:
         lines.append(f"{OUTDATED} Made before the last change of code or packages.")
     lines += [*_not_here(table), *_of_preparation(table)]
-    return [*lines, *(f"{number} {text}" for number, text in table.departures.items())]
+    lines += [f"{number} {text}" for number, text in table.departures.items()]
+    if most is None or len(lines) <= most:
+        return lines
+    return [*lines[: most - 1], f"{len(lines) - most + 1} more notes: 'tables' prints them."]
 
 
 def _titles(rows: Iterable[tuple[str, str]]) -> dict[str, list[str]]:

@@ -97,8 +97,7 @@ def test_si_hks_is_the_spectrum_of_the_slope_of_the_logarithm():
 def test_si_hks_counts_the_words_of_a_gallery():
     # Two words at distance 6: the share of a vertex in its own word is 1 / (1 + exp(-36 / (2 * 12))).
     method = ScaleInvariantHKS(frequencies=1, words=2)
-    one, half, other = ([[1.0, 0]], [[0.5, 0], [0.5, 6]], [[0.3, 6], [0.7, 6]])
-    gallery = [np.ravel(rows) for rows in (one, half, other)]
+    gallery = [np.ravel(rows) for rows in ([[1.0, 0]], [[0.5, 0], [0.5, 6]], [[0.3, 6], [0.7, 6]])]
     share = 1 / (1 + np.exp(-1.5))
     expected = (2 * share - 1) * np.array([[0, 1, 2], [1, 0, 1], [2, 1, 0]])
     np.testing.assert_allclose(method.distances(gallery), expected, atol=1e-12)

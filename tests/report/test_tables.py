@@ -167,9 +167,10 @@ def test_departures_from_sources_are_numbered_below_rows_with_scores():
         "mine": "Three axes_of many.",
         "mine[a=1]": "Fewer steps than in the source.",
     }
-    lines = concat([content.frame, more])
-    departing = replace(content, frame=lines.assign(departs=lines["method"].map(departs)))
+    rows = concat([content.frame, more])
+    departing = replace(content, frame=rows.assign(departs=rows["method"].map(departs)))
     assert notes(departing)[-2:] == ["¹ Fewer steps than in the source.", "² Three axes_of many."]
+    assert notes(departing, most=1) == [f"{len(notes(departing))} more notes: 'tables' prints them."]
     labels = [line.split("|")[1].strip() for line in markdown(departing).splitlines() if line.startswith("| ")]
     assert [label[-1] for label in labels[2:6]] == ["¹", "S", "²", "¹"]
     text = latex(departing)
