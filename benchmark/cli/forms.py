@@ -65,10 +65,11 @@ class FrameJob:
 def canonicalise(options: Canonicalise) -> bool:
     """Write the form of a mesh, or the forms of depth images."""
     method, paths, vertices = options.method, options.paths, options.vertices
+    spec = variant(method, methods(options.plugins))
     may_miss = len(paths) > 1 or _is_pattern(paths[0])  # a missing frame costs only itself
     if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
-    if warning := trained_on_people(variant(method, methods(options.plugins))):
+    if warning := trained_on_people(spec):
         say(f"{method}: {warning}", err=True)
     if may_miss or paths[0].suffix.lower() in READERS or paths[0].is_dir():
         if vertices is not None:
