@@ -45,8 +45,7 @@ def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path
     for output in ("form.xyz", "form"):
         told = canonicalise(tmp_path / "rod.off", "-o", tmp_path / output)
         assert "is not the name of a mesh file; use .off" in told
-    for absent in ("absent.off", "absent.png"):
-        assert f"{absent} is not a file" in canonicalise(absent)
+    assert "absent.png is not a file" in canonicalise("absent.png")
     refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
     assert isinstance(refused.exception, ConfigurationError)
     assert "is not a file" in str(refused.exception)

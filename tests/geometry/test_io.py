@@ -61,10 +61,12 @@ def ply_header(encoding, face="property list uchar int vertex_indices\n", faces=
     ).encode()
 
 
-def test_ascii_ply_with_a_quad_and_further_properties(tmp_path):
+def test_ply_with_a_quad_and_further_properties(tmp_path):
     header = ply_header("ascii", face="property uchar flag\nproperty list uchar uint vertex_index\n", faces=1)
     body = b"0 0 0 7\n1 0 0 7\n1 1 0 7\n0 1 0 7\n9 4 0 1 2 3\n1\n"
     assert_square(read_mesh(written(tmp_path, "square.ply", header + body)))
+    binary = ply_header("binary_big_endian", faces=1) + b"".join(struct.pack(">fffB", *point, 7) for point in SQUARE)
+    assert_square(read_mesh(written(tmp_path, "binary.ply", binary + struct.pack(">B5i", 4, 0, 1, 2, 3, 1))))
 
 
 @pytest.mark.parametrize("base", [0, 1])

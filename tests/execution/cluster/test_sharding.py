@@ -58,8 +58,8 @@ def test_a_bad_shard_is_told_in_one_line_before_anything_runs(text, said, verb, 
 def test_three_shards_and_merge_are_one_run(tmp_path):
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     chosen = ("-d", rods, *(word for name in METHODS for word in ("-m", name)))
-    code = 1  # one method has no model for these shapes
-    whole = call("run", *chosen, "--executor", "serial", "--results", tmp_path / "whole", code=code)
+    # One method has no model for these shapes.
+    whole = call("run", *chosen, "--executor", "serial", "--results", tmp_path / "whole", code=1)
     codes = []
     for number in (1, 2, 3):
         part = ("--shard", f"{number}/3", "--executor", "serial", "--results", tmp_path / f"part{number}")
