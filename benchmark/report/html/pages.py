@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
@@ -19,6 +19,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.environment import in_words
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, Record
+from benchmark.plugins.parameters import split_name
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import BLANK, html_line, html_text, millionths, number
@@ -63,12 +64,13 @@ class Written:
 
 @dataclass(frozen=True)
 class TablePages:
-    """Content of the pages of one table, with the options that the commands on them need."""
+    """Content of the pages of one table, with the options and the methods that commands on them can name."""
 
     table: TableContent
     cells: list[RankedCell]
     drawn: DrawnSet
     options: tuple[str, ...] = ()
+    known: Container[str] = ()
 
     @property
     def stem(self) -> str:
@@ -115,7 +117,7 @@ class TablePages:
 
     @property
     def run(self) -> str:
-        """The command that runs the jobs of the table here."""
+        """The command that runs the jobs of the table here; empty where all are of plugins that were not given."""
         table, name = self.table, str(self.table.data["name"])
         source = name if is_own(str(table.data["source"])) else str(table.data["source"])
         known = table.has_paper or table.table.identifier != name
@@ -123,7 +125,10 @@ class TablePages:
         chosen += ["--quick"] * table.quick
         chosen += ["--scorer", table.scorer] if table.scorer else []
         chosen += ["--seed", str(table.seed)] if table.seed else []
-        methods = dict.fromkeys(cell.line.method for cell in self.cells if cell.line.family != EXTERNAL)
+        ours = (cell.line.method for cell in self.cells if cell.line.family != EXTERNAL)
+        methods = [method for method in dict.fromkeys(ours) if (split_name(method) or ("",))[0] in self.known]
+        if self.cells and not methods:
+            return ""
         words = (word for method in methods for word in ("-m", method))
         return shlex.join(["python", "-m", "benchmark", "run", *chosen, *words, *self.options])
 
@@ -206,7 +211,8 @@ def write_report(
     all_pages = []
     for table in tables:
         say(f"ranking {table.data['name']}")
-        all_pages.append(TablePages(table, ranked_cells(table, artefacts), drawn[set_stem(table)], tuple(options)))
+        cells = ranked_cells(table, artefacts)
+        all_pages.append(TablePages(table, cells, drawn[set_stem(table)], tuple(options), artefacts.known))
     for pages in all_pages:
         add_script(files, pages.stem, chart_data(pages.table, pages.cells))
         write_queries(pages.stem, pages.table, pages.cells, pages.drawn.sheets, files)
@@ -264,7 +270,7 @@ def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Boar
         left_out=left_out[:_MOST_LEFT_OUT],
         data_sets=[[str(name), title, *counts] for title, (name, *counts) in data.items()],
         environments=sorted(environments.items()),
-        commands=[*dict.fromkeys(pages.run for pages in tables), command],
+        commands=[*dict.fromkeys(pages.run for pages in tables if pages.run), command],
         facts={"Jobs with scores": str(len(records))} | ({"Finished": f"{dates[0]} to {dates[-1]}"} if dates else {}),
     )
 

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from PIL import Image
 from benchmark.datasets.base import Entry
 from benchmark.files import write_text
 from benchmark.pipeline.storage.store import Store
+from benchmark.plugins.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
 from benchmark.report.html.data import chart_data, write_queries
@@ -33,7 +35,7 @@ def received(script):
 
 @pytest.fixture
 def artefacts(tmp_path):
-    return ArtefactReader(Store.open(tmp_path / "results"), {})
+    return ArtefactReader(Store.open(tmp_path / "results"), methods())
 
 
 def report(folder, artefacts, *records):
@@ -225,9 +227,12 @@ def test_classes_and_the_front_are_those_of_the_records(artefacts):
 
 
 def test_commands_can_be_pasted(artefacts, tmp_path):
-    """They name plugins and folders, and no row that no command makes."""
-    tables = contents([Result(each) for each in (record("gps"), record("theirs", family="external"))])
+    """They name plugins and folders, and no row that no command makes or whose plugin was not given."""
+    rows = (record("gps"), record("theirs", family="external"), record("of-a-plugin"))
+    tables = contents([Result(row) for row in rows])
     options = ("--plugin", "my file.py", "--data-root", "/data")
     write_report(tables, artefacts, tmp_path, "python -m benchmark report", options=options)
     command = "python -m benchmark run -d rods -m gps --plugin &#x27;my file.py&#x27; --data-root /data"
     assert f">{command}\n" in (tmp_path / "index.html").read_text()
+    write_report(tables, replace(artefacts, known={}), tmp_path, "report", force=True)
+    assert "benchmark run" not in (tmp_path / "index.html").read_text()
