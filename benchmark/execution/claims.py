@@ -1,4 +1,4 @@
-"""Claims to jobs, where several runs share one folder of results."""
+"""Locks on jobs, for several runs in one results folder."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from pathlib import Path
 
 from benchmark.pipeline.storage.store import Store
 
-#: Byte that stands for the run itself; those of jobs lie after it.
+#: Byte that is locked while any run is in progress; the bytes of jobs follow it.
 _RUN = 0
 
 
 class Claims:
-    """The jobs that this process has claimed, and its word that a run is under way.
+    """Locks of this process on its jobs, and a shared lock that shows that a run is in progress.
 
-    Each is one locked byte of one file. The system frees it when the process ends, however it ends, so nobody ever
-    waits for the dead. As a context, the run is over at the end of the body.
+    Each lock is one byte of one file. The system releases it when the process ends, however it ends, so no run waits
+    for a process that no longer exists. Used as a context manager, the run ends with the body.
 
     Parameters
     ----------
     path
-        The file; it is made if it is not there, and stays empty.
+        The file; it is created if necessary and stays empty.
 
     Raises
     ------
@@ -34,12 +34,12 @@ class Claims:
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         self._keys: set[str] = set()
-        with suppress(OSError):  # a file system without locks: two runs then do the same work twice
+        with suppress(OSError):  # a file system without locks: two runs then repeat each other's work
             fcntl.lockf(self._file, fcntl.LOCK_SH, 1, _RUN)
 
     @classmethod
     def of(cls, store: Store) -> Claims:
-        """Claims on the jobs of a store; a process has one object for each, for the system counts by process."""
+        """Locks on the jobs of a store; one object per process, because the system assigns locks to processes."""
         return cls(store.root / "claims")
 
     def __enter__(self) -> Claims:
@@ -49,7 +49,7 @@ class Claims:
         os.close(self._file)
 
     def is_last(self) -> bool:
-        """Return whether no other run is under way; if so, none begins until this one is over."""
+        """Return whether no other run is in progress; if so, none can begin before this one ends."""
         return self._lock(_RUN)
 
     def has(self, key: str) -> bool:
@@ -64,7 +64,7 @@ class Claims:
         return True
 
     def release(self, key: str) -> None:
-        """Give a job back, if it is claimed."""
+        """Release a job, if it is claimed."""
         if key in self._keys:
             with suppress(OSError):
                 fcntl.lockf(self._file, fcntl.LOCK_UN, 1, _place(key))
@@ -81,5 +81,5 @@ class Claims:
 
 
 def _place(key: str) -> int:
-    """Byte of a job: two of a plan never share one, for all that can be reckoned."""
+    """Byte of a job; a collision within a plan is practically impossible."""
     return 1 + int.from_bytes(hashlib.sha256(key.encode()).digest()[:7]) // 2

@@ -1,4 +1,4 @@
-"""Cost of a plan, by the costs of finished jobs."""
+"""Estimate the cost of a plan from the costs of finished jobs."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from benchmark.execution.job_specs import Job
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
 
-#: Phases that all methods of a shape share: one pays for them.
+#: Phases whose results all methods of a shape share; they count once.
 SHARED = ("prepare", "geodesics")
 
-#: Files whose mean size stands for that of all.
+#: Number of files from which the mean size is estimated.
 _SAMPLE = 500
 
-#: Stands behind the name of a method for whatever parameters it has.
+#: Suffix of a method name that stands for any parameters.
 _ANY = "[...]"
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Cost of the jobs of a plan that are to run, if none of their stages were done already.
+    """Upper bound for the cost of the jobs that a run would compute, as if none of their stages were stored.
 
     Parameters
     ----------
     seconds
-        Of work, on one core.
+        Work on one core.
     unknown
-        Jobs whose method never finished under their input, so that nobody can tell.
+        Number of jobs without an estimate, because their method has never finished under their input.
     mebibytes
-        Of what stays on the disk; None where nothing is there to measure.
+        Disk space; None if there are no files yet from which to estimate it.
     """
 
     seconds: float
@@ -40,7 +40,7 @@ class Estimate:
     mebibytes: float | None
 
     def lines(self, n_jobs: int, workers: int) -> list[str]:
-        """In words, for a plan with so many jobs to run."""
+        """Describe the estimate, given the number of jobs to run and of workers."""
         if not n_jobs:
             return []
         lines = []
@@ -54,17 +54,17 @@ class Estimate:
 
 
 def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
-    """Estimate the jobs of a plan that are to run.
+    """Estimate the cost of the jobs that a run of this plan would compute.
 
-    Seconds a shape are those of the same method and input on the same gallery, else the median over other galleries;
-    what the methods of a shape share counts once.
+    The seconds per shape are those of the same method and input on the same gallery, or else the median over other
+    galleries. Results that several methods share count once.
 
     Parameters
     ----------
     jobs
         The plan.
     store
-        Holds the records, and the files whose size tells that of others.
+        Holds the records, and files from which the disk space is estimated.
     """
     to_run = list({job.key: job for job in jobs if job.to_run}.values())
     if not to_run:
@@ -92,7 +92,7 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
 
 
 def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float]:
-    """Seconds a shape by phase: of the gallery itself, else the median over others; empty if there are none."""
+    """Return the seconds per shape by phase, from the same gallery or else the median over others; possibly empty."""
     alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
     here = [record for record in alike if record["gallery"] == job.gallery]
     timed = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
@@ -100,7 +100,7 @@ def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[
 
 
 def _duration(seconds: float) -> str:
-    """A time in the unit that suits it."""
+    """Format a time in a suitable unit."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"

@@ -1,4 +1,4 @@
-"""Parts of a plan for several machines that share nothing."""
+"""Divide a plan between machines that share nothing."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from benchmark.pipeline.storage import keys
 class Shard:
     """One of several parts of a plan.
 
-    The cut goes between jobs, never through one. A job leaves one record, whole and small, so shards need no common
-    disk, no order in which they end, and nobody who ranks afterwards what others have treated; what joins records of
-    several machines joins shards. The price is that shapes which jobs of several shards share are prepared in each.
+    Each job belongs to exactly one shard and leaves one small record. Shards therefore need no shared disk and can end
+    in any order, and ``merge`` joins their records. The drawback is that shapes used by jobs of several shards are
+    prepared in each of them.
 
     Parameters
     ----------
     number
-        Which part, from 1.
+        Number of the part, from 1.
     count
-        How many parts there are.
+        Number of parts.
     """
 
     number: int
@@ -52,15 +52,16 @@ class Shard:
         return shard
 
     def of(self, jobs: Sequence[Job]) -> list[Job]:
-        """The jobs of this part.
+        """Return the jobs of this part.
 
-        What is done already plays no part in the cut, so that shards begun at different times, or begun again, still
-        fit together. The largest galleries are dealt out first, each job to the shard that has the fewest shapes.
+        The division does not depend on which jobs are finished, so that shards started or resumed at different times
+        still fit together. Jobs with the largest galleries are assigned first, each to the shard with the fewest
+        shapes.
 
         Parameters
         ----------
         jobs
-            The whole plan; a job that it names twice, for two tables, is in one shard.
+            The complete plan; a job that appears twice, in two tables, is in one shard.
         """
         distinct = {_identity(job): len(job.identifiers) for job in jobs}
         load, place = [0] * self.count, {}
@@ -70,17 +71,17 @@ class Shard:
         return [job for job in jobs if place[_identity(job)] == self.number - 1]
 
     def description(self, jobs: Sequence[Job]) -> str:
-        """Return a line on this part; shards belong together if they name the same plan.
+        """Describe this part in one line; shards belong together if the digest of the plan is the same.
 
         Parameters
         ----------
         jobs
-            The whole plan.
+            The complete plan.
         """
         own, of_all = ({_identity(job) for job in some} for some in (self.of(jobs), jobs))
         return f"shard {self} of plan {keys.digest(sorted(of_all))[:8]}: {len(own)} of {len(of_all)} jobs"
 
 
 def _identity(job: Job) -> str:
-    """Return what makes a job one: its key, or its name where it has none."""
+    """Return the key of a job, or its name if it has no key."""
     return job.key or job.name

@@ -1,1 +1,1 @@
-"""From a shape to the record of a row: prepared shapes, forms, distances, scores; and where they are kept."""
+"""From a shape to the record of a row: prepared shapes, forms, distances and scores, and their storage."""

@@ -1,4 +1,4 @@
-"""The stages of each shape, kept by their recipes: prepared, its form or descriptor, and the signature of its form."""
+"""The stages of a shape, stored by their recipes: the prepared shape, its form or descriptor, and its signature."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Preparation:
     input_
         ``"mesh"`` for the complete surface, ``"view"`` for what the depth camera sees.
     store
-        Where shapes are kept; None keeps nothing.
+        Where shapes are stored; None stores nothing.
     """
 
     def __init__(self, dataset: Dataset, input_: Input, store: Store | None = None) -> None:
@@ -59,12 +59,12 @@ class Preparation:
         self._recipes: dict[str, Recipe] = {}
 
     def shape(self, entry: Entry, seed: int = 0) -> Shape:
-        """Prepare a shape; the latest one is kept with its geodesics, so that all methods of a shape share them.
+        """Prepare a shape; the latest one stays in memory with its geodesics, which all methods of a shape share.
 
         Raises
         ------
         ShapeError
-            If it cannot be read or treated.
+            If it cannot be read or prepared.
         """
         if self._latest is None or self._latest[:2] != (entry.identifier, seed):
             arrays = require_arrays(self.artefact(entry))
@@ -73,14 +73,14 @@ class Preparation:
         return self._latest[2]
 
     def artefact(self, entry: Entry) -> Artefact:
-        """The arrays of a prepared shape, or why there are none; see :func:`require_arrays`."""
+        """Return the arrays of a prepared shape, or the reason why there are none; see :func:`require_arrays`."""
         source = recipes.original_of(self.dataset)
         return self._stored(
             self.recipe(entry), lambda: attempted(lambda: self._compute(entry), source), f"prepare {self.input}"
         )
 
     def recipe(self, entry: Entry) -> Recipe:
-        """Return what determines the prepared shape."""
+        """Return the recipe of the prepared shape."""
         if entry.identifier not in self._recipes:
             frame = self._frame if self.input == "view" else {}
             self._recipes[entry.identifier] = recipes.shape_recipe(self.dataset, entry, self.input, frame)
@@ -95,12 +95,12 @@ class Preparation:
 
     @property
     def frame_key(self) -> str:
-        """Name of the artefact that holds a frame fitted to the data set; "" where there is none."""
+        """Key of the artefact that holds a frame fitted to the data set; "" if there is none."""
         return key_of(self._frame) if self.input == "view" and self.dataset.half_width is None else ""
 
     def mesh(self, entry: Entry) -> Mesh:
-        """The mesh of the data set; generated ones are kept for the while of a run, for some take seconds to make."""
-        if isinstance(self.dataset, ChangedDataset):  # what is changed is quickly changed anew
+        """Return the mesh of the data set; generated meshes, some of which take seconds, are stored during a run."""
+        if isinstance(self.dataset, ChangedDataset):  # the change is quickly applied again
             clean = Preparation(self.dataset.clean, self.input, self.store)
             return self.dataset.changed(clean.mesh(self.dataset.clean_entry(entry)), entry)
         if entry.path is not None:
@@ -143,12 +143,12 @@ class Preparation:
 
 
 def files_of(part: object) -> dict[str, str]:
-    """Files that a data set, method or scorer of a plugin has read, with their digests."""
+    """Return the digests of the files that a data set, method or scorer of a plugin has read, by path."""
     return part.files if isinstance(part, OwnDataset | Foreign) else {}
 
 
 def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
-    """The shape that methods are given, from the arrays of its preparation."""
+    """Return the shape that methods get, from the arrays of its preparation."""
     return Shape(
         identifier=identifier,
         mesh=Mesh(arrays["vertices"], arrays["faces"]),
@@ -160,7 +160,7 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages
 
 
 def attempted(compute: Callable[[], Arrays], by: object = None) -> Arrays:
-    """Arrays of a stage, with the files that a plugin read for them; of a refused shape the reason, which stays."""
+    """Return the arrays of a stage, with the files that a plugin read for them; for a refused shape, the reason."""
     try:
         arrays = compute()
     except ShapeError as error:
@@ -169,7 +169,7 @@ def attempted(compute: Callable[[], Arrays], by: object = None) -> Arrays:
 
 
 def require_arrays(artefact: Artefact) -> Arrays:
-    """Arrays of a stage that was attempted; raises ``UnsupportedShape`` with the reason where there are none."""
+    """Return the arrays of an attempted stage; raise ``UnsupportedShape`` with the reason if there are none."""
     if REFUSED in artefact.arrays:
         problem, hint = artefact.arrays[REFUSED].tolist()[:2]
         raise UnsupportedShape(problem, hint)
@@ -178,24 +178,24 @@ def require_arrays(artefact: Artefact) -> Arrays:
 
 T = TypeVar("T")
 
-#: Begins the names of arrays that note something about a shape.
+#: Prefix of the names of arrays that are notes on a shape.
 _NOTE = "note:"
 
-#: Note of a form of a plugin that came out otherwise when it was made again.
+#: Note on a form of a plugin that differed when it was computed again.
 RUNS_DIFFER = f"{_NOTE}runs_differ"
 
-#: Largest difference of two runs, relative to the largest number, that single precision explains.
+#: Largest difference between two runs, relative to the largest value, that single precision explains.
 _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class ShapeResult:
-    """What a method made of one shape.
+    """Artefacts of one shape under one method.
 
     Parameters
     ----------
     prepared, answer, signature
-        Artefacts of the shape, of the form or descriptor, and of the signature of the form; None without one.
+        The prepared shape, its form or descriptor, and the signature of the form, or None if there is none.
     """
 
     prepared: Artefact
@@ -204,34 +204,34 @@ class ShapeResult:
 
     @property
     def artefacts(self) -> list[Artefact]:
-        """All of them."""
+        """The artefacts that exist."""
         return [self.prepared, self.answer, *([self.signature] if self.signature else [])]
 
     @property
     def notes(self) -> dict[str, float | str]:
-        """What preparation and method noted."""
+        """Notes of the preparation and the method, by name."""
         arrays = {**self.prepared.arrays, **self.answer.arrays}
         return {name.removeprefix(_NOTE): note.item() for name, note in arrays.items() if name.startswith(_NOTE)}
 
 
 @dataclass
 class MethodRun:
-    """A method with its parameters, seed and models, and the prepared shapes that it treats.
+    """A method with its parameters, seed and models, and the prepared shapes that it processes.
 
     Parameters
     ----------
     preparation
         The shapes.
     store
-        Where forms are kept.
+        Where forms are stored.
     spec
         The method.
     seed
         Base seed.
     models
-        Trained model of each shape by identifier; empty for a method that does not learn.
+        Trained model of each shape, by identifier; empty if the method does not learn.
     scorer_spec
-        What compares the forms.
+        Compares the forms.
     """
 
     preparation: Preparation
@@ -244,16 +244,16 @@ class MethodRun:
 
     @cached_property
     def method(self) -> Method | Descriptor:
-        """The method itself; a learner without its model."""
+        """The method; a learned method has no model yet."""
         return self._metered(self.spec.create())
 
     @cached_property
     def scorer(self) -> Scorer:
-        """The scorer itself."""
+        """The scorer."""
         return self._metered(self.scorer_spec.create())
 
     def _metered(self, plugin: T) -> T:
-        """Let what works in a process of its own report what its work costs."""
+        """Let a method or scorer in a separate process report its costs."""
         return replace(plugin, book=self.store.meter.replace) if isinstance(plugin, Foreign) else plugin
 
     @property
@@ -262,13 +262,13 @@ class MethodRun:
         return not isinstance(self.method, Method)
 
     def recipe(self, entry: Entry) -> Recipe:
-        """Return what determines the form or the descriptor."""
+        """Return the recipe of the form or the descriptor."""
         model = self.models.get(entry.identifier)
         shape = self.preparation.recipe(entry)
         return recipes.form_recipe(self.spec, shape, entry.identifier, self.seed, model.digest if model else "")
 
     def treat(self, entry: Entry) -> ShapeResult:
-        """Make, or find, all that ranking needs of a shape; raises ``ShapeError`` if it cannot be treated."""
+        """Compute or read all that ranking needs of a shape; raise ``ShapeError`` if the shape is refused."""
         prepared = self.preparation.artefact(entry)
         surface = require_arrays(prepared)
         answer = self.answer(entry)
@@ -280,14 +280,14 @@ class MethodRun:
         return ShapeResult(prepared, answer, self.signature(entry, lambda: shape, stays=stays))
 
     def result(self, entry: Entry, *, signed: bool) -> ShapeResult:
-        """The same as :meth:`treat`, of which nothing large is read but descriptors.
+        """Do the same as :meth:`treat`, but read no large arrays except descriptors.
 
         Parameters
         ----------
         entry
             The shape.
         signed
-            Whether it is to have a signature.
+            Whether to compute its signature.
         """
         prepared = self.store.find(self.preparation.recipe(entry), wanted=_is_small)
         answer = self.store.find(self.recipe(entry), wanted=None if self.describes else _is_small)
@@ -301,7 +301,7 @@ class MethodRun:
         return result
 
     def signature(self, entry: Entry, shape: Callable[[], Mesh], *, stays: bool) -> Artefact:
-        """Make, or find, the signature of a form; raises ``ShapeError`` if it has none."""
+        """Compute or read the signature of a form; raise ``ShapeError`` if it has none."""
         scorer = self.scorer
         signature = self.store.get_or_compute(
             self._signature_recipe(entry),
@@ -313,7 +313,7 @@ class MethodRun:
         return signature
 
     def signature_arrays(self, entry: Entry) -> Arrays:
-        """Read the signature of a form, or make it again where it is gone."""
+        """Read the signature of a form, or compute it again if it is gone."""
         signature = self.store.find(self._signature_recipe(entry)) or self.treat(entry).signature
         assert signature is not None  # noqa: S101
         return require_arrays(signature)
@@ -322,22 +322,22 @@ class MethodRun:
         return recipes.features_recipe(self.recipe(entry), self.scorer_spec)
 
     def found_form(self, entry: Entry) -> Mesh | None:
-        """Canonical form of a shape if it has been made; raises ``ShapeError`` if the shape cannot be treated."""
+        """Return the canonical form of a shape if it is stored; raise ``ShapeError`` if the shape was refused."""
         answer = self.store.find(self.recipe(entry))
         return None if answer is None else self.form_from(require_arrays(answer), entry)
 
     def form_from(self, answer: Arrays, entry: Entry) -> Mesh:
-        """Canonical form of a shape from the arrays that are kept of it."""
+        """Return the canonical form of a shape from its stored arrays."""
         return form.form_mesh(answer, self.preparation.shape(entry, self.seed).mesh)
 
     def seen(self, entries: Iterable[Entry]) -> list[str]:
-        """Shapes that their model was trained on, or whose subject was."""
+        """Return the shapes on which, or on whose subject, their model was trained."""
         dataset = self.preparation.dataset.name
         pairs = [(entry, self.models.get(entry.identifier)) for entry in entries]
         return [entry.identifier for entry, model in pairs if model and model.has_seen(entry, dataset)]
 
     def answer(self, entry: Entry) -> Artefact:
-        """Make, or find, the form or the descriptor of a shape, or why there is none; see :func:`require_arrays`."""
+        """Compute or read the form or the descriptor of a shape, or why there is none; see :func:`require_arrays`."""
         method = self.method_for(entry)
 
         def once() -> Arrays:
@@ -357,7 +357,7 @@ class MethodRun:
         )
 
     def method_for(self, entry: Entry) -> Method | Descriptor:
-        """The method that treats a shape; each model is loaded once."""
+        """Return the method for a shape, with its model; each model is loaded once."""
         model = self.models.get(entry.identifier)
         method: Any = self.method
         if model is None:
@@ -368,7 +368,7 @@ class MethodRun:
 
 
 def _difference_of_runs(first: Arrays, again: Arrays) -> Arrays:
-    """Return a note of how far two runs on one shape differ, relative to the largest number; none if they do not."""
+    """Return a note on how far two runs on one shape differ, relative to the largest value; empty if they do not."""
     (name,) = {"vertices", "descriptor"} & first.keys()
     one, other = first[name], again[name]
     if one.shape != other.shape:

@@ -1,4 +1,4 @@
-"""Ranking of a gallery: its distances, block by block, and what its record says."""
+"""Rank a gallery: compute its distances block by block, and the content of its record."""
 
 from __future__ import annotations
 
@@ -35,46 +35,46 @@ from benchmark.plugins.remote import Foreign
 T = TypeVar("T")
 Matrix = NDArray[np.float64]
 
-#: Shapes in a block of rows, and of columns: a larger gallery is compared block by block.
+#: Rows and columns of a block; a larger gallery is compared block by block.
 BLOCK = 1024
 
-#: Array beside distances that tells of the signatures, so that ranking them again needs no signature.
+#: Array that describes the signatures behind distances, so that ranking them again needs no signature.
 _SIGNATURES = f"{ABOUT}signatures"
 
-#: Array beside a block of distances: bare key of the recipe of all of them, first row, first column.
+#: Array stored with a block of distances: key of the recipe of the whole matrix, first row, first column.
 _PLACE = f"{ABOUT}place"
 
 
 class BlockScorer(Scorer, Protocol):
-    """A scorer of the suite, which compares block by block what :meth:`compare` compares at once."""
+    """A scorer of the suite, which can compare block by block what ``compare`` compares at once."""
 
     def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
-        """Return what all forms of a gallery are encoded with."""
+        """Return the codebook with which all forms of a gallery are encoded."""
         ...
 
     def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
-        """Return what is compared of a form."""
+        """Return the encoding of a form."""
         ...
 
     def match(self, rows: Sequence[SignatureArrays], columns: Sequence[SignatureArrays]) -> Matrix:
-        """Return the dissimilarities of each of some encoded forms to each of others."""
+        """Return the dissimilarities between two sets of encoded forms."""
         ...
 
 
 class GalleryRanking:
     """The shapes of a gallery that can be ranked, and their distances.
 
-    Where all distances are kept from an earlier ranking, no signature is made or read.
+    If all distances are stored from an earlier ranking, no signature is computed or read.
 
     Parameters
     ----------
     run
-        What makes the forms.
+        Makes the forms.
     gallery
         All shapes.
     """
 
-    #: Told which part of the distances is under way.
+    #: Progress callback: gets the part of the distances that is being computed.
     tell: Callable[[str], object] = bool
 
     def __init__(self, run: MethodRun, gallery: Sequence[Entry]) -> None:
@@ -92,7 +92,7 @@ class GalleryRanking:
         self.refused.sort(key=lambda refusal: order[refusal[0]])
 
     def _read(self, *, signed: bool) -> None:
-        """Read what the method made of each shape, and leave out the shapes of which there is nothing."""
+        """Read the results of each shape, and leave out the shapes without one."""
         entries, self.entries, self.results = self.entries, [], {}
         for entry in entries:
             try:
@@ -111,28 +111,28 @@ class GalleryRanking:
     # Distances -------------------------------------------------------------------------------------------------------
 
     def distances(self, draw: int | None) -> Iterable[Matrix]:
-        """Rows of the distances under a draw: a matrix, or of a large gallery one row after the other."""
+        """Return the rows of the distances under a draw: a matrix or, for a large gallery, row by row."""
         starts = self._starts(draw)
         return self._rows(draw, starts) if len(starts) > 1 else self._block(draw, 0, 0).arrays["distances"]
 
     def compare(self, draw: int | None, start: int) -> None:
-        """Make a block of rows, which starts at a shape: all that is to the left of the diagonal, and on it."""
+        """Compute the rows of a block that starts at a shape, up to and including the diagonal."""
         for row, column in self._blocks(draw) if self.results else ():
             if row == start:
                 self._block(draw, row, column)
 
     @property
     def keys(self) -> list[str]:
-        """Names of all blocks of distances in the store."""
+        """Return the keys of all blocks of distances."""
         return [key_of(self._recipe(draw, *block)) for draw in self.recipes for block in self._blocks(draw)]
 
     def _blocks(self, draw: int | None) -> Iterator[tuple[int, int]]:
-        """First row and column of each block, on the diagonal or below it."""
+        """Return the first row and column of each block on or below the diagonal."""
         starts = self._starts(draw)
         return ((row, column) for row in starts for column in starts if column <= row)
 
     def _starts(self, draw: int | None) -> range:
-        """First shapes of the blocks: one where code of a plugin compares, or where a whole matrix is kept."""
+        """Return the first shapes of the blocks; one block if a plugin compares or the matrix is stored whole."""
         count = len(self.entries)
         is_whole = self.scorer is None or isinstance(self.scorer, Foreign) or count <= BLOCK
         return range(0, max(count, 1), count or 1 if is_whole or self.run.store.has(self._galleries[draw]) else BLOCK)
@@ -155,7 +155,7 @@ class GalleryRanking:
         return {"stage": stage, "gallery": gallery, **place, "versions": self.recipes[draw]["versions"]}
 
     def _block(self, draw: int | None, row: int, column: int) -> Artefact:
-        """Make, or find, a block of distances."""
+        """Compute or read a block of distances."""
         block = self.run.store.get_or_compute(
             self._recipe(draw, row, column),
             lambda: with_files(self._compared(draw, row, column), files_of(self.scorer or self.run.method)),
@@ -188,7 +188,7 @@ class GalleryRanking:
         }
 
     def _encoded(self, draw: int, start: int) -> list[Arrays]:
-        """What is compared of a block of forms."""
+        """Return the encodings of a block of forms."""
         scorer, signature_arrays, store = cast(BlockScorer, self.scorer), self.run.signature_arrays, self.run.store
 
         def encode() -> Arrays:
@@ -207,7 +207,7 @@ class GalleryRanking:
     # Record ----------------------------------------------------------------------------------------------------------
 
     def content(self, split_size: int, begun: float) -> dict[str, Any]:
-        """Return what the record says, ranked since a moment; see :class:`.Table` for the size of splits."""
+        """Return the content of the record of a ranking that began at a given time; for splits see :class:`.Table`."""
         results, signatures, preparation = self.results.values(), self.signatures, self.run.preparation
         names, labels = ([getattr(entry, part) for entry in self.gallery] for part in ("identifier", "subject"))
         answered = [place for place, name in enumerate(names) if name in self.results] if self.refused else None
@@ -247,9 +247,9 @@ class GalleryRanking:
 
     @cached_property
     def signatures(self) -> dict[str, Any]:
-        """One digest of all signatures, median seconds of one, and how many were made in which environment.
+        """One digest of all signatures, median seconds of one, and the number of signatures by environment.
 
-        They are kept beside distances.
+        These values are stored with the distances.
         """
         signatures = [result.signature for result in self.results.values() if result.signature]
         if signatures:
@@ -265,7 +265,7 @@ class GalleryRanking:
 
 
 def matrices_of(record: Record, store: Store) -> Iterator[tuple[str, Matrix]]:
-    """The distance matrices of a record, shape (N, N) each, with the bare key of their recipe; none where freed."""
+    """Yield the distance matrices of a record, shape (N, N) each, with the key of their recipe; none if freed."""
     count = len(answered_shapes(record))
     in_blocks: dict[str, list[tuple[int, int, str]]] = {}
     for key in record.get("artefacts", ()):
@@ -289,7 +289,7 @@ def matrices_of(record: Record, store: Store) -> Iterator[tuple[str, Matrix]]:
 
 
 def _joined(signatures: Sequence[Arrays]) -> Arrays:
-    """Arrays of several forms as one of each name, with their lengths."""
+    """Concatenate the arrays of several forms by name, and add their lengths."""
     joined: dict[str, Any] = {}
     for name in signatures[0]:
         arrays = [signature[name] for signature in signatures]
@@ -298,7 +298,7 @@ def _joined(signatures: Sequence[Arrays]) -> Arrays:
 
 
 def _parted(joined: Arrays) -> list[Arrays]:
-    """The arrays of each form, which :func:`_joined` has put together."""
+    """Return the arrays of each form from the result of :func:`_joined`."""
     parts = {
         name: np.split(array, np.cumsum(joined[f"lengths:{name}"])[:-1])
         for name, array in joined.items()
@@ -308,17 +308,17 @@ def _parted(joined: Arrays) -> list[Arrays]:
 
 
 def _in_order(items: Sequence[T], compare: Callable[[Sequence[T]], Matrix], by: object) -> Matrix:
-    """Distances of all pairs; foreign code is given the gallery in an order that tells nothing."""
+    """Return the distances of all pairs; foreign code gets the gallery in an order that reveals nothing."""
     return in_shuffled_order(items, compare) if isinstance(by, Foreign) else compare(items)
 
 
 def in_shuffled_order(items: Sequence[T], compare: Callable[[Sequence[T]], Matrix]) -> Matrix:
-    """Compare all pairs of items in another order, and return the matrix in theirs.
+    """Compare all pairs of items in another order, and return the matrix in the original order.
 
     Parameters
     ----------
     items
-        Descriptors or signatures of N shapes; the order follows from a few measurements of them, and from no name.
+        Descriptors or signatures of N shapes; a few of their statistics, never names, determine the order.
     compare
         Returns the dissimilarities of all pairs, shape (N, N).
     """
@@ -329,7 +329,7 @@ def in_shuffled_order(items: Sequence[T], compare: Callable[[Sequence[T]], Matri
 
 
 def _place(arrays: Arrays) -> tuple[Any, ...]:
-    """What places are sorted by: measurements to six digits, then every bit, and chance between copies."""
+    """Return a sort key: statistics to six digits, then every bit; the order of copies is random."""
     measurements = []
     for name in sorted(arrays):
         sizes = np.abs(np.asarray(arrays[name], dtype=np.float64)).ravel()
@@ -341,13 +341,13 @@ def _place(arrays: Arrays) -> tuple[Any, ...]:
 
 
 def _digest(digests: Iterable[str]) -> str:
-    """One digest of several, 16 hexadecimal digits; "" where one of them is not known."""
+    """Return one digest of several, 16 hexadecimal digits; "" if one of them is unknown."""
     known = list(digests)
     return keys.digest(known)[:16] if all(known) else ""
 
 
 def _settled(costs: Sequence[Cost]) -> Sequence[Cost]:
-    """Costs without those of first uses, which compile and load; all of them where there are no others."""
+    """Return the costs without first uses, which include compiling and loading, unless there are no others."""
     return [cost for cost in costs if not cost.first_use] or costs
 
 
@@ -356,7 +356,7 @@ def _seconds(costs: Sequence[Cost]) -> float:
 
 
 def _costs(results: Iterable[ShapeResult], signatures: Mapping[str, Any]) -> dict[str, Any]:
-    """Seconds a shape by phase and memory of a form, without the first shape of each process where others are."""
+    """Return the seconds per shape by phase and the memory of a form, without first shapes of processes if possible."""
     phases: dict[str, list[Cost]] = {}
     for result in results:
         phases.setdefault("prepare", []).append(result.prepared.cost)
@@ -376,7 +376,7 @@ def _costs(results: Iterable[ShapeResult], signatures: Mapping[str, Any]) -> dic
 
 
 def _summary(all_notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
-    """Mean and largest value of each numeric note, and counts of each text."""
+    """Return the mean and maximum of each numeric note, and the counts of each text."""
     collected: dict[str, list[float | str]] = {}
     for notes in all_notes:
         for name, value in notes.items():

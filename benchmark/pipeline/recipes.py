@@ -1,6 +1,6 @@
-"""Recipes: what determines each stage of each shape, without computing it.
+"""Recipes of the stages of each shape: all that determines a result, known without computing it.
 
-A recipe names the versions of all components that have a part in its result, those of earlier stages included; see
+A recipe names the versions of all components that contribute to the result, including those of earlier stages; see
 :mod:`benchmark.pipeline.storage.lock`.
 """
 
@@ -24,17 +24,17 @@ from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 
 Recipe = dict[str, Any]
 
-#: Component of what plugins are offered: geodesics, the Laplacian, eigenpairs.
+#: Component that stands for what plugins can use: geodesics, the Laplacian, eigenpairs.
 OFFERED = "api"
 
 
 def dataset_module(dataset: Dataset) -> str:
-    """Module that makes the meshes of a data set; of one from a plugin file, the file."""
+    """Return the module that makes the meshes of a data set, or the plugin file that does."""
     return dataset.code if isinstance(dataset, OwnDataset) else type(dataset).__module__
 
 
 def source_components(dataset: Dataset) -> list[str]:
-    """Components that make the meshes of a data set: readers of files or a generator, and the changes in brackets."""
+    """Return the components that make the meshes of a data set: readers or a generator, and changes in brackets."""
     known, original = read_lock().components, original_of(dataset)
     changes = [f"change/{name}" for name in re.findall(r"\[([a-z-]+)=", dataset.name)]
     if isinstance(original, OwnDataset):
@@ -47,25 +47,25 @@ def source_components(dataset: Dataset) -> list[str]:
 
 
 def original_of(dataset: Dataset) -> Dataset:
-    """Return the data set that a changed one is made of."""
+    """Return the data set from which a changed one is made."""
     while (clean := getattr(dataset, "clean", None)) is not None:
         dataset = clean
     return dataset
 
 
 def preparation_components(dataset: Dataset, input_: Input) -> list[str]:
-    """Components between the mesh, or the depth frame, and the prepared shape."""
+    """Return the components between the mesh or the depth frame and the prepared shape."""
     frame = ["preparation/frame"] if isinstance(dataset, DepthFolder) else []
     return [f"preparation/{input_}", *frame]
 
 
 def method_components(spec: MethodSpec) -> list[str]:
-    """Components between the prepared shape and the form, or the distances of a descriptor."""
+    """Return the components between the prepared shape and the form, or the distances of a descriptor."""
     return [OFFERED if spec.is_foreign else f"method/{spec.base_name}"]
 
 
 def scorer_components(spec: MethodSpec, scorer: ScorerSpec) -> list[str]:
-    """Components between the form and the distances of a gallery; none for a descriptor."""
+    """Return the components between the form and the distances of a gallery; none for a descriptor."""
     return [] if spec.describes else [OFFERED if scorer.is_foreign else f"scorer/{scorer.base_name}"]
 
 
@@ -88,7 +88,7 @@ def job_plugins(dataset: Dataset, spec: MethodSpec, scorer: ScorerSpec) -> Recip
 
 
 def _plugins(*plugins: Any) -> Recipe:
-    """Digests of plugin files with what they import, and versions of distributions; empty where nothing is foreign."""
+    """Return digests of plugin files with their imports, and versions of distributions; empty without foreign code."""
     sources = {name: source for plugin in plugins for name, source in getattr(plugin, "sources", {}).items()}
     return {"plugin": sources} if sources else {}
 
@@ -96,19 +96,19 @@ def _plugins(*plugins: Any) -> Recipe:
 def _recipe(
     stage: str, components: Iterable[str], plugins: Iterable[Any] = (), after: Iterable[Recipe] = (), **parts: Any
 ) -> Recipe:
-    """Return the recipe of a stage: what is peculiar to it, and the versions of its components and of all before."""
+    """Return the recipe of a stage: its own entries, and the versions of its components and of all earlier ones."""
     versions = {name: version for recipe in after for name, version in recipe["versions"].items()}
     return {"stage": stage, **parts, "versions": versions | versions_of(components), **_plugins(*plugins)}
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
-    """Return what determines the mesh of a shape; for one that cannot be read, the kind of error."""
+    """Return the recipe of the mesh of a shape; if it cannot be read, the kind of error."""
     data = source_data(dataset, entry)
     return _recipe("source", source_components(dataset), [original_of(dataset)], data=data)
 
 
 def source_data(dataset: Dataset, entry: Entry) -> str:
-    """Return what a data set tells of the data of a shape; for one that cannot be read, the kind of error."""
+    """Return the recipe that a data set gives for the data of a shape; if it cannot be read, the kind of error."""
     try:
         return dataset.recipe(entry)
     except ShapeError as error:
@@ -116,7 +116,7 @@ def source_data(dataset: Dataset, entry: Entry) -> str:
 
 
 def frame_recipe(dataset: Dataset) -> Recipe:
-    """Return what determines the scale of the depth images: a constant, or all shapes of the set."""
+    """Return the recipe of the scale of depth images: a constant, or all shapes of the data set."""
     if dataset.half_width is not None:
         return _recipe("frame", (), half_width=dataset.half_width)
     shapes = [(entry.identifier, source_data(dataset, entry), repr(dataset.camera(entry))) for entry in dataset.entries]
@@ -125,14 +125,14 @@ def frame_recipe(dataset: Dataset) -> Recipe:
 
 
 def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -> Recipe:
-    """Return what determines the prepared shape.
+    """Return the recipe of the prepared shape.
 
     Parameters
     ----------
     dataset, entry, input_
         The shape.
     frame
-        :func:`frame_recipe` of the data set; of no account for the mesh input.
+        :func:`frame_recipe` of the data set; ignored for the mesh input.
     """
     source = source_recipe(dataset, entry)
     recipe = _recipe(input_, preparation_components(dataset, input_), after=[source], source=source)
@@ -146,13 +146,13 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
 
 
 def sensor_of(dataset: Dataset, entry: Entry) -> DepthSensor | None:
-    """Return the sensor of a data set, which adds faults to its depth images; None where it says nothing of one."""
+    """Return the sensor whose errors are added to the depth images of a data set; None if it has none."""
     sensor = getattr(dataset, "sensor", None)
     return sensor(entry) if sensor else None
 
 
 def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, model: str = "") -> Recipe:
-    """Return what determines the canonical form, or the descriptor.
+    """Return the recipe of the canonical form or the descriptor.
 
     Parameters
     ----------
@@ -161,11 +161,11 @@ def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, mod
     shape
         Recipe of the prepared shape.
     identifier
-        Name of the shape, which the reason of a refusal may hold.
+        Name of the shape, which may appear in the reason for a refusal.
     seed
         Base seed.
     model
-        Digest of the weights of the trained model; "" where the method does not learn.
+        Digest of the weights of the trained model; "" if the method does not learn.
     """
     parts = {"shape": shape, "identifier": identifier, "method": spec.base_name, "seed": seed}
     parts |= {"parameters": spec.key_parameters(), **({"model": model} if model else {})}
@@ -173,7 +173,7 @@ def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, mod
 
 
 def features_recipe(form: Recipe, scorer: ScorerSpec) -> Recipe:
-    """Return what determines the signature of a form."""
+    """Return the recipe of the signature of a form."""
     components = [OFFERED if scorer.is_foreign else f"scorer/{scorer.base_name}"]
     return _recipe("features", components, [scorer], [form], form=form, scorer=_named(scorer))
 
@@ -186,16 +186,16 @@ def distances_recipe(forms: list[Recipe], spec: MethodSpec, scorer: ScorerSpec, 
 
 
 def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:
-    """Return the draws of the scorer that a gallery has distances under; one without a number for a descriptor."""
+    """Return the draws of the scorer under which a gallery has distances; a descriptor has one without a number."""
     return (None,) if spec.describes else range(scorer.info.draws)
 
 
 def scorer_recipe(scorer: ScorerSpec) -> Recipe:
-    """The scorer as part of the recipe of a job; the draws go by the name that they have for the default one."""
+    """Return the scorer as part of the recipe of a job; draws have the name that they have for the default scorer."""
     return {**_named(scorer), "codebooks": list(range(scorer.info.draws))}
 
 
 def _named(scorer: ScorerSpec) -> Recipe:
-    """Parameters of a scorer, and its name where it is not the default one."""
+    """Return the parameters of a scorer, and its name if it is not the default one."""
     name: Mapping[str, Any] = {} if scorer.base_name == DEFAULT else {"name": scorer.base_name}
     return {**scorer.key_parameters(), **name}

@@ -1,4 +1,4 @@
-"""The shapes of a gallery that was run which are nearest to a new one: its forms and signatures are read."""
+"""Find the shapes of a finished gallery that are nearest to a new one, from stored forms and signatures."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Hit:
     entry
         The shape.
     distance
-        From the query, mean over the draws of the scorer.
+        Distance from the query, the mean over the draws of the scorer.
     """
 
     entry: Entry
@@ -54,13 +54,13 @@ class Found:
     Parameters
     ----------
     hits
-        All shapes of the gallery with a form but the query itself, the nearest first.
+        All shapes of the gallery that have a form, without the query itself, nearest first.
     query
-        What the method was given.
+        The shape that the method got.
     form
         Canonical form of the query; None for a descriptor.
     read, made
-        Signatures of the gallery that were read, and that had to be made from its forms.
+        Number of signatures of the gallery that were read, and that had to be computed from forms.
     """
 
     hits: tuple[Hit, ...]
@@ -71,19 +71,19 @@ class Found:
 
     @property
     def margin(self) -> float:
-        """By how much the first class is nearer than the second, as a share of the distance of the second."""
+        """Lead of the nearest class over the second nearest, relative to the distance of the second."""
         first = self.hits[0]
         other = next((hit for hit in self.hits if hit.entry.subject != first.entry.subject), None)
         return 0.0 if other is None or not other.distance > 0 else 1 - first.distance / other.distance
 
 
 def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
-    """Return the input under which a query meets a gallery: a view where either is a depth image, or the method's only.
+    """Return the input for a query and a gallery: a view if either is a depth image, or the method's only input.
 
     Raises
     ------
     ConfigurationError
-        If the method does not take it.
+        If the method does not accept it.
     """
     is_view = query.suffix.lower() in READERS or "mesh" not in getattr(dataset, "inputs", ("mesh",))
     input_: Input = "view" if is_view or "mesh" not in spec.info.inputs else "mesh"
@@ -95,25 +95,25 @@ def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
 
 
 def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -> Found:
-    """Return the shapes of a gallery that was run, in the order of their distance from a depth image or a mesh.
+    """Return the shapes of a finished gallery in the order of their distance from a depth image or a mesh.
 
     Parameters
     ----------
     run
-        The method and the scorer, and the gallery under its input.
+        The method, the scorer, and the gallery under its input.
     query
         The file.
     frame
-        How it is read as a depth image; None for a mesh.
+        How to read it as a depth image; None for a mesh.
     source
-        What the data set is called on the command line.
+        Name of the data set on the command line.
 
     Raises
     ------
     ConfigurationError
-        If no form of the gallery is here.
+        If no form of the gallery is stored.
     ShapeError
-        If the query cannot be treated.
+        If the query is refused.
     """
     shape = _shape(run, query, frame)
     entries, signatures, n_read = _signatures(run, query)
@@ -136,7 +136,7 @@ def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -
 
 
 def _shape(run: MethodRun, query: Path, frame: FrameFiles | None) -> Shape:
-    """The query as the method is given it, in the frame of the gallery."""
+    """Return the query as the method gets it, in the frame of the gallery."""
     preparation = run.preparation
     if frame:
         width = getattr(preparation.dataset, "half_width", None) or HALF_WIDTH
@@ -149,9 +149,9 @@ def _shape(run: MethodRun, query: Path, frame: FrameFiles | None) -> Shape:
 
 
 def _signatures(run: MethodRun, query: Path) -> tuple[list[Entry], list[Arrays], int]:
-    """Shapes that have a form, their signatures or descriptors, and how many of these were read.
+    """Return the shapes that have a form, their signatures or descriptors, and how many of these were read.
 
-    A signature that is made stays for the next query.
+    Computed signatures are stored for the next query.
     """
     entries, signatures, n_read = list[Entry](), list[Arrays](), 0
     for entry in run.preparation.dataset.entries:

@@ -1,4 +1,4 @@
 """The stages of the pipeline, one module each: pure functions from arrays to arrays.
 
-What a module imports, and nothing else, is the code of its stage; so no module here knows the store or the plan.
+The code of a stage is what its module imports, so no module here imports the store or the plan.
 """

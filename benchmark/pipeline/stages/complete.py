@@ -1,4 +1,4 @@
-"""Mesh input: the complete surface, prepared in the same way for every method."""
+"""Mesh input: the complete surface, prepared in the same way for all methods."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 
-#: Vertices of the prepared mesh; customary for canonical forms (Lian et al. 2013, Pickup et al. 2018).
+#: Number of vertices of the prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup et al. 2018).
 N_VERTICES = 2000
 
 
@@ -32,7 +32,7 @@ def complete(source: Mesh) -> Mapping[str, NDArray[Any]]:
     Raises
     ------
     ShapeError
-        If nothing usable is left of the mesh.
+        If the mesh has no usable part.
     """
     prepared = prepare(source, N_VERTICES)
     return {

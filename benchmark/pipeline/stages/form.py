@@ -16,15 +16,15 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 def canonicalise(method: Method, shape: Shape) -> Arrays:
-    """Make the form of a shape.
+    """Compute the form of a shape.
 
-    Coordinates are kept in single precision, a ten-millionth of their size and far below anything that the scorer
-    sees; so the form that is scored is the same whether it was just made or read again.
+    Coordinates are rounded to single precision, an error of 1e-7 that no scorer can see. The form that is scored is
+    therefore the same whether it was just computed or read again.
 
     Returns
     -------
     dict
-        ``vertices``, shape (n, 3), float32; ``faces`` where they are not those of the shape; ``note:...`` for each
+        ``vertices``, shape (n, 3), float32; ``faces`` if they differ from those of the shape; ``note:...`` for each
         note of the method.
 
     Raises
@@ -32,7 +32,7 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
     ShapeError
         If the method refuses the shape.
     InvalidForm
-        If it returns what is no form of it.
+        If it returns something else than a form of the shape.
     """
     mesh, notes = form_of(method, shape)
     with np.errstate(over="ignore"):
@@ -49,12 +49,12 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
 
 
 def form_mesh(arrays: Arrays, shape: Mesh) -> Mesh:
-    """The form that :func:`canonicalise` made of a shape with this mesh."""
+    """Return the form that :func:`canonicalise` computed of a shape with this mesh."""
     return Mesh(arrays["vertices"], arrays.get("faces", shape.faces))
 
 
 def describe(method: Descriptor, shape: Shape) -> Arrays:
-    """Make the descriptor of a shape: ``descriptor``, shape (k,), float64.
+    """Compute the descriptor of a shape: ``descriptor``, shape (k,), float64.
 
     Raises
     ------

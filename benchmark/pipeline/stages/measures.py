@@ -1,4 +1,4 @@
-"""Measures of a gallery from its distances."""
+"""Compute the measures of a gallery from its distances."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from retrieval.splits import all_splits, ranges, scores_of_splits
 
 Matrix = NDArray[np.float64]
 
-#: Decimals of the measures of single queries in a record.
+#: Decimals to which a record rounds the measures of single queries.
 _DECIMALS = 6
 
 
 def scores(
     matrices: Iterable[Iterable[Matrix]], labels: Sequence[str], answered: Sequence[int] | None = None
 ) -> dict[str, Any]:
-    """Measures of a gallery as plain numbers: means over the matrices, and their standard deviation.
+    """Return the measures of a gallery as plain numbers: means over the matrices, and their standard deviation.
 
     Parameters
     ----------
     matrices
-        One per draw of the scorer, each of shape (n, n), or its rows one after the other, which nobody checks again;
-        each is forgotten before the next one is asked for.
+        One per draw of the scorer: shape (n, n), or an iterator over its rows, which are not checked again. Only one is
+        in memory at a time.
     labels
         Class of each shape of the gallery, N of them.
     answered
-        Places of the n shapes that have a result; None for all. The others are queries with 0 in every measure.
+        Indices of the n shapes that have a result; None for all. The others are queries with 0 in every measure.
 
     Returns
     -------
@@ -76,23 +76,23 @@ def _by_measure(draws: Sequence[Scores]) -> dict[str, list[float]]:
 def over_splits(
     matrices: Iterable[Iterable[Matrix]], labels: Sequence[str], size: int, answered: Sequence[int] | None = None
 ) -> dict[str, Any]:
-    """Return how the measures are spread over every way to take some of the subjects for testing.
+    """Return the spread of the measures over all choices of some subjects for testing.
 
     Parameters
     ----------
     matrices
-        As of :func:`scores`; the measures of a split are means over them.
+        As for :func:`scores`; the measures of a split are means over them.
     labels
         Subject of each shape of the gallery, N of them.
     size
-        Subjects to take.
+        Number of subjects to choose.
     answered
-        Places of the n shapes that have a result; None for all.
+        Indices of the n shapes that have a result; None for all.
 
     Returns
     -------
     dict
-        ``splits``: the number of ways, and by measure the quantiles .05, .5 and .95.
+        ``splits``: the number of choices and, by measure, the quantiles .05, .5 and .95.
     """
     splits = all_splits(labels, size)
     draws = [scores_of_splits(np.array([*matrix]), labels, splits, answered) for matrix in matrices]

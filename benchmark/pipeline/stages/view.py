@@ -1,4 +1,4 @@
-"""View input: what one depth camera sees, as an image and as the open surface behind it."""
+"""View input: what one depth camera sees, as a depth image and as an open surface."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ def seen(
     source
         The mesh as the data set gives it.
     camera
-        Where it is looked at from.
+        The camera.
     half_width
         Half the width of the frame in file units.
     sensor
-        What a real camera adds to the image; None for one without faults.
+        Errors of a real camera; None for an ideal one.
 
     Returns
     -------
     dict
-        ``vertices`` and ``faces`` of the surface that is seen, of unit area; ``depth``, shape (500, 500), float32;
+        ``vertices`` and ``faces`` of the visible surface, of unit area; ``depth``, shape (500, 500), float32;
         ``source_area`` in squared file units; ``note:...`` for each fact that the projection reports.
 
     Raises
     ------
     ShapeError
-        If nothing of the mesh is seen.
+        If no part of the mesh is visible.
     """
     view = depth_surface(_surface(source), camera, half_width, sensor)
     area = view.surface.area
@@ -55,17 +55,17 @@ def seen(
 
 
 def half_width_of(source: Mesh, camera: Camera) -> float:
-    """Half the width of the frame that a mesh fills, in file units; raises ``ShapeError`` if it has no surface."""
+    """Return half the width of the frame that a mesh fills, in file units; raise ``ShapeError`` without a surface."""
     return fit_half_width([_surface(source)], camera)
 
 
 def frame_of(half_widths: Sequence[float]) -> float:
-    """Half the width of the frame of a data set, from that of each of its shapes; any frame will do without shapes."""
+    """Return half the width of the frame of a data set, from those of its shapes; any value without shapes."""
     return common_half_width(half_widths) if half_widths else 1.0
 
 
 def _surface(source: Mesh) -> Mesh:
-    """The mesh without vertices that no face names: they would move the centre and the frame of the camera."""
+    """Return the mesh without unreferenced vertices, which would move the centre and the frame of the camera."""
     surface, found = clean(source)
     if not surface.n_faces:
         raise InvalidMesh(f"none of the {found.faces_before} triangles has an area", "export the mesh again")

@@ -1,1 +1,1 @@
-"""Keys that name a recipe, and the folder where results are kept by them."""
+"""Keys of recipes, and the folder that stores results by key."""

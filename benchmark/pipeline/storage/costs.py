@@ -1,4 +1,4 @@
-"""Costs of a stage: seconds, and memory above that of the process at rest."""
+"""Costs of a stage: seconds, and memory beyond that of the idle process."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ _MIB = 2**20
 
 
 class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Cost of the arrays of one stage.
+    """Cost of computing the arrays of one stage.
 
     Parameters
     ----------
     seconds
         Time of the stage itself, without the stages that it called.
     peak_mib
-        Largest resident memory above that of the process before, in MiB; None where the system does not tell.
+        Peak resident memory beyond that of the process before, in MiB; None if the system does not report it.
     first_use
-        Whether this process did such work for the first time: compiling and loading are in the figures then, and
-        they say nothing about the method.
+        Whether the process did such work for the first time; the cost then includes compiling and loading, and says
+        little about the method.
     resident_mib
-        Memory that the result keeps occupied while others share it.
+        Memory that the result occupies while several stages share it.
     shared
-        Costs of the stages that were called, by name, also where another one had paid for them.
+        Costs of the stages that were called, by name, even if their results had already been computed.
     """
 
     seconds: float = 0.0
@@ -41,7 +41,7 @@ class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     shared: dict[str, Cost] = {}
 
     def to_json(self) -> str:
-        """As text that travels with the arrays."""
+        """Return the cost as text that is stored with the arrays."""
         return msgspec.json.encode(self).decode()
 
     @classmethod
@@ -52,7 +52,7 @@ class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass
 class _Frame:
-    """A stage that is being computed."""
+    """A stage in progress."""
 
     start: float
     at_rest: int | None
@@ -65,9 +65,9 @@ class _Frame:
 class Meter:
     """Measures stages that may call each other.
 
-    Memory is the high-water mark of the process itself, set back when a stage begins: the mark that the system keeps
-    for child processes survives the start of a new program and tells of the parent. Pages of files are taken off, for
-    the system drops those of idle libraries and reads them again as it likes: only what the work itself took counts.
+    Memory is the peak of the process itself, reset when a stage begins. The peak that the system reports for child
+    processes is useless, since a new program inherits that of its parent. Pages of files are subtracted, because the
+    system drops and reloads those of idle libraries at will.
     """
 
     def __init__(self) -> None:
@@ -76,12 +76,12 @@ class Meter:
 
     @contextlib.contextmanager
     def measured(self, work: str) -> Iterator[Callable[[], Cost]]:
-        """Measure the body; the cost can be asked for when it is over.
+        """Measure the body; call the result for the cost afterwards.
 
         Parameters
         ----------
         work
-            What is done; the first time in this process is marked.
+            Name of the work; its first time in this process is marked.
         """
         for outer in self._open:
             outer.peak = max(outer.peak, _high_water() or 0)
@@ -112,12 +112,12 @@ class Meter:
             cost = frame.elsewhere or cost
 
     def replace(self, cost: Cost) -> None:
-        """Let the stage that is being computed cost what it cost in another process, which did its work."""
+        """Set the cost of the current stage to that of another process, which did the work."""
         if self._open:
             self._open[-1].elsewhere = cost
 
     def share(self, stage: str, cost: Cost) -> None:
-        """Book a stage that was called under the one that is being computed."""
+        """Add the cost of a called stage to the shared costs of the current one."""
         if self._open:
             self._open[-1].shared[stage] = cost
 
@@ -127,7 +127,7 @@ def _high_water() -> int | None:
 
 
 def _without_files(name: str) -> int | None:
-    """A size of this process in bytes, less the pages of files; None where the system does not tell."""
+    """Return a memory size of this process in bytes without pages of files; None if the system does not report it."""
     try:
         fields = dict(line.split(":", 1) for line in _STATUS.read_text().splitlines())
         size, files, shared = (int(fields[each].split()[0]) for each in (name, "RssFile", "RssShmem"))

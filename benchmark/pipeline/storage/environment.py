@@ -1,4 +1,4 @@
-"""Environment of a run, for the reader of a record: commit, versions, system, and the kernels of the linear algebra."""
+"""Describe the environment of a run: commit, package versions, system, and linear algebra library."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from typing import Any
 from benchmark.source_code import FIRST_PARTY, ROOT
 from benchmark.text import brief
 
-#: Packages that compute.
+#: Packages that affect results.
 PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
 
 
 @cache
 def environment() -> dict[str, str]:
-    """Versions and machine; the packages that are not installed are left out."""
+    """Return package versions and the machine; packages that are not installed are omitted."""
     versions = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
     for name in PACKAGES:
         try:
@@ -32,12 +32,12 @@ def environment() -> dict[str, str]:
 
 @cache
 def environment_text() -> str:
-    """The same as one line, to be kept with every artefact."""
+    """Return the same as one line, which is stored with every artefact."""
     return json.dumps(environment(), sort_keys=True)
 
 
 def changed_packages(environments: Iterable[Mapping[str, Any]]) -> str:
-    """Name the packages whose versions are other ones here than where results were made; "" for the same ones."""
+    """Name the packages whose versions here differ from those that made some results; "" if none do."""
     here, texts = environment(), {str(made.get("environment", "{}")) for made in environments}
     changes: dict[str, None] = {}
     for there in map(versions_in, sorted(texts)):
@@ -48,7 +48,7 @@ def changed_packages(environments: Iterable[Mapping[str, Any]]) -> str:
 
 @cache
 def versions_in(text: str) -> dict[str, str]:
-    """Return the versions that an environment names; none where it is not readable."""
+    """Return the package versions in an environment; empty if it cannot be read."""
     try:
         versions = json.loads(text)
     except (ValueError, RecursionError):
@@ -57,12 +57,12 @@ def versions_in(text: str) -> dict[str, str]:
 
 
 def _release(version: Any) -> str:
-    """A version without the tag of its build, which says where it runs."""
+    """Return a version without its build tag, such as ``+cpu``."""
     return str(version or "").partition("+")[0]
 
 
 def in_words(environment: Any) -> str:
-    """Return the environment of a record or an artefact as a line; whatever else a file holds is cut off."""
+    """Return the environment of a record or an artefact as a short line, whatever the file holds."""
     try:
         found = json.loads(environment) if isinstance(environment, str) else environment
     except (ValueError, RecursionError):
@@ -71,7 +71,7 @@ def in_words(environment: Any) -> str:
 
 
 def _linear_algebra() -> dict[str, str]:
-    """Library and kernels behind numpy: its results differ in the last bits from processor to processor."""
+    """Return the library and kernels behind numpy, whose last bits differ between processors."""
     from threadpoolctl import threadpool_info
 
     loaded = (part for part in threadpool_info() if part.get("user_api") == "blas")
@@ -80,7 +80,7 @@ def _linear_algebra() -> dict[str, str]:
 
 
 def git(root: Path, *words: str) -> str | None:
-    """Return what git says in a repository; None where it fails, or there is no git."""
+    """Return the output of git in a repository; None if it fails or is not installed."""
     try:
         done = subprocess.run(
             ["git", "--no-optional-locks", "-C", str(root), *words], capture_output=True, text=True, check=False
@@ -92,8 +92,8 @@ def git(root: Path, *words: str) -> str | None:
 
 @cache
 def commit() -> str:
-    """Return the first ten digits of the commit, with ``+`` where files differ from it; "" outside of a repository."""
-    if not (ROOT / ".git").exists():  # an installed suite may lie inside of somebody else's repository
+    """Return the first ten digits of the commit, with ``+`` if files were changed; "" outside a repository."""
+    if not (ROOT / ".git").exists():  # an installed suite may lie inside another repository
         return ""
     digest = git(ROOT, "rev-parse", "--short=10", "HEAD")
     if not digest:

@@ -1,7 +1,7 @@
-"""Keys that name a recipe: inputs, versions, parameters and seed; never the bytes that came out.
+"""Keys of recipes. A recipe consists of inputs, versions, parameters and seed, never of output bytes.
 
-Output bytes change between BLAS builds and thread counts, a recipe does not. Code is named by the versions of the
-components that ran, see :mod:`benchmark.pipeline.storage.lock`.
+Output bytes vary with BLAS builds and thread counts; a recipe does not. Code enters by the versions of the components
+that ran; see :mod:`benchmark.pipeline.storage.lock`.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from typing import Any
 
 
 def digest(recipe: Any) -> str:
-    """Digest of a recipe made of dicts, lists, strings and numbers: 32 hexadecimal digits."""
+    """Return the digest of a recipe of dicts, lists, strings and numbers: 32 hexadecimal digits."""
     text = json.dumps(recipe, sort_keys=True, separators=(",", ":"), default=_plain)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def bare_key(key: str) -> str:
-    """Return a key without the name of the edit whose code made the result, if any."""
+    """Return a key without the name of the edit that made the result, if any."""
     return key.rpartition("-")[2]
 
 
 def plain(recipe: Any) -> Any:
-    """The recipe as it comes back from JSON: tuples become lists, numpy numbers become numbers."""
+    """Return a recipe as it would be read from JSON: with lists for tuples, and Python numbers for those of numpy."""
     return json.loads(json.dumps(recipe, sort_keys=True, default=_plain))
 
 

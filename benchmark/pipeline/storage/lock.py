@@ -1,8 +1,8 @@
-"""Versions of the components of the suite: digests of their golden results, and the code that these were made by.
+"""Versions of the components of the suite: digests of their golden results, and of the code that made these.
 
-A component is what makes a part of a result: a method, a scorer, the preparation of an input, a generated data set. Its
-version is the digest of its committed golden results, so that code may change as long as they stay. Results of edited
-code lie apart, and join the others once the golden results were made by that code.
+A component makes a part of a result: a method, a scorer, the preparation of an input, a generated data set. Its version
+is the digest of its committed golden results, so code may change as long as these do not. Results of edited code are
+stored separately, and are merged into the others once ``make golden`` has passed with that code.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ PATH = ROOT / "benchmark" / "versions.lock"
 
 
 class Component(NamedTuple):
-    """A component as it was when its golden results were made.
+    """A component at the time when its golden results were computed.
 
     Parameters
     ----------
     golden
-        Digest of its golden results: its version.
+        Its version: the digest of its golden results.
     folders
         Folders of the code that it runs.
     """
@@ -40,14 +40,14 @@ class Component(NamedTuple):
 
 
 class Code(NamedTuple):
-    """The modules of a folder: digests of their text, and of their code without docstrings, comments and layout."""
+    """Digests of the modules of a folder: of their text, and of their code without docstrings, comments and layout."""
 
     text: str
     code: str
 
 
 class Lock(NamedTuple):
-    """What ``versions.lock`` says."""
+    """Content of ``versions.lock``."""
 
     components: Mapping[str, Component]
     code: Mapping[str, Code]
@@ -55,12 +55,12 @@ class Lock(NamedTuple):
 
 @cache
 def read_lock(path: Path = PATH) -> Lock:
-    """Return the versions of all components, and the code that they were checked with.
+    """Return the versions of all components, and the digests of the code with which they were checked.
 
     Raises
     ------
     ConfigurationError
-        If the file is damaged, or two branches have changed it.
+        If the file is damaged or has merge conflicts.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -73,7 +73,7 @@ def read_lock(path: Path = PATH) -> Lock:
 
 
 def write_lock(components: Mapping[str, Component], path: Path = PATH) -> None:
-    """Write the versions of all components with the code as it is now."""
+    """Write the versions of all components and the digests of today's code."""
     forget_sources()
     folders = sorted({folder for component in components.values() for folder in component.folders})
     code = {folder: [text_of(folder), code_of(folder)] for folder in folders}
@@ -83,7 +83,7 @@ def write_lock(components: Mapping[str, Component], path: Path = PATH) -> None:
 
 
 def forget() -> None:
-    """Read the lock and all sources again at the next call."""
+    """Read the lock and all sources again when they are next needed."""
     forget_sources()
     read_lock.cache_clear()
     edited_folders.cache_clear()
@@ -106,7 +106,7 @@ def versions_of(components: Iterable[str]) -> dict[str, str]:
 
 
 def edited(components: Iterable[str]) -> dict[str, str]:
-    """Return the edited folders that components run, with the digest of their code; empty where all is as published."""
+    """Return the edited folders that components run, with the digests of their code; empty if nothing was edited."""
     changed, known = edited_folders(), read_lock().components
     if not changed:
         return {}
@@ -115,19 +115,19 @@ def edited(components: Iterable[str]) -> dict[str, str]:
 
 
 def key_of(recipe: Mapping[str, Any]) -> str:
-    """Return the key of a recipe; that of edited code is the name of the edit, a hyphen, and the key without one."""
+    """Return the key of a recipe; for edited code, it is prefixed with the name of the edit and a hyphen."""
     folders = edited(recipe.get("versions", ()))
     name = digest_of_bytes(json.dumps(folders, sort_keys=True).encode())
     return f"{name}-{digest(recipe)}" if folders else digest(recipe)
 
 
 def words_of_edit(folders: Iterable[str]) -> str:
-    """Return what a reader is told of edited code."""
+    """Return the message for edited code."""
     return f"edited: {', '.join(folders)}; run make golden"
 
 
 def with_current_versions(recipe: Any, folders: Iterable[str]) -> Any:
-    """Return a recipe with today's versions of the components that run certain folders, wherever it names them."""
+    """Return a recipe in which all components that run certain folders have their versions of today."""
     if isinstance(recipe, list):
         return [with_current_versions(part, folders) for part in recipe]
     if not isinstance(recipe, dict):
@@ -148,10 +148,10 @@ def _lines(section: Mapping[str, object]) -> str:
 
 # Results of edited code ----------------------------------------------------------------------------------------------
 
-#: Folder of what edited code has made, in that of the runs.
+#: Folder for results of edited code, in the folder of the runs.
 EDITED = "edited"
 
-#: File in the folder of an edit that names the folders of the code and their digests.
+#: File in the folder of an edit with the edited folders of code and their digests.
 CODE_FILE = "code.json"
 
 #: Array that holds the recipe of a result of edited code, whose key changes when golden results are accepted.
@@ -159,7 +159,7 @@ RECIPE = "__recipe__"
 
 
 def code_of_edit(folder: Path) -> dict[str, str]:
-    """Return the digests of the edited folders by whose code a folder of results was made; empty if it does not say."""
+    """Return the digests of the edited code that made a folder of results; empty if they are not recorded."""
     try:
         return dict(json.loads((folder / CODE_FILE).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
@@ -167,13 +167,13 @@ def code_of_edit(folder: Path) -> dict[str, str]:
 
 
 def stale_edits(root: Path) -> Iterable[Path]:
-    """Folders of edits that are no longer in the code, in a folder of runs."""
+    """Return the folders of edits that are no longer in the code."""
     current = edited_folders().items()
     return [folder for folder in (root / EDITED).glob("*") if not code_of_edit(folder).items() <= current]
 
 
 def adopt_edited(root: Path) -> None:
-    """Bring what was made by code that has golden results by now to the other results, under the keys of today."""
+    """Merge the results of edits whose code has passed ``make golden`` into the other results, under today's keys."""
     golden = {folder: code.code for folder, code in read_lock().code.items()}
     for edit in list((root / EDITED).glob("*")):
         code = code_of_edit(edit)

@@ -1,4 +1,4 @@
-"""Records of several machines joined into one folder."""
+"""Join the records of several machines in one folder."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Merged:
     Parameters
     ----------
     added, known
-        Records that were new; and places where the same outcome, or what is worth more, was there already.
+        Number of new records, and of records whose outcome, or a better one, was already there.
     conflicts
-        Pairs of records with one key and two outcomes; nothing of them was taken.
+        Pairs of records with the same key and different outcomes; neither replaces the other.
     """
 
     added: list[Record] = field(default_factory=list)
@@ -27,12 +27,12 @@ class Merged:
 
 
 def records_under(results: Store) -> list[Record]:
-    """All records of a results folder, those that came with it before those made there.
+    """Return all records of a results folder, published ones first.
 
     Raises
     ------
     StorageError
-        If it holds no record and no folder of them, which a shard without jobs has.
+        If it has neither records nor a folder for them, which even a shard without jobs has.
     """
     places = (results.published, results.records)
     records = list({record["key"]: record for folder in places for record in folder}.values())
@@ -44,14 +44,14 @@ def records_under(results: Store) -> list[Record]:
 
 
 def merge_records(records: Iterable[Record], target: Records) -> Merged:
-    """Add records to a folder; one key with two outcomes is a conflict, and the folder keeps what it has.
+    """Add records to a folder; a key with two outcomes is a conflict, which leaves the folder unchanged.
 
     Parameters
     ----------
     records
-        What to add; failures give way to results under the same key.
+        The records to add; results replace failures under the same key.
     target
-        Where to.
+        The folder.
     """
     merged = Merged()
     for record in records:
@@ -67,11 +67,11 @@ def merge_records(records: Iterable[Record], target: Records) -> Merged:
 
 
 def publish(records: Iterable[Record], target: Records) -> Merged:
-    """Bring the newest record of each place into the folder that travels with the suite.
+    """Copy the newest record of each place to the folder of published records.
 
-    Quick runs, private folders, methods of plugin files, and jobs whose package or model was missing are left out: they
-    mean nothing to others. A record replaces all older ones of its place, whatever their keys; but a record without
-    scores, of a job that failed or was stopped, never replaces one with scores.
+    Quick runs, private folders, methods of plugin files, and jobs with a missing package or model are omitted, since
+    they mean nothing elsewhere. A record replaces all older ones of its place, whatever their keys, except that one
+    without scores, of a job that failed or was stopped, never replaces one with scores.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def publish(records: Iterable[Record], target: Records) -> Merged:
     before = by_place(target)
     for where, found in by_place(record for record in records if _is_for_all(record)).items():
         there = before.get(where, [])
-        newest = max([*found, *there], key=_worth)  # of two equal ones, the one that is to be published
+        newest = max([*found, *there], key=_worth)  # of two equal ones, the new one
         if any(old["key"] == newest["key"] and outcome(old) == outcome(newest) for old in there):
             merged.known += 1
         else:
@@ -107,7 +107,7 @@ def _is_for_all(record: Record) -> bool:
 
 
 def job_name(record: Record) -> str:
-    """Return where a record belongs, in words."""
+    """Return the name of a job for messages."""
     gallery, input_, method, seed, scorer = place(record)
     by = "" if scorer == DEFAULT_SCORER else f" by {scorer}"
     return f"{gallery} {input_} {method}" + (f" seed {seed}" if seed else "") + by

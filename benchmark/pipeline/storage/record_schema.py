@@ -1,4 +1,4 @@
-"""What a record of a job is: its parts, that they agree, and its line where many records share some of them."""
+"""Schema of the record of a job: its parts, their consistency, and its line in a file where records share parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from benchmark.pipeline.storage.keys import bare_key, digest
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 
-#: Largest difference between a mean in a record and the one that its queries, of six decimals, give.
+#: Largest difference between a mean in a record and the mean of its queries, which are rounded to six decimals.
 _ROUNDING = 1e-6
 
 Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
@@ -30,7 +30,7 @@ Count = Annotated[int, Meta(ge=0, le=10**15)]
 Texts = dict[str, str]
 Shares = dict[str, Share]
 
-#: Parts that hold a figure, or a list of them, for each measure.
+#: Parts that hold one figure or a list of figures for each measure.
 _BY_MEASURE = ("scores", "chance", "per_query", "supported", "codebook_deviation")
 
 #: Parts of a record of status ``ok``.
@@ -133,7 +133,7 @@ class _Record(msgspec.Struct, kw_only=True):
 
 
 def fault_of(content: Any) -> str:
-    """Return why something read from a file is not the record of a job; "" if it is one."""
+    """Return why data read from a file is not the record of a job; "" if it is one."""
     try:
         msgspec.convert(content, _Record)
         return next(_faults(content), "")
@@ -144,7 +144,7 @@ def fault_of(content: Any) -> str:
 
 
 def _faults(record: Mapping[str, Any]) -> Iterator[str]:
-    """What is wrong with a record whose parts are of their kinds; each check relies on those before it."""
+    """Yield the faults of a record whose parts have the right types; each check relies on the earlier ones."""
     parts = {name: record[name] for name in _BY_MEASURE if record.get(name) is not None}
     for name, part in {**parts, "data.chance": record["data"]["chance"]}.items():
         yield from (f"it has no '{name}.{measure}'" for measure in PRINTED if measure not in part)
@@ -165,7 +165,7 @@ def _faults(record: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _faults_of_names(record: Mapping[str, Any]) -> Iterator[str]:
-    """Why a name of a record can be no name of a file or a shape."""
+    """Yield the names of a record that cannot be names of files or shapes, with the reason."""
     data = record["data"]
     names = [record["gallery"], record["method"], record.get("scorer", ""), data["name"], data["source"]]
     text = "".join([*names, *record.get("shapes", ()), *record.get("labels", ())])
@@ -190,7 +190,7 @@ def _faults_of_shapes(record: Mapping[str, Any]) -> Iterator[str]:
     if not known.issuperset(seen) or not set(refused).issuperset(unprepared):
         yield "'seen' or 'unprepared' names other shapes than 'shapes' or 'unsupported'"
     answered = (len(shapes) - len(refused)) / max(len(shapes) - len(unprepared), 1)
-    if "coverage" not in record:  # records of before did not count what was refused as shapes
+    if "coverage" not in record:  # older records do not count refused shapes
         if not known.isdisjoint(refused):
             yield "it has no 'coverage', and lacks shapes"
     elif not known.issuperset(refused) or not _agree(record["coverage"], answered):
@@ -221,18 +221,18 @@ def _faults_of_scores(record: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _agree(one: float | None, other: float | None) -> bool:
-    """Return whether two figures are the same but for the rounding of single queries."""
+    """Return whether two figures are equal up to the rounding of single queries."""
     return one is not None and other is not None and abs(one - other) <= _ROUNDING
 
 
 @cache
 def chance_of_labels(labels: tuple[str, ...]) -> Mapping[str, float]:
-    """Return what a random ranking of a gallery reaches, by measure; see :func:`retrieval.chance.chance_levels`."""
+    """Return the scores of a random ranking of a gallery; see :func:`retrieval.chance.chance_levels`."""
     return chance_levels(labels)
 
 
 def read_json(text: bytes) -> Any:
-    """Return what a text in JSON says; raises ``ValueError`` for another one, and for numbers beyond all bounds."""
+    """Parse JSON; raise ``ValueError`` for invalid text and for numbers that are too large."""
     try:
         return msgspec.json.decode(text)
     except msgspec.DecodeError:  # lone surrogates stand for file names that are no UTF-8
@@ -241,47 +241,47 @@ def read_json(text: bytes) -> Any:
         return content
 
 
-#: Parts of a record that are shared as a whole, by the file that keeps them.
+#: Parts of a record that are shared as a whole, by the file that stores them.
 _WHOLE = {"data": "galleries", "shapes": "galleries", "labels": "galleries", "chance": "galleries", "notes": "notes"}
 
-#: Files of what is shared.
+#: Files of shared parts.
 KINDS = ("code", "environments", "galleries", "notes")
 
 _SHARED = re.compile(rb'\{"digest":"([0-9a-f]{16})","content":(.*)\}')
 
-#: A character for each of the values that a measure takes, where these are so few.
+#: Characters that stand for the values of a measure, if there are few enough.
 _CHARACTERS = string.digits + string.ascii_letters
 
-#: Part of the records of version 0.2 that says how they got their keys.
+#: Part of the records of version 0.2 that explains their keys.
 _MOVES = "rekeyed"
 
 
 class SharedParts:
-    """Contents that records share, by kind and digest; a content whose digest is another one is as good as none."""
+    """Contents that records share, by kind and digest; a content with a wrong digest counts as missing."""
 
     def __init__(self) -> None:
         self.lines: dict[str, dict[bytes, bytes]] = {kind: {} for kind in KINDS}
 
     def add(self, kind: str, content: Any) -> str:
-        """Keep a content; returns its digest."""
+        """Add a content and return its digest."""
         text = _compact(content)
         digest = _digest(text)
         self.lines[kind][digest.encode()] = b'{"digest":"%s","content":%s}' % (digest.encode(), text)
         return digest
 
     def content(self, kind: str, digest: str) -> Any:
-        """Return what has a digest; raises ``KeyError`` where there is no such content."""
+        """Return the content with a digest; raise ``KeyError`` if there is none."""
         return _decoded(self.lines[kind][digest.encode()])["content"]
 
     def read(self, kind: str, text: bytes) -> None:
-        """Take over the lines of a file; a damaged one, too, for whoever can repair it."""
+        """Add the lines of a file, including damaged ones, which are written back unchanged."""
         for line in text.splitlines():
             match = _SHARED.fullmatch(line)
             is_whole = match is not None and _digest(match[2]).encode() == match[1]
             self.lines[kind][match[1] if match and is_whole else b"~" + line] = line
 
     def update(self, other: SharedParts) -> None:
-        """Take over what another one holds."""
+        """Add the contents of another object."""
         for kind, lines in other.lines.items():
             self.lines[kind].update(lines)
 
@@ -292,12 +292,12 @@ def _decoded(line: bytes) -> Any:
 
 
 def as_line(record: Mapping[str, Any], parts: SharedParts) -> bytes:
-    """Return a record as a line, the key first, with digests in the place of what it shares with others.
+    """Return a record as a line, key first, with digests in place of the parts that it shares with others.
 
     Raises
     ------
     ValueError
-        If it holds a number that JSON does not have.
+        If it holds a number that JSON cannot represent.
     """
     line = _with_parts(record, parts.add)
     if "per_query" in line:
@@ -306,7 +306,7 @@ def as_line(record: Mapping[str, Any], parts: SharedParts) -> bytes:
 
 
 def unpacked(line: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
-    """Return the record of a line; raises ``LookupError``, ``TypeError`` or ``AttributeError`` if it is none."""
+    """Return the record of a line; raise ``LookupError``, ``TypeError`` or ``AttributeError`` if it is not one."""
     record = _with_parts(line, parts.content)
     record.pop(_MOVES, None)
     if "per_query" in line:
@@ -315,7 +315,7 @@ def unpacked(line: Mapping[str, Any], parts: SharedParts) -> dict[str, Any]:
 
 
 def _with_parts(record: Mapping[str, Any], other: Callable[[str, Any], Any]) -> dict[str, Any]:
-    """Return a record with something else in the place of each part that others share."""
+    """Return a record with each shared part replaced by the result of a function."""
     changed = dict(record)
     changed |= {name: other(kind, record[name]) for name, kind in _WHOLE.items() if name in record}
     if "code" in record["recipe"]:
@@ -330,9 +330,9 @@ def _with_parts(record: Mapping[str, Any], other: Callable[[str, Any], Any]) -> 
 
 
 def _packed_values(values: list[float | None]) -> Any:
-    """Values and a character for each query, where there are few different ones; else the list itself."""
+    """Return the distinct values and a character for each query, if the values are few; else the list itself."""
     texts = list(map(repr, values))
-    distinct = dict(zip(texts, values, strict=True))  # by their texts, for 1 is not written like 1.0
+    distinct = dict(zip(texts, values, strict=True))  # by text, because 1 and 1.0 are written differently
     if len(distinct) > len(_CHARACTERS):
         return values
     ranked = sorted(distinct, key=lambda text: (distinct[text] is None, distinct[text] or 0, text))

@@ -1,4 +1,4 @@
-"""Records of finished jobs: a small JSON file each when they are written, gathered into text files of a line each."""
+"""Records of finished jobs: each is written to its own JSON file, and later gathered as a line of a text file."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from benchmark.text import LONGEST_NAME
 
 Record = dict[str, Any]
 
-#: Bytes beyond which a file is no record; that of 300 shapes has a five-hundredth of it.
+#: Largest record file in bytes, 500 times that of 300 shapes.
 LARGEST_FILE = 2**25
 
-#: Bytes beyond which a file of gathered records is none; each of them has some thousand.
+#: Largest file of gathered records in bytes; a record takes a few thousand.
 LARGEST_GATHERED = 2**31
 
-#: Where a line of a record has its key.
+#: Finds the key in the line of a record.
 _KEY_AT = slice(8, 40)
 
-#: Folder, in that of gathered records, of what they share.
+#: Folder of the parts that gathered records share.
 _PARTS = "parts"
 
-#: Parts that say when and where a job was done, not what came out.
+#: Parts that say when and where a job ran, not its outcome.
 CIRCUMSTANCES = frozenset(
     {"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts"}
     | {"digests", "commit", "rekeyed", "files"}
@@ -42,20 +42,20 @@ CIRCUMSTANCES = frozenset(
 LOCAL = frozenset({"artefacts", "files"})
 
 
-#: Scorer of a record that names none, and what the record of a descriptor says in its place.
+#: Scorer of a record that names none, and the entry that replaces it in the record of a descriptor.
 DEFAULT_SCORER, NO_SCORER = "cm-bof", "none"
 
-#: Family of rows of which other programs computed the distances or the forms.
+#: Family of rows whose distances or forms come from other programs.
 EXTERNAL = "external"
 
-#: Skipped files of a folder that are named one by one.
+#: Most skipped files of a folder that are named individually.
 MOST_TOLD = 10
 
 _HINT = "remove it or move it elsewhere"
 
 
 class _Source(NamedTuple):
-    """Text of a record, whose ``key`` its place tells, and the name of that place in messages."""
+    """Text of a record, the ``key`` under which it was found, and the name of its place for messages."""
 
     key: str
     name: str
@@ -70,10 +70,10 @@ class Records:
     Parameters
     ----------
     folder
-        Holds ``KEY.json`` for each job, or its line in ``DATASET.jsonl`` and what the lines share in ``parts``. A file
-        counts more than a line.
+        Holds each job as ``KEY.json`` or as a line of ``DATASET.jsonl``, with the shared parts of lines in ``parts``. A
+        file takes precedence over a line.
     skipped
-        Why a file, or a line, is no record, by its name, for those found so far.
+        Reasons why files or lines are not records, by name, as far as known.
     """
 
     folder: Path
@@ -83,19 +83,19 @@ class Records:
     _gathered: dict[str, list[_Source]] | None = field(default=None, repr=False)
 
     def write(self, record: Mapping[str, Any]) -> None:
-        """Keep a record in a file of its own; a later one under the same key replaces it as a whole.
+        """Write a record to its own file; a later one with the same key replaces it.
 
         Raises
         ------
         OSError
             If it cannot be written.
         ValueError
-            If it holds a number that JSON does not have.
+            If it holds a number that JSON cannot represent.
         """
         write_text(self._path(record["key"]), as_text(record), durable=True)
 
     def read(self, key: str) -> Record | None:
-        """Return the record of a job; None when there is none that can be read."""
+        """Return the record of a job; None if there is no readable one."""
         sources = (*self._files(self._path(key)), *self._lines.get(key, ()))
         return next((record for source in sources if (record := self._record(source))), None)
 
@@ -108,19 +108,19 @@ class Records:
                 self._rewrite((), without=keys)
 
     def gather(self) -> int:
-        """Bring the records that have files of their own into one file of lines for each data set.
+        """Move the records that have their own files into one file of lines for each data set.
 
-        Nobody may write records meanwhile.
+        No other process may write records meanwhile.
 
         Returns
         -------
         int
-            Number of files that have become lines.
+            Number of files that were moved.
 
         Raises
         ------
         OSError
-            If the folder cannot be written; every record is in its file or in a line still.
+            If the folder cannot be written; each record then is still in its file or in a line.
         """
         with locked(self.folder, alone=True):
             files = [source for source in self._all_files() if "-" not in source.key and self._record(source)]
@@ -134,25 +134,25 @@ class Records:
         return self._path(key).is_file() or key in self._lines
 
     def __iter__(self) -> Iterator[Record]:
-        """All records, oldest first; the same order wherever the files lie."""
+        """Yield all records, oldest first; the order does not depend on where they are stored."""
         if self.folder.is_dir() and not os.access(self.folder, os.R_OK | os.X_OK):
             self.skipped["."] = "this user may not read it"
         records: dict[str, Record] = {}
         with locked(self.folder):
-            sources = list(self._all_files())  # before the lines: what is gathered meanwhile has a line
+            sources = list(self._all_files())  # files before lines, in case one is gathered meanwhile
             self._gathered = None
             for source in (*sources, *self._all_lines()):
-                if record := self._record(source):  # what is no record is named also where another one counts
+                if record := self._record(source):  # reports damage even if another one takes precedence
                     records.setdefault(source.key, record)
         return iter(sorted(records.values(), key=lambda record: (str(record.get("finished", "")), record["key"])))
 
     @property
     def has_files(self) -> bool:
-        """Return whether there are files where records lie, good ones or not."""
+        """Return whether there are files of records, valid or not."""
         return any(path.suffix in (".json", ".jsonl") for path in self.folder.glob("*.json*"))
 
     def news(self) -> list[str]:
-        """A line for each file that was skipped and has not been named before."""
+        """Return a line for each skipped file that has not been reported yet."""
         names = sorted(self.skipped.keys() - self._reported)
         self._reported.update(names)
         lines = [
@@ -178,7 +178,7 @@ class Records:
 
     @property
     def _lines(self) -> dict[str, list[_Source]]:
-        """Lines of gathered records by the keys that they say, the last ones first; as they were at the first look."""
+        """Lines of gathered records by key, last ones first, as they were when first read."""
         if self._gathered is None:
             parts, self._gathered = SharedParts(), {}
             tables = {path.name: self._bytes(path, LARGEST_GATHERED) for path in sorted(self.folder.glob("*.jsonl"))}
@@ -194,7 +194,7 @@ class Records:
         return [line for lines in self._lines.values() for line in lines]
 
     def _rewrite(self, files: Iterable[_Source], without: Collection[str] = ()) -> None:
-        """Write lines anew; of several records of one key the first counts, and a line that is none stays as it is."""
+        """Rewrite a file of lines; the first record of a key is kept, and invalid lines stay unchanged."""
         self._gathered = None
         lines = self._all_lines()
         if unread := sorted(name for name in self.skipped if name.endswith(".jsonl")):
@@ -205,12 +205,12 @@ class Records:
         for source in (*files, *lines):
             record = self._record(source)
             if record is None:
-                parts.update(before)  # whoever can read it needs them
+                parts.update(before)  # a repair needs them
                 tables[source.name.partition(":")[0]]["", "", "", 0, "", source.key, source.text] = source.text
             elif source.key not in done:
                 done.add(source.key)
                 tables.setdefault(_table_of(record), {})[*place(record), source.key] = schema.as_line(record, parts)
-        before.update(parts)  # until the last line is written, both those of before and those of now are needed
+        before.update(parts)  # until the last line is written, old and new parts are both needed
         self._write_parts(before)
         for name in sorted(tables):
             self._write(self.folder / name, tables[name])
@@ -222,7 +222,7 @@ class Records:
             self._write(self.folder / _PARTS / f"{kind}.jsonl", lines)
 
     def _write(self, path: Path, lines: Mapping[Any, bytes]) -> None:
-        """Write a file whose content changes; an empty one goes."""
+        """Write a file if its content changes; remove it if it is empty."""
         text = b"".join(lines[where] + b"\n" for where in sorted(lines))
         if not text:
             path.unlink(missing_ok=True)
@@ -230,7 +230,7 @@ class Records:
             write_atomically(path, lambda file: file.write(text), durable=True)
 
     def _bytes(self, path: Path, most: int) -> bytes | None:
-        """Content of a file; None, with a note why, where it is none that can be read."""
+        """Return the content of a file; None, with a note on the reason, if it cannot be read."""
         try:
             status = path.stat()
             if stat.S_ISREG(status.st_mode) and status.st_size <= most:
@@ -244,7 +244,7 @@ class Records:
         return None
 
     def _record(self, source: _Source) -> Record | None:
-        """Record of a text; None, with a note why, where it holds none."""
+        """Return the record in a text; None, with a note on the reason, if there is none."""
         if source.text not in self._checked:
             record, fault = _parsed(source)
             if fault:
@@ -255,7 +255,7 @@ class Records:
 
 
 def _parsed(source: _Source) -> tuple[Any, str]:
-    """Return the record that a text holds, or why it holds none."""
+    """Return the record in a text, or the reason why there is none."""
     try:
         content = schema.read_json(source.text)
     except (ValueError, RecursionError):
@@ -269,13 +269,13 @@ def _parsed(source: _Source) -> tuple[Any, str]:
 
 
 def _table_of(record: Mapping[str, Any]) -> str:
-    """Return the name of the file of gathered records of a data set, whatever its parameters."""
+    """Return the name of the file for the gathered records of a data set, without its parameters."""
     base = str(record["data"]["name"]).partition("[")[0]
     return f"{re.sub('[^A-Za-z0-9-]+', '-', base)[:LONGEST_NAME] or 'records'}.jsonl"
 
 
 def as_text(record: Mapping[str, Any]) -> str:
-    """A record as JSON with one part a line: small, and differences between two versions can be read."""
+    """Return a record as JSON with one part per line, so that versions can be compared."""
     parts = (
         f"{json.dumps(name)}: {json.dumps(record[name], sort_keys=True, allow_nan=False, separators=(',', ':'))}"
         for name in sorted(record)
@@ -284,12 +284,12 @@ def as_text(record: Mapping[str, Any]) -> str:
 
 
 def outcome(record: Mapping[str, Any]) -> str:
-    """Digest of what came out of a job, whenever and wherever it was done."""
+    """Return the digest of the outcome of a job, whenever and wherever it ran."""
     return digest({name: value for name, value in record.items() if name not in CIRCUMSTANCES})
 
 
 def portable(record: Mapping[str, Any]) -> Record:
-    """A record without what means nothing on another machine."""
+    """Return a record without the parts that mean nothing on another machine."""
     return {name: value for name, value in record.items() if name not in LOCAL}
 
 
@@ -306,27 +306,27 @@ def answered_labels(record: Mapping[str, Any]) -> list[str]:
 
 
 def coverage_of(record: Mapping[str, Any]) -> float:
-    """Return the share of the shapes that could be had of which a record has a result; 0 for one without scores."""
+    """Return the share of the available shapes for which a record has a result; 0 for a record without scores."""
     if not record.get("scores"):
         return 0.0
     if "coverage" in record:
         return float(record["coverage"])
-    refused = len(record.get("unsupported", ()))  # records of before did not count what was refused as shapes
+    refused = len(record.get("unsupported", ()))  # older records do not count refused shapes
     return 1 - refused / (len(record["shapes"]) + refused) if refused else 1.0
 
 
 def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
-    """Return what a random ranking of the gallery of a record with scores reaches, by measure."""
+    """Return the scores of a random ranking of the gallery of a record, by measure."""
     return dict(schema.chance_of_labels(tuple(record["labels"])))
 
 
 def models_proven_by(record: Mapping[str, Any]) -> frozenset[str]:
-    """Return the digests of the models by which the method of a record has made scores."""
+    """Return the digests of the models with which the method of a record obtained scores."""
     return frozenset(record["recipe"].get("models", {}).values() if record["status"] == "ok" else ())
 
 
 class Place(NamedTuple):
-    """Place of a record: one place holds one result, however often it was made."""
+    """Place of a record; each place holds one result, however often it was computed."""
 
     gallery: str
     input: str
@@ -336,19 +336,19 @@ class Place(NamedTuple):
 
 
 def place(record: Mapping[str, Any]) -> Place:
-    """Return where a record belongs."""
+    """Return the place of a record."""
     seed = int(record["recipe"].get("seed", 0))
     return Place(record["gallery"], record["input"], record["method"], seed, scorer_name(record) or DEFAULT_SCORER)
 
 
 def scorer_name(record: Mapping[str, Any]) -> str:
-    """Name of the scorer of a record; "" for a descriptor, whose record says that there is none."""
+    """Return the name of the scorer of a record; "" for a descriptor, which has none."""
     name = str(record.get("scorer", DEFAULT_SCORER))
     return "" if name == NO_SCORER else name
 
 
 def by_place(records: Iterable[Record]) -> dict[Place, list[Record]]:
-    """Records by the place where they belong, in their order."""
+    """Group records by place, in their order."""
     places: dict[Place, list[Record]] = {}
     for record in records:
         places.setdefault(place(record), []).append(record)

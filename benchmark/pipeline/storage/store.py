@@ -41,11 +41,11 @@ class Artefact:
     arrays
         By name.
     cost, environment
-        As when they were made.
+        Cost and environment of the original computation.
     was_cached
-        Whether they were read.
+        Whether they were read from the store.
     digest
-        Digest of all arrays of the stage, also where some were read alone.
+        Digest of all arrays of the stage, even if only some were read.
     files
         Digests of the files that a plugin read to make them, by path.
     """
@@ -63,22 +63,22 @@ class Artefact:
 class Store:
     """The folder of results.
 
-    ``DIR/runs/artefacts`` keeps arrays by the digest of their recipe, ``DIR/runs/scratch`` those that are large and
-    made again quickly, ``DIR/runs/records`` the records of the jobs done here, and ``DIR/records`` those that travel
-    with the suite. What edited code makes lies apart, in ``DIR/runs/edited/EDIT`` with the name of the edit, until its
-    golden results are made anew: then :mod:`benchmark.pipeline.storage.lock` brings it to the rest.
+    ``DIR/runs/artefacts`` holds arrays by the digest of their recipe, ``DIR/runs/scratch`` arrays that are large and
+    quickly computed again, ``DIR/runs/records`` the records of jobs that ran here, and ``DIR/records`` the published
+    ones. Results of edited code go to ``DIR/runs/edited/EDIT``, named after the edit, until ``make golden`` passes;
+    then :mod:`benchmark.pipeline.storage.lock` merges them into the others.
 
-    Two processes may compute the same artefact at once: both write the same recipe, each write is atomic, so the
-    second one merely replaces the first.
+    Two processes may compute the same artefact at the same time. Since writes are atomic, the second merely replaces
+    the first.
 
     Parameters
     ----------
     root
         ``DIR/runs``.
     meter
-        Measures what is computed.
+        Measures the costs of computations.
     published_only
-        Whether records and models made here are passed over, so that what is read is the same in every clone.
+        Whether to ignore records and models made here, so that the result is the same in every clone.
     """
 
     root: Path
@@ -107,32 +107,32 @@ class Store:
 
     @property
     def models(self) -> Path:
-        """Folder of the models that were trained here, beside the runs; one that is not there if they do not count."""
+        """Folder of the models that were trained here; a folder that does not exist if they are to be ignored."""
         return self.root.parent / ("no-models" if self.published_only else "models")
 
     @property
     def artefacts(self) -> Path:
-        """Folder of the arrays that stay."""
+        """Folder of permanent arrays."""
         return self.root / "artefacts"
 
     @property
     def scratch(self) -> Path:
-        """Folder of the arrays that a run needs until its jobs have their records."""
+        """Folder of arrays that a run needs until its jobs have their records."""
         return self.root / "scratch"
 
     @property
     def progress(self) -> Path:
-        """Folder where workers tell how far they are."""
+        """Folder for progress files of workers."""
         return self.root / "progress"
 
     @cached_property
     def records(self) -> Records:
-        """Records of the jobs done here; none if they do not count."""
+        """Records of jobs that ran here; none if they are to be ignored."""
         return Records(self.root / ("no-records" if self.published_only else "records"))
 
     @cached_property
     def published(self) -> Records:
-        """Records that travel with the suite."""
+        """Published records."""
         return Records(self.root.parent / "records")
 
     # Artefacts ---------------------------------------------------------------------------------------------------
@@ -140,18 +140,18 @@ class Store:
     def get_or_compute(
         self, recipe: Mapping[str, Any], compute: Callable[[], Arrays], *, work: str = "", scratch: bool = False
     ) -> Artefact:
-        """Return the arrays that a recipe stands for, computing and keeping them when missing or damaged.
+        """Return the arrays of a recipe; compute and store them if they are missing or damaged.
 
         Parameters
         ----------
         recipe
             Everything that determines the result; see :mod:`benchmark.pipeline.storage.keys`.
         compute
-            Makes the arrays; called only on a miss.
+            Computes the arrays; called only if necessary.
         work
-            What is done; its first time in a process is marked in the cost.
+            Name of the work, whose first time in a process is marked in the cost.
         scratch
-            Whether the arrays may go as soon as no job needs them.
+            Whether the arrays can be deleted as soon as no job needs them.
         """
         key = key_of(recipe)
         if (artefact := self.under(key)) is not None:
@@ -169,20 +169,20 @@ class Store:
         return Artefact(key, arrays, cost(), environment_text(), was_cached=False, digest=about[_DIGEST], files=files)
 
     def find(self, recipe: Mapping[str, Any], *, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
-        """Return the arrays of a recipe if they are there; see :meth:`under`."""
+        """Return the arrays of a recipe if they are stored; see :meth:`under`."""
         return self.under(key_of(recipe), wanted)
 
     def under(self, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
-        """Return the arrays under a key, all or those whose names are wanted; None where their file is damaged."""
+        """Return the arrays under a key, all or those with given names; None if their file is missing or damaged."""
         artefacts = (_load(self._path(key, scratch=scratch), key, wanted) for scratch in (False, True))
         return next(filter(None, artefacts), None)
 
     def has(self, key: str) -> bool:
-        """Return whether there is a file of arrays that stay under a key, whole or not."""
+        """Return whether there is a file of permanent arrays under a key, intact or not."""
         return self._path(key).is_file()
 
     def digest_under(self, key: str) -> str:
-        """Return the digest of the arrays under a key; "" where there are none, or their file does not tell."""
+        """Return the digest of the arrays under a key; "" if it is not available."""
         artefact = self.under(key, lambda name: False)
         return artefact.digest if artefact else ""
 
@@ -192,11 +192,11 @@ class Store:
             self._path(key, scratch=scratch).unlink(missing_ok=True)
 
     def artefact_files(self) -> Iterator[Path]:
-        """Files of all arrays that stay."""
+        """Yield the files of all permanent arrays."""
         return self.artefacts.glob("*/*.npz")
 
     def drop_scratch(self) -> None:
-        """Free what no job needs any more."""
+        """Delete the scratch arrays that no job needs any more."""
         with contextlib.suppress(OSError):
             shutil.rmtree(self.scratch)
             self.scratch.mkdir()
@@ -206,7 +206,7 @@ class Store:
         return root / ("scratch" if scratch else "artefacts") / bare[:2] / f"{bare}.npz"
 
     def _say_which_code(self, key: str, recipe: Mapping[str, Any]) -> None:
-        """Write down which edited code the folder of a key belongs to."""
+        """Record which edited code the folder of a key belongs to."""
         path = self.root / EDITED / key.partition("-")[0] / CODE_FILE
         if not path.is_file():
             self._write(path, lambda file: file.write(json.dumps(edited(recipe["versions"])).encode()))
@@ -214,17 +214,17 @@ class Store:
     # Records -----------------------------------------------------------------------------------------------------
 
     def write_record(self, record: Record) -> None:
-        """Keep the record of a job; raises ``StorageError`` if it cannot be written."""
+        """Write the record of a job; raise ``StorageError`` if that fails."""
         with self._writing(f"{record['key']}.json"):
             self.records.write(record)
 
     def remove_record(self, key: str) -> None:
-        """Remove the record of a job; raises ``StorageError`` if that cannot be done."""
+        """Remove the record of a job; raise ``StorageError`` if that fails."""
         with self._writing(f"{key}.json"):
             self.records.remove(key)
 
     def _write(self, path: Path, write: Callable[[Any], object]) -> None:
-        """Write an artefact. It is not flushed to the disk: a damaged one is noticed by its checksum and made again."""
+        """Write an artefact, without flushing it to disk: damage is detected by its checksum and repaired."""
         with self._writing(path.name):
             write_atomically(path, write)
 
@@ -240,7 +240,7 @@ class Store:
 
 
 def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
-    """Read an artefact; None if it is missing or damaged, in whatever way: it can be made again."""
+    """Read an artefact; None if it is missing or damaged in any way, since it can be computed again."""
 
     def is_read(name: str) -> bool:
         return wanted is None or name in (_COST, _ENVIRONMENT, _DIGEST, FILES) or wanted(name)
@@ -259,9 +259,9 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
 
 
 def unneeded(store: Store) -> Iterator[Path]:
-    """Files that can be removed: the newest record of each place keeps what it was made from, all else may go.
+    """Yield the files that can be removed: all except those behind the newest record of each place.
 
-    The artefacts of a job that was stopped are among them; it would begin anew.
+    They include the artefacts of stopped jobs, which would start again from the beginning.
     """
     newest = (records[-1] for records in by_place(store.records).values())
     needed = {key for record in newest for key in record.get("artefacts", ())}
@@ -272,12 +272,12 @@ def unneeded(store: Store) -> Iterator[Path]:
 
 
 def sweep_leftovers(store: Store) -> None:
-    """Remove what killed processes left behind: half-written files, and notes on progress that nobody reads."""
+    """Remove what killed processes left behind: incomplete files, and progress files without a reader."""
     remove(list(_leftovers(store)))
 
 
 def remove(paths: Iterable[Path]) -> int:
-    """Remove files; returns the bytes that were freed."""
+    """Remove files and return the number of bytes freed."""
     freed = 0
     for path in paths:
         with contextlib.suppress(OSError):
@@ -294,6 +294,6 @@ def _leftovers(store: Store) -> Iterator[Path]:
 
 
 def _is_watched(path: Path) -> bool:
-    """Return whether the harness that looks at a progress file is alive."""
+    """Return whether the run that reads a progress file is alive."""
     harness = path.name.partition("-")[0]
     return harness.isdecimal() and is_alive(int(harness))
