@@ -1,1 +1,1 @@
-"""Bundles: results that somebody passes on, what of them can be shown to be so, and the page of all of them."""
+"""Bundles of results to share: packing, verification, and their rows in reports."""

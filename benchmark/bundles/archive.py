@@ -1,4 +1,4 @@
-"""Bundles as files: their parts, and a reader for files of strangers that has limits and unpacks nothing to disk."""
+"""Bundles as files: their parts, and a reader for untrusted files that has limits and unpacks nothing to disk."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from benchmark.text import clean
 
 MANIFEST = "bundle.json"
 
-#: Names of the files of a bundle; the data files of a plugin lie beside it.
+#: Names of the files of a bundle; the data files of a plugin are next to it.
 NAMES = re.compile(
     r"bundle\.json|records/[0-9a-f]{32}\.json|(?:arrays|distances)/[0-9a-f]{32}\.npz"
     r"|plugin/(?:\w[\w.-]*/)*\w[\w.-]*",
     re.ASCII,
 )
 
-#: Bytes of the largest bundle, of all its files together, of one of them, of JSON, and of the arrays in one file.
+#: Largest sizes in bytes: of a bundle, of all its files together, of one file, of JSON, and of the arrays in one file.
 LARGEST_BUNDLE, LARGEST_TOTAL, LARGEST_FILE, LARGEST_JSON, LARGEST_ARRAYS = 2**30, 2**31, 2**29, 2**25, 2**30
 
 MOST_FILES, _MOST_VERTICES = 2000, 1_000_000
 
-#: Array of a form that holds its faces where they are those of the shape; no digest includes it.
+#: Array of a form with its faces if they are those of the shape; digests exclude it.
 FACES = "about:faces"
 
-#: Characters of the longest text of a bundle.
+#: Most characters in a text of a bundle.
 LONGEST = 500
 
 Text = Annotated[str, Meta(max_length=LONGEST)]
-#: Name of a mesh, which may be all parameters of a generator.
+#: Most characters in the name of a mesh, which may list all parameters of a generator.
 Source = Annotated[str, Meta(max_length=10_000)]
 
 Format = Literal["canonical-forms bundle 1"]
@@ -54,7 +54,7 @@ Status = Literal["unreadable", "false", "claimed", "verified"]
 class Fault(msgspec.Struct, frozen=True):
     """A named reason why a record or a bundle is not verified.
 
-    It is ``"claimed"`` where nobody can tell, ``"false"`` where it contradicts what was computed or is known.
+    It is ``"claimed"`` if it cannot be checked, ``"false"`` if it contradicts a computed or known value.
     """
 
     name: str
@@ -78,7 +78,7 @@ class BundleError(BenchmarkError):
 
 
 class Plugin(msgspec.Struct, frozen=True):
-    """The plugin of a bundle: its file, its method in there, and the SHA-256 of its modules and data files."""
+    """The plugin of a bundle: its file, its method, and the SHA-256 of its modules and data files."""
 
     file: Text
     attribute: Text
@@ -92,18 +92,18 @@ class Plugin(msgspec.Struct, frozen=True):
 
 
 class Entry(msgspec.Struct, frozen=True):
-    """A record of a bundle, and what it was made from.
+    """A record of a bundle, with the data behind it.
 
     Parameters
     ----------
     key
-        Of the record; its files have this name.
+        Key of the record, from which its files are named.
     holds
-        What the scores can be computed from.
+        Kind of data from which the scores can be computed.
     withheld
-        Why forms are not in the bundle; "" where they are, or there are none.
+        Why the bundle has no forms; "" if it has, or if the method makes none.
     inputs
-        For each shape the name of its mesh, and the digest of the prepared shape, "" for one without a result.
+        For each shape, the name of its mesh and the digest of the prepared shape, which is "" without a result.
     """
 
     key: Annotated[str, Meta(pattern=r"^[0-9a-f]{32}\Z")]
@@ -113,12 +113,12 @@ class Entry(msgspec.Struct, frozen=True):
 
     @property
     def files(self) -> tuple[str, str, str]:
-        """Names of its record, arrays and distances among the files."""
+        """Names of the files of its record, arrays and distances."""
         return f"records/{self.key}.json", f"arrays/{self.key}.npz", f"distances/{self.key}.npz"
 
 
 class Manifest(msgspec.Struct, frozen=True):
-    """A bundle as it describes itself; ``base_name`` is that of the method without parameters."""
+    """Description of a bundle; ``base_name`` is the name of the method without parameters."""
 
     method: Text
     base_name: Text
@@ -132,7 +132,7 @@ class Manifest(msgspec.Struct, frozen=True):
 
 
 class Archive:
-    """The files of a bundle, held in memory; raises :class:`BundleError` unless names and sizes are those of one."""
+    """The files of a bundle, in memory; raises :class:`BundleError` if their names or sizes are not allowed."""
 
     def __init__(self, path: Path) -> None:
         with path.open("rb") as file:
@@ -154,14 +154,14 @@ class Archive:
         self.sizes = {part.filename: part.file_size for part in parts}
 
     def read(self, name: str, largest: int = LARGEST_FILE) -> bytes:
-        """Return a file; raises :class:`BundleError` if it is not there, too large, or not as announced."""
+        """Return a file; raise :class:`BundleError` if it is missing, too large, or not of the stated size."""
         if name not in self.sizes:
             raise BundleError("file-missing", f"'{name}' is not in it")
         if (size := self.sizes[name]) > largest:
             raise BundleError("too-large", f"'{name}' in it unpacks to more than {largest:,} bytes")
         try:
             with self.zip.open(name) as file:
-                content = file.read(size)  # no more than was announced, whatever unfolds
+                content = file.read(size)  # at most the stated size, whatever the data unpack to
                 is_whole = len(content) == size and not file.read(1)
         except Exception as error:
             raise BundleError("damaged", f"'{name}' in it cannot be read") from error
@@ -170,14 +170,14 @@ class Archive:
         return content
 
     def json(self, name: str) -> Any:
-        """Return a file of JSON."""
+        """Return the content of a JSON file."""
         try:
             return read_json(self.read(name, LARGEST_JSON))
         except (ValueError, RecursionError) as error:
             raise BundleError("no-json", f"'{name}' in it is not JSON, or contains NaN or Infinity") from error
 
     def arrays(self, name: str, key: str) -> dict[str, Any]:
-        """Return the arrays of a file, of plain numbers alone."""
+        """Return the arrays of a file, which may hold only numbers."""
         content = self.read(name)
         try:
             return load_arrays(io.BytesIO(content), key, largest=LARGEST_ARRAYS)
@@ -187,7 +187,7 @@ class Archive:
             raise BundleError("no-arrays", f"'{name}' holds no arrays, or those of another record") from error
 
     def manifest(self) -> Manifest:
-        """Return what the bundle says of itself."""
+        """Return the description of the bundle."""
         try:
             return msgspec.convert(self.json(MANIFEST), Manifest)
         except msgspec.ValidationError as error:
@@ -195,7 +195,7 @@ class Archive:
             raise BundleError("no-bundle", problem, "make it with 'submit', and edit nothing") from error
 
     def require_files_of(self, manifest: Manifest) -> None:
-        """Raise :class:`BundleError` unless the files are those that the manifest names, each once."""
+        """Raise :class:`BundleError` unless the files are exactly those that the manifest names."""
         if not manifest.entries:
             raise BundleError("no-records", "it holds no record")
         if len({entry.key for entry in manifest.entries}) < len(manifest.entries):
@@ -209,7 +209,7 @@ class Archive:
 
 
 def _check_part(part: zipfile.ZipInfo) -> None:
-    """Raise :class:`BundleError` for a file that no bundle has."""
+    """Raise :class:`BundleError` for a file that does not belong in a bundle."""
     name = part.orig_filename
     is_outside = name.startswith("/") or "\\" in name or ":" in name or ".." in name.split("/")
     checks = (
@@ -228,12 +228,12 @@ def _check_part(part: zipfile.ZipInfo) -> None:
 
 
 def form_of(arrays: Arrays) -> Mesh:
-    """Return a form of a bundle; raises ``InvalidMesh`` if it is none."""
+    """Return a form of a bundle; raise ``InvalidMesh`` if it is invalid."""
     return Mesh(arrays["vertices"], arrays.get("faces", arrays[FACES]))
 
 
 def check_arrays(holds: Holds, name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
-    """Refuse what the compiled code of a scorer, which checks no bounds, must not be given."""
+    """Refuse arrays that are unsafe for the compiled code of a scorer, which checks no bounds."""
     try:
         if holds == "forms":
             is_fine = len(arrays["vertices"]) <= _MOST_VERTICES and bool(form_of(arrays))

@@ -1,4 +1,4 @@
-"""Outcomes of verifications, and the rows of bundles in a report: what was verified, and what is claimed."""
+"""Outcomes of verifications, and the verified and claimed rows of bundles in a report."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ class RowOutcome(msgspec.Struct, frozen=True, kw_only=True):
     Parameters
     ----------
     key, gallery, data, data_title, input, scorer, seed, gallery_digest
-        Which record, and of which shapes.
+        The record and its shapes.
     faults
-        Why it is not verified; empty where it is.
+        Why it is not verified; empty if it is.
     scores
-        By measure: computed again where that was possible, else as the record tells them.
+        By measure: recomputed if possible, else as the record states them.
     told
-        As the record tells them.
+        As the record states them.
     intervals
-        Their 95 % intervals over classes.
+        95 % intervals of the scores over classes.
     chance, n_shapes, n_classes, coverage
-        Of the gallery, and the share of its shapes with a result.
+        Values of the gallery, and the share of its shapes with a result.
     seconds, peak_mib, trained_on
-        Seconds of a shape, memory and training data, as the record tells them: nobody can check them.
+        Seconds per shape, memory and training data, as the record states them: they cannot be checked.
     holds, withheld
-        What the bundle holds of it, and why it holds no forms.
+        Kind of data in the bundle, and why it has no forms.
     compared
-        What labels and inputs were compared with: ``"data"``, ``"records"``, or "" for nothing.
+        Source with which labels and inputs were compared: ``"data"``, ``"records"``, or "" for none.
     again, apart
-        Shapes whose forms were made again, and how far these are from those of the bundle at most, relative to size.
+        Number of forms that were recomputed, and their largest distance from those of the bundle, relative to size.
     """
 
     key: str
@@ -73,7 +73,7 @@ class RowOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def status(self) -> Status:
-        """The worst that its faults make of it."""
+        """Worst status of its faults."""
         return worst(fault.status for fault in self.faults)
 
 
@@ -85,15 +85,15 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     digest
         SHA-256 of the bundle.
     method, title, author, licence, versions
-        As it describes itself.
+        Its own description.
     plugin
-        SHA-256 of the source of its plugin; "" without one.
+        SHA-256 of the source of its plugin; "" if it has none.
     rows
         Its records.
     faults
-        What is wrong with the bundle as a whole.
+        Faults of the bundle as a whole.
     with_run
-        Whether forms were to be made again.
+        Whether forms were to be recomputed.
     """
 
     digest: str
@@ -113,13 +113,13 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
         return worst((*(fault.status for fault in self.faults), *(row.status for row in self.rows)))
 
     def to_plain(self) -> dict[str, Any]:
-        """Return it as JSON holds it."""
+        """Return the outcome as plain values for JSON."""
         rows = [{**msgspec.to_builtins(row), "status": row.status} for row in self.rows]
         return {**msgspec.to_builtins(self), "rows": rows, "status": self.status}
 
 
 def worst(statuses: Iterable[Status]) -> Status:
-    """Return the worst of some statuses; ``"verified"`` where there are none."""
+    """Return the worst of some statuses; ``"verified"`` if there are none."""
     return min(statuses, key=get_args(Status).index, default="verified")
 
 
@@ -127,12 +127,12 @@ def worst(statuses: Iterable[Status]) -> Status:
 
 
 def keep(outcome: Outcome, results: Path) -> None:
-    """Keep the outcome of a bundle in a results folder, whose reports show its rows.
+    """Store the outcome of a bundle in a results folder, whose reports then show its rows.
 
     Raises
     ------
     ConfigurationError
-        If it is false or cannot be read.
+        If the bundle is false or cannot be read.
     """
     if outcome.status not in ("verified", "claimed"):
         raise ConfigurationError(f"the bundle is {outcome.status}: no report shows it", "omit --into")
@@ -140,7 +140,7 @@ def keep(outcome: Outcome, results: Path) -> None:
 
 
 def boards(results: Path) -> list[tuple[str, list[list[object]]]]:
-    """Return heading and rows for each gallery, input, scorer and seed of the bundles that a results folder keeps."""
+    """Return heading and rows for each gallery, input, scorer and seed of the bundles in a results folder."""
     rows: dict[tuple[Any, ...], list[tuple[float, list[object]]]] = {}
     headings: dict[tuple[Any, ...], str] = {}
     for outcome in _read(results):
@@ -179,7 +179,7 @@ def _cells(outcome: Outcome, row: RowOutcome) -> list[object]:
 
 
 def _evidence(row: RowOutcome) -> str:
-    """Return where the scores of a row come from, or why nobody can tell."""
+    """Return where the scores of a row come from, or why they cannot be checked."""
     if row.faults:
         return "; ".join(f"{fault.name}: {fault.problem}" for fault in row.faults)
     again = f"{len(row.again) or 'none'} made again"

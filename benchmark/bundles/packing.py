@@ -1,4 +1,4 @@
-"""A bundle of the finished jobs of a method."""
+"""Pack the finished jobs of a method into a bundle."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ from benchmark.plugins.scorers import BUILT_IN, DEFAULT, scorer_of, scorers
 from benchmark.plugins.serving import folded
 from benchmark.report.artefact_reader import ArtefactReader
 
-#: Parts of a record that nobody can check, or that tell of the disk that it was made on.
+#: Parts of a record that cannot be checked, or that describe the machine on which it was made.
 _DROPPED = ("traceback", "splits")
 
-#: Date of each file in a bundle, so that the same results make the same bytes.
+#: Date of all files in a bundle, so that the same results give the same bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 _AGAIN = "run it again here"
 
 
 class Packed(NamedTuple):
-    """What went into a bundle: its entries by the names of their records, its licence; why anything is omitted."""
+    """Content of a bundle: entries by the names of their records, the licence, and reasons for omissions."""
 
     entries: dict[str, Entry]
     licence: str
@@ -64,15 +64,15 @@ def write_bundle(
     with_forms: bool = False,
     say: Callable[[str], object],
 ) -> Packed:
-    """Write the records of a method with all from which their scores can be computed again.
+    """Write the records of a method with the data from which their scores can be computed again.
 
-    Of a set whose terms do not let it be passed on there are signatures and distances, no form; of data of one's own
-    there are forms if ``with_forms``. Records without scores, or whose forms are not kept here, are omitted.
+    For data sets that must not be redistributed, signatures and distances replace the forms; forms of private data are
+    included if ``with_forms``. Records without scores, or whose forms are not stored here, are omitted.
 
     Raises
     ------
     ConfigurationError
-        If no record can be passed on, or author or licence is no short text.
+        If no record can be packed, or author or licence is not a short text.
     BenchmarkError
         If the file cannot be written.
     """
@@ -111,7 +111,7 @@ def write_bundle(
 
 
 def _packed(record: Record, artefacts: ArtefactReader, *, with_forms: bool) -> tuple[Entry, tuple[bytes, ...]]:
-    """Return the entry of a record and its files; raises ``BenchmarkError`` where something is not here."""
+    """Return the entry of a record and its files; raise ``BenchmarkError`` if something is missing."""
     if record["status"] != "ok":
         raise StorageError(f"it has no scores ({record['status']})", "only finished jobs can be shared")
     scorer = scorer_of(scorer_name(record) or DEFAULT, scorers())
@@ -140,7 +140,7 @@ def _packed(record: Record, artefacts: ArtefactReader, *, with_forms: bool) -> t
 
 
 def _form(run: MethodRun, entry: Shape, *, has_form: bool) -> tuple[Arrays, str]:
-    """Return the form of a shape, its signature, or its descriptor; and the digest of the prepared shape."""
+    """Return the form, signature or descriptor of a shape, and the digest of the prepared shape."""
     shape = run.store.find(run.preparation.recipe(entry), wanted=["vertices", "faces"].__contains__)
     answer = run.store.find(run.recipe(entry))
     if shape is None or answer is None:
@@ -154,7 +154,7 @@ def _form(run: MethodRun, entry: Shape, *, has_form: bool) -> tuple[Arrays, str]
 
 
 def _withheld(record: Record, data_root: Path | None, *, with_forms: bool) -> str:
-    """Return why the forms of a record are not passed on; "" if they may be."""
+    """Return why the forms of a record are withheld; "" if they are not."""
     data = record["data"]
     name = catalogued(str(data["name"]))
     if name in CATALOGUE and not CATALOGUE[name].is_shared:
@@ -168,7 +168,7 @@ def _withheld(record: Record, data_root: Path | None, *, with_forms: bool) -> st
 
 
 def _without_places(record: Record) -> Record:
-    """A record without what cannot be checked, and without the paths of a disk."""
+    """Return a record without parts that cannot be checked, and without local paths."""
     parts = {name: part for name, part in portable(record).items() if name not in _DROPPED}
     data = parts["data"]
     module = Path(data["module"]).name if str(data["module"]).endswith(".py") else data["module"]
@@ -176,7 +176,7 @@ def _without_places(record: Record) -> Record:
 
 
 def _sources(spec: MethodSpec, records: Sequence[Record]) -> tuple[dict[str, bytes], list[str]]:
-    """Files of the plugin of a method, itself first, with the data that it read; and why others are not among them."""
+    """Return the files of a plugin, itself first, with the data that it read, and why others are missing."""
     if not spec.module.endswith(".py"):
         return {}, []
     plugin = Path(spec.module)
@@ -201,7 +201,7 @@ def _sources(spec: MethodSpec, records: Sequence[Record]) -> tuple[dict[str, byt
 
 
 def _package(spec: MethodSpec) -> dict[str, str]:
-    """Version of the installed package that brings a method; nothing for one of the suite, or of a file."""
+    """Return the version of the installed package that provides a method; empty for other methods."""
     if not spec.is_foreign or spec.module.endswith(".py"):
         return {}
     names = metadata.packages_distributions().get(spec.module.partition(".")[0], ())
@@ -209,7 +209,7 @@ def _package(spec: MethodSpec) -> dict[str, str]:
 
 
 def _stated(sources: Mapping[str, bytes]) -> str:
-    """Return the licence that a source states by SPDX; "" where nothing is said."""
+    """Return the SPDX licence that a source file states; "" if it states none."""
     mark = b"SPDX-License-Identifier:"
     lines = (line for text in sources.values() for line in text.splitlines() if mark in line)
     return next((line.partition(mark)[2].decode("utf-8", "replace").strip() for line in lines), "")
@@ -222,7 +222,7 @@ def _as_file(key: str, items: Sequence[Any]) -> bytes:
 
 
 def _zipped(files: Mapping[str, bytes]) -> bytes:
-    """One zip file, the same for the same files."""
+    """Return a zip file that depends only on the files."""
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
         for name, content in files.items():

@@ -1,4 +1,4 @@
-"""Verification of one record of a bundle: its gallery, its arrays, and the scores that follow from them."""
+"""Verify one record of a bundle: its gallery, its arrays, and its scores."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from benchmark.report.results import galleries_of
 from benchmark.report.significance import intervals, queries_of
 from retrieval.measures import PRINTED
 
-#: Largest difference between a score of the record and the one that is computed: half of a printed digit.
+#: Largest difference between a stated and a computed score: half of a printed digit.
 SCORE_TOLERANCE = 0.005
 
-#: The same of distances, relative to their mean.
+#: Largest difference between distances, relative to their mean.
 DISTANCE_TOLERANCE = 0.01
 
-#: The same of what is made again: forms and descriptors relative to their size, signatures in distances of the scorer,
-#: relative to their mean. Other processors move forms by 2e-4 at most.
+#: Largest difference after recomputation: of forms and descriptors relative to their size, of signatures in distances
+#: of the scorer relative to their mean. Other processors change forms by at most 2e-4.
 TOLERANCE = {"forms": 0.01, "descriptors": 0.01, "signatures": 0.05}
 
-#: Forms of a record that are made again, at least.
+#: Fewest forms of a record that are recomputed.
 FEWEST_AGAIN = 3
 
 _ASK, _EDITED = "ask its author", "it may have been edited; ask its author"
@@ -65,12 +65,12 @@ class Request:
     path
         The bundle.
     results, data_root, folders
-        Results folder whose records are looked at where data is not here, folder of the official data sets, and folders
-        of meshes by the names of their data sets.
+        Results folder whose records replace missing data, folder of the official data sets, and folders of meshes by
+        the names of their data sets.
     run, n_again
-        Whether the plugin of the bundle may be run, and the number of forms of each record to make again.
+        Whether the plugin of the bundle may run, and the number of forms of each record to recompute.
     limit
-        Seconds that each step may take.
+        Longest time of a step in seconds.
     """
 
     path: Path
@@ -83,16 +83,16 @@ class Request:
 
     @cached_property
     def records(self) -> list[Record]:
-        """Records with scores that are here."""
+        """Local records that have scores."""
         store = Store(self.results / "runs")
         return [record for part in (store.published, store.records) for record in part if record["status"] == "ok"]
 
 
 @dataclass
 class RowCheck:
-    """A record at its verification: what it was made from, what is wrong with it, and what was computed again.
+    """Verification of a record: its data, its faults, and its recomputed values.
 
-    Its gallery is None where the data is not here, or another one; the plugin that made it is run only if it may be.
+    The gallery is None if the data is missing or differs; the plugin runs only if the request allows it.
     """
 
     request: Request
@@ -114,7 +114,7 @@ class RowCheck:
         self.labels = dict(zip(record["shapes"], record["labels"], strict=True))
 
     def outcome(self) -> RowOutcome:
-        """Return what the record is; raises :class:`BundleError` if arrays cannot be read, or are of another kind."""
+        """Return the outcome; raise :class:`BundleError` if arrays cannot be read or have the wrong kind."""
         entry, record = self.entry, self.record
         self._say(f"computing the scores of {len(record['shapes'])} shapes")
         scored = self._scores() or record
@@ -139,7 +139,7 @@ class RowCheck:
         )  # fmt: skip
 
     def _scores(self) -> Mapping[str, Any] | None:
-        """Compare the gallery, and compute distances and scores again; None where nobody can compute them here."""
+        """Compare the gallery, and recompute distances and scores; None if they cannot be computed here."""
         self._compare_gallery()
         is_descriptor, scored, matrices = self.entry.holds == "descriptors", None, list[Matrix]()
         scorer = None if is_descriptor else self._scorer()
@@ -156,7 +156,7 @@ class RowCheck:
         return scored
 
     def _compare_scores(self, computed: Sequence[Matrix], matrices: Sequence[Matrix]) -> Mapping[str, Any]:
-        """Return the scores of computed distances, and compare both with those of the bundle."""
+        """Return the scores of recomputed distances, after comparing both with those of the bundle."""
         record, holds = self.record, self.entry.holds
         if len(computed) != len(matrices) or any(map(_differ, computed, matrices)):
             self._refute("distances-differ", f"its distances are not those of its {holds}")
@@ -177,7 +177,7 @@ class RowCheck:
         return any(fault.status == "false" for fault in self.faults)
 
     def _claim(self, name: str, problem: str, hint: str) -> None:
-        """Note why the record is a claim: nobody here can tell."""
+        """Note why the record cannot be checked here and remains a claim."""
         self.faults.append(Fault(name, problem, hint, "claimed"))
 
     def _refute(self, name: str, problem: str, hint: str = _EDITED) -> None:
@@ -206,7 +206,7 @@ class RowCheck:
             self._refute("inputs-differ", "its labels and inputs are not those that its record was made from")
 
     def _gallery_here(self) -> Gallery | None:
-        """Return the gallery of the record; None where its data is not here. No path of the record is looked at."""
+        """Return the gallery of the record; None if its data is missing. Paths in the record are ignored."""
         name, request = self.name, self.request
         if name in request.folders:
             name = str(request.folders[name])
@@ -219,16 +219,16 @@ class RowCheck:
         return named.get(self.record["gallery"])
 
     def _record_of_gallery(self) -> Record | None:
-        """Return a record of the same gallery and input that is here; of a known set also one of other shapes.
+        """Return a local record of the same gallery and input; for a known data set, possibly with other shapes.
 
-        Folders of two people may have one name.
+        Private folders of different people may have the same name.
         """
         similar = [other for other in self.request.records if place(other)[:2] == place(self.record)[:2]]
         same = [other for other in similar if _gallery_digest(other) == _gallery_digest(self.record)]
         return next(iter(same), similar[-1] if similar and catalogued(self.name) else None)
 
     def _compare_labels(self, labels: Mapping[str, str], recipe: Mapping[str, Any]) -> None:
-        """Compare labels, and where they are the same the meshes and cameras that a recipe names."""
+        """Compare labels and, if they agree, the meshes and cameras in the recipe."""
         known_here = f"those of '{self.record['gallery']}' as they are known here"
         wrong = next((shape for shape, label in self.labels.items() if labels.get(shape) != label), None)
         parts = {"gallery": "meshes", "view": "cameras"}
@@ -241,7 +241,7 @@ class RowCheck:
             self._refute("labels-differ", f"it calls '{wrong}' a '{self.labels[wrong]}', which is a '{labels[wrong]}'")
         elif others:
             self._claim("inputs-differ", f"its {others[0]} are not {known_here}", "compare versions of the data set")
-            self.gallery = None  # forms of other shapes say nothing
+            self.gallery = None  # forms of other shapes prove nothing
 
     # Arrays ------------------------------------------------------------------------------------------------------
 
@@ -264,7 +264,7 @@ class RowCheck:
         return scorer
 
     def _items(self, scorer: ScorerSpec | None) -> Sequence[Arrays]:
-        """Forms, signatures or descriptors of the shapes with a result; none where some are missing."""
+        """Return the forms, signatures or descriptors of the shapes with a result; none if some are missing."""
         holds, names = self.entry.holds, self.answered
         items = self._unfolded(self.entry.files[1])
         if len(items) != len(names):
@@ -300,7 +300,7 @@ class RowCheck:
             self._refute(fault, f"its {what} do not have the digest in its record")
 
     def _computed(self, scorer_spec: ScorerSpec | None, items: Sequence[Arrays]) -> list[Matrix] | None:
-        """Distances of all pairs under each draw of the scorer; None for a descriptor whose code is not ours."""
+        """Return the distances of all pairs under each draw of the scorer; None for a descriptor of a plugin."""
         if scorer_spec is None and BUILT_IN.get(str(self.record["recipe"].get("method"))) != self.record["target"]:
             return None
         if len(items) == 1:
@@ -319,7 +319,7 @@ class RowCheck:
     # Forms made again --------------------------------------------------------------------------------------------
 
     def _remade(self) -> list[list[float]] | None:
-        """Make forms again where that may be done, and say where it had to be; distances of descriptors of a plugin."""
+        """Recompute forms if allowed, and note if it was necessary; return distances of descriptors of a plugin."""
         base = str(self.record["recipe"]["method"])
         is_ours = self.plugin is None and base in BUILT_IN
         needs_code = self.plugin is not None and self.entry.holds == "descriptors"
@@ -337,7 +337,7 @@ class RowCheck:
         names, request = self.answered if self.gallery else [], self.request
         chosen = tuple(secrets.SystemRandom().sample(names, min(max(request.n_again, FEWEST_AGAIN), len(names))))
         self._say(f"making {len(chosen)} forms again")
-        content = self.archive.read(self.entry.files[1])  # in no file that the plugin could read
+        content = self.archive.read(self.entry.files[1])  # not in a file, which the plugin could read
         hint = "ask its author, or pass a longer --timeout"
         guard = Guard(f"method '{self.record['method']}'", hint, request.limit, quiet=True)
         with TemporaryDirectory(prefix="canonical-forms-") as folder:
@@ -361,7 +361,7 @@ class RowCheck:
         return remade["distances"]  # type: ignore[no-any-return]
 
     def _unpack(self, plugin: Plugin, folder: Path) -> Path:
-        """Write the files of a plugin, whose names were checked, into an empty folder and return its path."""
+        """Write the files of a plugin, whose names are already checked, to an empty folder and return its path."""
         for name in plugin.digests:
             path, content = folder / name, self.archive.read(name)
             try:
@@ -377,7 +377,7 @@ def _gallery_digest(record: Record) -> object:
 
 
 def _outcome(record: Record) -> list[object]:
-    """The scores of a record in its place, and their shapes."""
+    """Return the outcome of a record with the scores that it states."""
     parts = [record[part] for part in ("scores", "labels", "shapes")]
     return [place(record), answered_shapes(record), _gallery_digest(record), *parts]
 

@@ -1,4 +1,4 @@
-"""Verification of a bundle: its scores are computed again from what it holds, and compared with what it says."""
+"""Verify a bundle: recompute its scores from its content and compare them with those that it states."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ _ASK = "ask its author"
 
 
 def verify(request: Request, say: Callable[[str], None] = lambda line: None) -> Outcome:
-    """Return what a bundle is; it is read and computed again in a process of its own, which it may crash.
+    """Verify a bundle in a separate process, which it may crash.
 
     Raises
     ------
     BenchmarkError
-        If the file cannot be read at all.
+        If the file cannot be read.
     """
     if not request.path.is_file():
         raise BenchmarkError(f"{request.path} is no file", "name a bundle that 'submit' wrote")
-    patience = request.limit and 2 * request.limit  # that of forms that are made again ends first
+    patience = request.limit and 2 * request.limit  # recomputing forms has a shorter limit
     guard = Guard(f"bundle {request.path.name}", "take it for damaged or hostile", patience, quiet=True)
     try:
         return msgspec.convert(call_apart(verified, request, guard=guard, say=say), Outcome)
@@ -51,7 +51,7 @@ def _digest_of_file(path: Path) -> str:
 
 
 def verified(request: Request, say: Callable[[str], None]) -> dict[str, Any]:
-    """Return the outcome of a bundle in plain values."""
+    """Return the outcome of a bundle as plain values."""
     outcome = Outcome(digest=_digest_of_file(request.path), with_run=request.run)
     try:
         archive = Archive(request.path)
@@ -71,7 +71,7 @@ def verified(request: Request, say: Callable[[str], None]) -> dict[str, Any]:
 
 
 def _faults_of_plugin(archive: Archive, manifest: Manifest, records: Sequence[Record]) -> Iterator[Fault]:
-    """Return what is wrong with the plugin that a bundle holds, which is not run."""
+    """Return the faults of the plugin in a bundle, without running it."""
     plugin, hint = cast(Plugin, manifest.plugin), "take the source for another one"
     contents = {file: archive.read(file) for file in plugin.digests}
     if manifest.base_name in BUILT_IN:
@@ -86,7 +86,7 @@ def _faults_of_plugin(archive: Archive, manifest: Manifest, records: Sequence[Re
 
 
 def _is_source_of(record: Record, plugin: str, contents: Mapping[str, bytes]) -> bool:
-    """Return whether the files of a plugin are those that the recipe of a record names."""
+    """Return whether the files of a plugin are those in the recipe of a record."""
     recipe = record["recipe"]
     try:
         sources = recipe["plugin"] if "plugin" in recipe else recipe["code"]["method"]["code"]  # of version 0.2
@@ -97,12 +97,12 @@ def _is_source_of(record: Record, plugin: str, contents: Mapping[str, bytes]) ->
 
 
 def _digest(file: str, content: bytes) -> str:
-    """Return the digest by which a recipe names a module, or a data file."""
+    """Return the digest of a module or a data file as it appears in recipes."""
     return digest_of_source(content) if file.endswith(".py") else sha256(content).hexdigest()[:32]
 
 
 def _record(archive: Archive, manifest: Manifest, entry: Entry) -> Record:
-    """Return a record; raises :class:`BundleError` if it is none, contradicts itself, or is of another method."""
+    """Return a record; raise :class:`BundleError` if it is invalid, inconsistent, or of another method."""
     record, what = archive.json(entry.files[0]), f"record {entry.key[:12]}"
     if fault := fault_of(record):
         raise BundleError("record-edited", f"{what}: {fault}", "take it for edited", "false")

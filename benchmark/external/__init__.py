@@ -1,1 +1,1 @@
-"""Scores of what other programs computed: distance matrices, ranked lists, and forms in mesh files."""
+"""Score the results of other programs: distance matrices, ranked lists, and forms in mesh files."""

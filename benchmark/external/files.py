@@ -1,4 +1,4 @@
-"""Distances, ranked lists and labels of other programs; nothing that their files could run is read."""
+"""Read distances, ranked lists and labels of other programs; code in their files never runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from benchmark.errors import ConfigurationError, one_line
 
 _HINT = "write the matrix as text, CSV, .npy, .npz, .mat (-v7) or as PSB's .matrix"
 
-#: Bytes of the largest file of labels.
+#: Largest file of labels in bytes.
 _LARGEST_LABELS = 2**26
 
 #: Separates several labels of one shape.
@@ -37,14 +37,14 @@ class Labels:
     classes
         Labels of each shape, one or several.
     names
-        Names of the shapes; empty where nothing names them.
+        Names of the shapes; empty if they have none.
     """
 
     classes: tuple[tuple[str, ...], ...]
     names: tuple[str, ...] = ()
 
     def of(self, names: Sequence[str], what: str) -> Labels:
-        """Those of some shapes; raises ``ConfigurationError`` for a shape without a label."""
+        """Return the labels of some shapes; raise ``ConfigurationError`` for a shape without a label."""
         if not self.names and len(names) == len(self.classes):
             return Labels(self.classes, tuple(names))
         by_name = dict(zip(self.names, self.classes, strict=False))
@@ -59,14 +59,14 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class DistanceMatrix:
-    """Distances of queries, the rows, from the shapes of a gallery, the columns.
+    """Distances between queries (rows) and the shapes of a gallery (columns).
 
     Parameters
     ----------
     values
         Shape (queries, gallery).
     queries, gallery
-        Names of rows and columns; empty where the file names none.
+        Names of rows and columns; empty if the file has none.
     """
 
     values: NDArray[Any]
@@ -78,12 +78,12 @@ class DistanceMatrix:
 
 
 def as_labels(labels: object) -> Labels:
-    """Labels from a path, from a mapping of names (a pandas Series, too), or from a sequence.
+    """Return labels from a path, a mapping by name (including a pandas Series), or a sequence.
 
     Raises
     ------
     ConfigurationError
-        If there is no label, or a name appears twice.
+        If there are no labels, or a name appears twice.
     DatasetError
         If the file or the folder cannot be read.
     """
@@ -99,7 +99,7 @@ def as_labels(labels: object) -> Labels:
 
 
 def read_labels(path: Path) -> Labels:
-    """Labels of a ``.cla`` file, a folder of shapes, or a text file with a line ``label`` or ``name label`` a shape."""
+    """Read labels from a ``.cla`` file, a folder of shapes, or text lines ``label`` or ``name label``."""
     if path.is_dir():
         entries = folder_dataset(path).entries
         return Labels(tuple((entry.subject,) for entry in entries), tuple(entry.identifier for entry in entries))
@@ -136,12 +136,12 @@ def _content(text: str) -> list[str]:
 
 
 def as_distances(distances: object) -> DistanceMatrix:
-    """Distances from a path, a pandas frame whose index and columns name shapes, or an array.
+    """Return distances from a path, a pandas frame whose index and columns name shapes, or an array.
 
     Raises
     ------
     ConfigurationError
-        If a file cannot be read, or does not hold one matrix of real numbers.
+        If a file cannot be read, or does not hold exactly one matrix of real numbers.
     """
     if isinstance(distances, DistanceMatrix):
         return distances
@@ -153,7 +153,7 @@ def as_distances(distances: object) -> DistanceMatrix:
 
 
 def read_distances(path: Path) -> DistanceMatrix:
-    """Read a matrix: see :func:`as_distances`. What has no known extension is text."""
+    """Read a matrix; see :func:`as_distances`. Files with unknown extensions are read as text."""
     _require_size(path)
     readers = {".npy": _read_npy, ".npz": _read_npz, ".mat": _read_mat, ".matrix": _read_psb}
     try:
@@ -164,14 +164,14 @@ def read_distances(path: Path) -> DistanceMatrix:
         raise
     except MemoryError as error:
         raise ConfigurationError(f"{path} needs more memory than there is", "use a larger machine") from error
-    except Exception as error:  # of a damaged file, in whatever library
+    except Exception as error:  # of any library, for a damaged file
         raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", _HINT) from error
 
 
 def read_ranked(path: Path, labels: Labels) -> DistanceMatrix:
-    """Read ranked lists: a query and its results on each line, the nearest first.
+    """Read ranked lists: on each line a query and its results, nearest first.
 
-    What is not listed ties behind all others.
+    Shapes that are not listed tie behind all others.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def _matrix(array: NDArray[Any], what: str) -> NDArray[Any]:
 
 
 def _only(sizes: Mapping[str, int], path: Path) -> str:
-    """Name of the matrix among the variables of a file, given their sizes in bytes."""
+    """Return the name of the only matrix among the variables of a file, given their sizes in bytes."""
     names = [name for name in sizes if len(sizes) == 1 or name == "distances"]
     if not names:
         listed = ", ".join(sorted(sizes)) or "none"
@@ -219,7 +219,7 @@ def _only(sizes: Mapping[str, int], path: Path) -> str:
 
 
 def _read_npy(path: Path) -> NDArray[Any]:
-    loaded: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)  # a header announces no more than there is
+    loaded: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)  # not more than the file holds
     return loaded
 
 
@@ -238,7 +238,7 @@ def _read_mat(path: Path) -> NDArray[Any]:
 
 
 def _read_psb(path: Path) -> NDArray[Any]:
-    """Single precision, little-endian, row by row, without a header."""
+    """Read single-precision, little-endian numbers, row by row, without a header."""
     numbers = np.fromfile(path, "<f4")
     count = math.isqrt(len(numbers))
     if path.stat().st_size != 4 * count * count:
@@ -259,7 +259,7 @@ def _is_number(word: str) -> bool:
 
 
 def _read_text(path: Path) -> DistanceMatrix:
-    """Numbers between blanks, commas or semicolons; a head of names, or of the size, and a column of names may be."""
+    """Read numbers separated by blanks, commas or semicolons, with an optional header and column of names."""
     lines = _lines(path)
     delimiter = next((mark for mark in ",;\t" if any(mark in line for line in lines[:2])), None)
     first, *others = [[word.strip().strip('"') for word in line.split(delimiter)] for line in lines[:2]]
@@ -268,9 +268,9 @@ def _read_text(path: Path) -> DistanceMatrix:
     if others and not all(_is_number(word) for word in first if word):
         gallery, lines = tuple(first), lines[1:]
     elif others and len(first) <= 2 < len(last) and first[0] == str(len(lines) - 1):
-        lines = lines[1:]  # the number of shapes, as some programs write it first
+        lines = lines[1:]  # some programs write the number of shapes first
     is_named = not _is_number(last[0])
-    columns = range(int(is_named), len(last) - (not last[-1]))  # a line may end in a delimiter
+    columns = range(int(is_named), len(last) - (not last[-1]))  # a line may end with a delimiter
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         values = np.loadtxt(lines, delimiter=delimiter, usecols=columns, ndmin=2)
@@ -278,5 +278,5 @@ def _read_text(path: Path) -> DistanceMatrix:
         raise ConfigurationError(f"{path}: its lines have different numbers of columns", _HINT)
     queries = tuple(line.split(delimiter, 1)[0].strip().strip('"') for line in lines) if is_named else ()
     if len(gallery) == values.shape[1] + 1:
-        gallery = gallery[1:]  # the corner
+        gallery = gallery[1:]  # the cell above the names
     return DistanceMatrix(_matrix(values, str(path)), queries, gallery)

@@ -1,4 +1,4 @@
-"""External rows: records of scores of what other programs computed, beside those of the suite."""
+"""External rows: records of results of other programs, next to those of the suite."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from retrieval.chance import chance_levels
 
 
 def method_name(title: str) -> str:
-    """Name of an external row, which no method of the suite has."""
+    """Return the name of an external row, which no method of the suite can have."""
     return f"{EXTERNAL}-{re.sub('[^a-z0-9]+', '-', title.lower()).strip('-')}"[:LONGEST_NAME]
 
 
@@ -47,11 +47,11 @@ def _record(
     Parameters
     ----------
     data, gallery
-        The shapes, as other records name them.
+        The shapes, as in other records.
     title
-        What the row is called.
+        Title of the row.
     recipe
-        What determines the scores.
+        Everything that determines the scores.
     scored
         ``scores``, ``per_query``, ``shapes``, ``labels`` and other facts of a finished job.
     """
@@ -82,13 +82,13 @@ def _record(
 
 
 def keep_distances(store: Store, task: Task, title: str, dataset: str, input_: Input) -> Record:
-    """Keep a square matrix with one label a shape as an external row.
+    """Store a square matrix with one label per shape as an external row.
 
     Raises
     ------
     ConfigurationError
-        If it has no place among rows that rank each shape against all others, or its shapes are not those of the rows
-        of the same data set.
+        If it does not rank each shape against all others, or its shapes differ from those of the other rows of the data
+        set.
     """
     if not task.is_square or any(len(classes) > 1 for classes in task.queries.classes):
         raise ConfigurationError(
@@ -108,7 +108,7 @@ def keep_distances(store: Store, task: Task, title: str, dataset: str, input_: I
         EXTERNAL: artefact.digest,
         "versions": versions_of(["measures"]),
     }
-    scored = measures.scores([list(task.values)], labels)  # row by row, for the matrix need not be symmetric
+    scored = measures.scores([list(task.values)], labels)  # row by row, because the matrix may be asymmetric
     del scored["codebook_deviation"]
     scored |= {"scorer": NO_SCORER, "shapes": names, "labels": labels, "artefacts": [artefact.key]}
     record = _record(data, gallery, title, of_row, scored)
@@ -117,7 +117,7 @@ def keep_distances(store: Store, task: Task, title: str, dataset: str, input_: I
 
 
 def own_data(dataset: str, labels: Sequence[str]) -> dict[str, Any]:
-    """Return the facts of a record on shapes of which the suite has no data."""
+    """Return the facts of a record on shapes that the suite does not have."""
     return {
         "name": dataset,
         "title": dataset,
@@ -132,14 +132,14 @@ def own_data(dataset: str, labels: Sequence[str]) -> dict[str, Any]:
 
 
 def _beside(store: Store, dataset: str, input_: Input) -> Record | None:
-    """The newest record of a data set whose rows an external one stands beside; None where there is none."""
+    """Return the newest record with which the rows of an external one are shown; None if there is none."""
     records = [
         record
         for record in (*store.published, *store.records)
         if record["status"] == "ok" and record["input"] == input_ and not record["data"]["quick"]
         and dataset in (record["gallery"], record["data"]["name"]) and record["family"] != EXTERNAL
     ]  # fmt: skip
-    # A gallery of this name comes before others of its data set, such as a held-out part.
+    # A gallery of this name is preferred to others of its data set, such as a held-out part.
     records = [record for record in records if record["gallery"] == dataset] or records
     galleries = {record["gallery"] for record in records}
     if len(galleries) > 1:
@@ -151,7 +151,7 @@ def _beside(store: Store, dataset: str, input_: Input) -> Record | None:
 
 
 def _names(beside: Record | None, shapes: Labels, labels: Sequence[str]) -> list[str]:
-    """Names of the shapes as the rows beside have them."""
+    """Return the names of the shapes as in the other rows."""
     names = list(shapes.names)
     if beside is None:
         return names or [str(place) for place in range(1, len(labels) + 1)]
@@ -172,25 +172,26 @@ def _names(beside: Record | None, shapes: Labels, labels: Sequence[str]) -> list
 def score_forms(
     gallery: Gallery, input_: Input, title: str, folder: Path, spec: ScorerSpec, store: Store, watched: Watched
 ) -> Record:
-    """Score the meshes of a folder as forms of a gallery, and keep the record; one that is kept is returned.
+    """Score the meshes of a folder as forms of a gallery and store the record, or return the stored one.
 
     Parameters
     ----------
     gallery, input_
-        The shapes, and the input of the rows beside.
+        The shapes, and the input of the other rows.
     title, folder
-        Name of the row; holds a mesh ``SHAPE.off``, or of another format, for each shape. A missing one counts 0.
+        Title of the row, and folder with a mesh ``SHAPE.off``, or in another format, for each shape. A missing mesh
+        scores 0.
     spec
-        What compares them.
+        Compares the forms.
     store
-        Where signatures, distances and the record are kept.
+        Where signatures, distances and the record are stored.
     watched
-        Hands on the shapes, to show progress.
+        Wraps the iteration over shapes, to show progress.
 
     Raises
     ------
     ConfigurationError
-        If the folder has no form of these shapes, or none can be used.
+        If the folder has no form of these shapes, or none is usable.
     """
     if spec.is_foreign:
         raise ConfigurationError(
@@ -242,7 +243,7 @@ def _signature(scorer: Any, path: Path) -> Arrays:
 
 
 def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
-    """The mesh of each shape that has one, by its name."""
+    """Return the mesh file of each shape that has one, by name."""
     files = {}
     for entry in entries:
         paths = (folder / f"{entry.identifier}{extension}" for extension in EXTENSIONS)

@@ -1,4 +1,4 @@
-"""Measures of distances from anywhere: every query ranks the gallery, and ties count as the mean over their orders."""
+"""Score distances from any source: every query ranks the gallery, and ties count as the mean over their orders."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Evaluation:
         One row for each measure: ``score``, the mean over queries, ``low`` and ``high``, its 95 % interval over
         classes, and ``chance``.
     queries
-        One row for each query: ``labels`` and each measure; NaN where the gallery has nothing relevant.
+        One row for each query: ``labels`` and each measure; NaN if the gallery has no relevant shape.
     notes
-        What a reader must know: asymmetry, ties, queries that count in no mean.
+        Warnings: asymmetry, ties, queries that are excluded from means.
     """
 
     scores: DataFrame
@@ -60,7 +60,7 @@ class Task:
 
     @property
     def is_square(self) -> bool:
-        """Return whether queries and gallery are the same shapes in the same order."""
+        """Whether queries and gallery are the same shapes in the same order."""
         return self.queries == self.gallery
 
     @classmethod
@@ -70,7 +70,7 @@ class Task:
         Raises
         ------
         ConfigurationError
-            If they do not fit, or the numbers are no distances.
+            If they do not fit together, or the numbers are not distances.
         """
         gallery = labels.of(distances.gallery, "the columns") if distances.gallery else labels
         of_queries = query_labels or (labels if distances.queries else gallery)
@@ -107,13 +107,13 @@ class Task:
 
     @property
     def asymmetry(self) -> float:
-        """Largest difference from the transpose, relative to the largest distance; 0 for a rectangular matrix."""
+        """Return the largest difference from the transpose, relative to the largest distance; 0 if rectangular."""
         if not self.is_square or not self.values.any():
             return 0.0
         return float(np.abs(self.values - self.values.T).max() / self.values.max())
 
     def answers(self) -> Iterator[Query]:
-        """Results of each query, without the query itself."""
+        """Return the results of each query, without the query itself."""
         known = {label: n for n, label in enumerate(dict.fromkeys(c for of in self.gallery.classes for c in of))}
         members = np.zeros((len(self.gallery.classes), len(known)), dtype=np.bool_)
         for place, classes in enumerate(self.gallery.classes):
@@ -128,12 +128,12 @@ class Task:
             yield Query(self.values[row, others], relevant[others])
 
     def chance(self) -> dict[str, float]:
-        """Expected measures of a random order."""
+        """Return the expected measures of a random order."""
         sizes = np.array([(len(query.relevant), query.relevant.sum()) for query in self.answers()])
         return chance_of_queries(sizes[:, 0], sizes[:, 1])
 
     def notes(self, scores: Scores) -> Iterator[str]:
-        """Say what is unusual."""
+        """Return warnings."""
         if self.asymmetry > ASYMMETRY:
             yield f"The matrix is not symmetric (by {self.asymmetry:.2g} of its largest distance): rows are queries."
         if scores.tied_queries:
@@ -143,7 +143,7 @@ class Task:
 
 
 def score(distances: object, labels: object, query_labels: object = None) -> Evaluation:
-    """Score distances that any program computed.
+    """Score distances computed by any program.
 
     Parameters
     ----------
@@ -154,13 +154,13 @@ def score(distances: object, labels: object, query_labels: object = None) -> Eva
         Label of each shape of the gallery, or several in a list; a mapping from names; or the path of a ``.cla`` file,
         a text file or a folder of shapes.
     query_labels
-        Labels of the rows where they are not those of the gallery. A query whose name is in the gallery, too, is not
+        Labels of the rows, if they differ from those of the gallery. A query whose name is also in the gallery is not
         its own result.
 
     Returns
     -------
     Evaluation
-        Measures with intervals and chance, of all queries and of each.
+        Measures with intervals and chance, over all queries and for each query.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _csv(title: str, evaluation: Evaluation) -> str:
     return csv_text(list(row), [row])
 
 
-#: Text of an evaluation by the name of its format, for a row of a title.
+#: Functions that format an evaluation, given the title of its row, by name of the format.
 FORMATS: Mapping[str, Callable[[str, Evaluation], str]] = {
     "markdown": _markdown,
     "latex": _latex,

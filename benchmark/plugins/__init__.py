@@ -1,10 +1,10 @@
-"""Plugins: a closed process imports none of them, and knows of one what the plugin's own process tells."""
+"""Plugins. A closed process imports none of them, and gets its facts from the processes of the plugins."""
 
 _is_closed = False
 
 
 def close_process() -> None:
-    """Let no foreign code into this process from now on: what it makes is trusted."""
+    """Forbid foreign code in this process from now on, because its results are trusted."""
     global _is_closed
     _is_closed = True
 

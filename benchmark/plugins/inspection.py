@@ -1,4 +1,4 @@
-"""What plugin files and installed packages bring, looked at from a process of its own, which imports them."""
+"""Inspect plugin files and installed packages in separate processes, which import them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from benchmark.text import is_name
 
 S = TypeVar("S", bound=PluginSpec[Any, Any])
 
-#: What the plugins of each file have told, by its absolute path.
+#: Facts about the plugins of each file, by its absolute path.
 _files: dict[str, list[Facts]] = {}
 
-#: Modules that the whole suite relies on: a plugin may use them, but not change them.
+#: Modules on which the suite relies; a plugin may use them but not change them.
 _RELIED_ON = frozenset(
     {"builtins", "io", "json", "os", "pathlib", "posix", "shutil", "signal", "subprocess", "sys", "threading", "time"}
     | {"click", "matplotlib", "numpy", "pandas", "scipy"}
@@ -36,22 +36,22 @@ _RELIED_ON = frozenset(
 
 
 def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
-    """Make sure that plugin files can be imported, and their methods made, without harm to this process.
+    """Check in a separate process that plugin files can be imported and their methods created.
 
-    A file that this process has imported before is not looked at again.
+    A file that this process has already imported is not checked again.
 
     Parameters
     ----------
     paths
         The files.
     made
-        Whether to make and describe the methods; otherwise the files are imported and no more.
+        Whether to create and describe the methods; otherwise the files are only imported.
 
     Raises
     ------
     ConfigurationError
-        If a file is not there, cannot be imported, defines no method, or one that cannot be made or described; also if
-        it crashes, exits or hangs on the way, or changes what is not its own.
+        If a file does not exist, cannot be imported, defines no method or one that cannot be created or described,
+        crashes, exits or hangs, or changes modules on which the suite relies.
     """
     for path in paths:
         file = str(path.resolve())
@@ -66,20 +66,20 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
 
 
 def is_passed(path: str) -> bool:
-    """Return whether this process knows a plugin file, given by its absolute path."""
+    """Return whether a plugin file, given by its absolute path, has been inspected."""
     return is_imported(path) or path in _files
 
 
 def describe(path: str, made: bool = True) -> list[Facts]:
-    """Facts about each plugin of a file, which is imported here; see :attr:`benchmark.plugins.specs.PluginSpec.facts`.
+    """Import a file here and return the facts of its plugins; see :attr:`benchmark.plugins.specs.PluginSpec.facts`.
 
     Raises
     ------
     ConfigurationError
-        If a method cannot be made with its defaults, or cannot be described in plain values, or if the file changes a
-        module that the suite relies on.
+        If a method cannot be created with its defaults or described in plain values, or if the file changes a module on
+        which the suite relies.
     DatasetError
-        If a data set lists no shapes as it should.
+        If a data set does not list its shapes correctly.
     """
     with _unchanged(f"plugin {path}"):
         specs = plugins_in(Path(path))
@@ -87,12 +87,12 @@ def describe(path: str, made: bool = True) -> list[Facts]:
 
 
 def plugins_in(path: Path) -> list[PluginSpec[Any, Any]]:
-    """Plugins that a file defines: methods, scorers and data sets, each in the order of the file.
+    """Return the plugins in a file: methods, scorers and data sets, each in the order of the file.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be imported, defines nothing, or a plugin says of itself what cannot be.
+        If the file cannot be imported, defines no plugin, or one with an invalid description.
     """
     if is_closed():
         inspect([path])
@@ -113,13 +113,13 @@ def plugins_in(path: Path) -> list[PluginSpec[Any, Any]]:
 
 
 def plugins_of(kind: type[S], path: Path) -> list[S]:
-    """Those of one kind; see :func:`plugins_in`."""
+    """Return the plugins of one kind; see :func:`plugins_in`."""
     return [spec for spec in plugins_in(path) if isinstance(spec, kind)]
 
 
 @contextmanager
 def _unchanged(whose: str) -> Iterator[None]:
-    """Raise unless the modules that the suite relies on, and the standard streams, stay as they are in the body."""
+    """Raise an error if the body changes the standard streams or modules on which the suite relies."""
     before, streams = _relied_on(), _streams()
     yield
     if _streams() != streams:
@@ -132,7 +132,7 @@ def _unchanged(whose: str) -> Iterator[None]:
 
 
 def _streams() -> list[object]:
-    """Return what the standard streams lead to; None for one that is closed."""
+    """Return the targets of the standard streams; None for a closed one."""
     places: list[object] = [sys.stdout is None, sys.stderr is None, None, None, None]
     for number in range(3):
         with suppress(OSError):
@@ -142,7 +142,7 @@ def _streams() -> list[object]:
 
 
 def _relied_on() -> dict[tuple[str, str], Any]:
-    """Functions and classes of the modules that the suite relies on, as far as they are imported."""
+    """Return the functions and classes of the modules on which the suite relies, as far as they are imported."""
     return {
         (name, attribute): value
         for name, module in list(sys.modules.items())
@@ -156,22 +156,22 @@ def _relied_on() -> dict[tuple[str, str], Any]:
 
 _HINT = "correct the package, or uninstall it"
 
-#: Problem and hint of each plugin of a package that cannot be used, by its name; "" stands for all of them.
+#: Problem and hint of each unusable plugin of a package, by name; "" stands for all plugins.
 Faults = dict[str, tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Installed(Generic[S]):
-    """Methods, or scorers, that installed packages bring.
+    """Methods or scorers of installed packages.
 
     Parameters
     ----------
     specs
-        Those that can be used.
+        The usable ones.
     faults
-        Why others cannot be, by their names.
+        Errors of the unusable ones, by name.
     news
-        One line for each package of which something cannot be used.
+        One line for each package with an unusable plugin.
     """
 
     specs: tuple[S, ...]
@@ -180,22 +180,22 @@ class Installed(Generic[S]):
 
 
 def entry_points_of(kind: type[S]) -> str:
-    """Return the group of the entry points by which packages bring plugins of a kind."""
+    """Return the group of entry points for plugins of a kind."""
     return f"canonical_forms.{kind.kind}s"
 
 
 @cache
 def installed(kind: type[S], taken: frozenset[str]) -> Installed[S]:
-    """Look for packages with plugins of a kind, in the order of their names.
+    """Find the installed packages with plugins of a kind, ordered by name.
 
-    A package that breaks when it is imported, or whose plugins break when they are made, costs its own plugins alone.
+    A package that fails on import, or whose plugins cannot be created, loses only its own plugins.
 
     Parameters
     ----------
     kind
         Methods or scorers.
     taken
-        Names that no package can have.
+        Names that packages cannot use.
     """
     usable: dict[str, str] = {}
     errors: dict[str, ConfigurationError] = {}
@@ -211,17 +211,17 @@ def installed(kind: type[S], taken: frozenset[str]) -> Installed[S]:
 
 
 def _error(package: str, kind: type[S], faults: Faults) -> ConfigurationError:
-    """Return what of a package cannot be used, with the reason of the first."""
+    """Return the error for the unusable plugins of a package, with the reason for the first."""
     problem, hint = next(iter(faults.values()))
     names = ", ".join(filter(None, faults)) or f"all {kind.kind}s"
     return ConfigurationError(f"installed package {package}, {names}: {problem}", hint or _HINT)
 
 
 def _packages(group: str) -> Iterator[tuple[str, Distribution]]:
-    """Packages with entry points of a group, by name; of several of one name, the first on the path counts."""
+    """Return the packages with entry points of a group; of several with one name, the first on the path."""
     named: dict[str, Distribution] = {}
     for distribution in distributions():
-        with suppress(OSError, ValueError):  # no text at all, so no plugin is named there
+        with suppress(OSError, ValueError):  # not text, so it names no plugin
             if group in (distribution.read_text("entry_points.txt") or ""):
                 named.setdefault(str(distribution.metadata["Name"]), distribution)
     yield from sorted(named.items(), key=lambda pair: pair[0])
@@ -230,7 +230,7 @@ def _packages(group: str) -> Iterator[tuple[str, Distribution]]:
 def _look_at(
     package: str, distribution: Distribution, kind: type[S], taken: frozenset[str]
 ) -> tuple[dict[str, str], Faults]:
-    """Return where the plugins of a package are defined, and what is wrong with those that cannot be used."""
+    """Return where the plugins of a package are defined, and the problems of those that cannot be used."""
     targets: dict[str, str] = {}
     faults: Faults = {}
     try:
@@ -239,9 +239,9 @@ def _look_at(
                 faults[point.name] = (problem, _HINT)
             else:
                 targets[point.name] = f"{point.module}:{point.attr}"
-    except Exception as error:  # what is written about the package is damaged
+    except Exception as error:  # the metadata of the package are damaged
         return {}, {"": (f"its entry points cannot be read: {one_line(error)}", _HINT)}
-    if targets and not is_child():  # others were started to be apart
+    if targets and not is_child():  # other processes are already isolated
         hint = f"{_HINT}: importing it and making its {kind.kind}s must end at once"
         try:
             found, plugins = look(describe_package, package, kind.kind, targets, what=f"package {package}", hint=hint)
@@ -253,7 +253,7 @@ def _look_at(
 
 
 def _problem_of(point: EntryPoint, kind: type[S], taken: Iterable[str]) -> str:
-    """Return what is wrong with an entry point."""
+    """Return the problem of an entry point."""
     if not point.pattern.match(point.value) or not point.attr:
         return f"{point.value!r:.80} is not 'module:class'"
     if not is_name(point.name):
@@ -262,12 +262,12 @@ def _problem_of(point: EntryPoint, kind: type[S], taken: Iterable[str]) -> str:
 
 
 def describe_package(package: str, kind: str, targets: Mapping[str, str]) -> tuple[Faults, list[Facts]]:
-    """Problem and hint of each plugin of an installed package that cannot be used, and what the others tell.
+    """Return problem and hint of each unusable plugin of an installed package, and the facts of the others.
 
     Raises
     ------
     ConfigurationError
-        If the package, which is imported here, changes a module that the suite relies on.
+        If the package, which is imported here, changes a module on which the suite relies.
     """
     faults: Faults = {}
     plugins = []

@@ -1,4 +1,4 @@
-"""Plugin files as modules, and the modules that they bring along."""
+"""Import plugin files as modules, with the modules next to them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Info = TypeVar("Info")
 
 
 class _PluginFolders:
-    """Finds modules beside plugin files, after every other place was searched: nothing that is installed is hidden."""
+    """Finds modules next to plugin files, after all other places, so that no installed module is hidden."""
 
     folders: list[str] = []  # noqa: RUF012
 
@@ -35,35 +35,35 @@ class _PluginFolders:
     def find_spec(
         cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Spec of a top-level module in one of the folders."""
+        """Find a top-level module in one of the folders."""
         return PathFinder.find_spec(name, cls.folders, target) if path is None else None
 
     @classmethod
     def add(cls, folder: Path) -> None:
-        """Search one more folder from now on."""
+        """Add a folder to search."""
         if cls not in sys.meta_path:
             sys.meta_path.append(cls)
         if str(folder) not in cls.folders:
             cls.folders.append(str(folder))
-        importlib.invalidate_caches()  # files may be newer than what Python remembers of a folder
+        importlib.invalidate_caches()  # Python may have cached an older listing of the folder
 
 
 def import_module(place: str, what: str = "") -> ModuleType:
-    """Import a module, or a plugin file under a name derived from its path; what it prints goes to stderr.
+    """Import a module, or a plugin file under a name derived from its path; its output goes to stderr.
 
-    Modules beside a plugin file can be imported from then on.
+    Modules next to a plugin file can be imported from then on.
 
     Parameters
     ----------
     place
         Name of the module, or absolute path of the file.
     what
-        What the module brings, for messages.
+        Content of the module, for messages.
 
     Raises
     ------
     ConfigurationError
-        If there is no such file, it cannot be imported, or a module beside it has the name of another one.
+        If there is no such file, it cannot be imported, or a module next to it has the name of another module.
     """
     name, is_file = _module_name(place), Path(place).is_absolute()
     if name in sys.modules:
@@ -73,7 +73,7 @@ def import_module(place: str, what: str = "") -> ModuleType:
         adopt()
     if is_file:
         require_file(place)
-        sys.dont_write_bytecode = True  # Python leaves a truncated .pyc on a full disk, and never replaces it
+        sys.dont_write_bytecode = True  # on a full disk, Python leaves a truncated .pyc and never replaces it
         _PluginFolders.add(Path(place).parent)
         _check_helpers(Path(place))
     try:
@@ -99,7 +99,7 @@ def _execute(name: str, path: str) -> ModuleType:
 
 
 def classes_of(path: Path, info_type: type[Info]) -> Iterator[tuple[str, Info]]:
-    """Name and ``info`` of each class that a plugin file defines with such an ``info``, in the order of the file.
+    """Return name and ``info`` of each class in a plugin file that has an ``info`` of given types, in order.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def classes_of(path: Path, info_type: type[Info]) -> Iterator[tuple[str, Info]]:
 
 
 def require_file(path: str) -> None:
-    """Raise ``ConfigurationError`` unless a path is that of a Python file; it names the nearest one that is."""
+    """Raise ``ConfigurationError``, with the most similar path, unless a path is that of a Python file."""
     if path.endswith(".py") and Path(path).is_file():
         return
     hint = "pass the path of a .py file"
@@ -125,7 +125,7 @@ def require_file(path: str) -> None:
 
 
 def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
-    """Build the error for a name that a plugin may bring: it tells the plugin file here that defines the name.
+    """Return the error for an unknown name; if a plugin file in this folder defines it, the hint says so.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def _module_name(place: str) -> str:
 
 
 def helpers_of(path: Path) -> dict[str, Path]:
-    """Modules that lie beside a plugin file and that it imports somewhere, itself or through one of them, by name.
+    """Return the modules next to a plugin file that it imports, directly or through one of them, by name.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def helpers_of(path: Path) -> dict[str, Path]:
     Returns
     -------
     dict
-        File of each module; that of a package is its ``__init__.py``.
+        File of each module; for a package, its ``__init__.py``.
     """
     found: dict[str, Path] = {}
     pending = [path]
@@ -185,21 +185,20 @@ def helpers_of(path: Path) -> dict[str, Path]:
 
 
 def sources_of(module: str, files: Iterable[str] = ()) -> dict[str, str]:
-    """Return what a plugin consists of: digests of its local modules, and the versions of the distributions it uses.
+    """Return the sources of a plugin: digests of its local modules, and versions of the distributions it uses.
 
     Parameters
     ----------
     module
-        Path of a plugin file, or name of a module of an installed package; it has been imported.
+        Path of a plugin file, or name of a module of an installed package, already imported.
     files
-        Other files that it names, relative to its own folder.
+        Other files that it names, relative to its folder.
 
     Returns
     -------
     dict
-        Digest of the code of each module that was imported from outside of installed distributions, by its path from
-        the folder of the plugin or else by its name; version of each distribution, by its name; digest of each of the
-        other files, "" for one that is not there.
+        Digest of the code of each imported module outside installed distributions, by its path relative to the plugin
+        or else by its name; version of each distribution, by name; digest of each of the other files, "" if missing.
     """
     first = sys.modules[_module_name(module)]
     folder = Path(first.__file__ or "").resolve().parent
@@ -221,7 +220,7 @@ def sources_of(module: str, files: Iterable[str] = ()) -> dict[str, str]:
 
 
 def _imports_of(path: Path, package: str = "") -> Iterator[str]:
-    """Names of the modules that a file imports anywhere, with the packages around them; none of an unreadable file."""
+    """Return the names of the modules that a file imports, with their packages; none if it cannot be read."""
     try:
         tree = ast.parse(path.read_bytes())
     except (OSError, SyntaxError, ValueError):
@@ -240,7 +239,7 @@ def _imports_of(path: Path, package: str = "") -> Iterator[str]:
 
 
 def _is_local(module: ModuleType) -> bool:
-    """Return whether a module is Python code outside of Python, of installed distributions and of the suite."""
+    """Return whether a module is code from outside Python, installed distributions and the suite."""
     path, top = str(getattr(module, "__file__", None)), module.__name__.partition(".")[0]
     if not path.endswith(".py") or top in FIRST_PARTY or not Path(path).is_file():
         return False
@@ -248,7 +247,7 @@ def _is_local(module: ModuleType) -> bool:
 
 
 def _versions(top: str) -> dict[str, str]:
-    """Version of the distribution that brings a package, without the tag of its build, which says where it runs."""
+    """Return the version of the distribution of a package, without its build tag."""
     try:
         names = [top] if importlib.metadata.version(top) else []
     except importlib.metadata.PackageNotFoundError:
@@ -257,7 +256,7 @@ def _versions(top: str) -> dict[str, str]:
 
 
 def _check_helpers(path: Path) -> None:
-    """Raise ``ConfigurationError`` if an import would bring another module than the one beside the plugin."""
+    """Raise ``ConfigurationError`` if an import would not find the module next to the plugin."""
     for name, file in helpers_of(path).items():
         spec = importlib.util.find_spec(name)
         other = Path(spec.origin if spec is not None and spec.origin else "Python itself")
@@ -269,5 +268,5 @@ def _check_helpers(path: Path) -> None:
 
 
 def _are_copies(one: Path, other: Path) -> bool:
-    """Return whether it does not matter which of two modules is imported; of packages, other files may differ."""
+    """Return whether two modules have the same source; other files of packages may differ."""
     return "__init__.py" not in (one.name, other.name) and one.is_file() and one.read_bytes() == other.read_bytes()

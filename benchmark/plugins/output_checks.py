@@ -1,4 +1,4 @@
-"""Checks of what plugins say and return, before it is used: nothing is cast that would change."""
+"""Check the descriptions and results of plugins before use; values are never cast if that changes them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ Info = MethodInfo | ScorerInfo | DatasetInfo
 #: Problems with their hints.
 Problems = Iterator[tuple[str, str]]
 
-#: Random draws of a scorer, each of which ranks the whole gallery.
+#: Most random draws of a scorer, each of which ranks the whole gallery.
 _MOST_DRAWS = 100
 
-#: Characters of the longest identifier, class and pose of a shape.
+#: Most characters of identifier, class and pose of a shape.
 _LONGEST = 200
 
-#: Array that stands where there is no result: the problem, its hint, and the kind of error.
+#: Array that replaces a missing result: the problem, its hint, and the kind of error.
 REFUSED = "refused"
 
 _FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
@@ -39,14 +39,14 @@ _MATRIX_HINT = "return the distances of all pairs as a symmetric matrix of finit
 
 
 def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
-    """The form that a method makes of a shape, and what it notes, each a number or a text.
+    """Return the form of a shape by a method, with its notes, which are numbers or text.
 
     Raises
     ------
     ShapeError
         If the method refuses the shape.
     InvalidForm
-        If it returns what is no form of it.
+        If it returns something else than a form of the shape.
     """
     who = f"method '{method.info.name}'"
     try:
@@ -55,11 +55,11 @@ def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
         if not isinstance(form, CanonicalForm):
             raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm", _FORM_HINT)
         mesh = form.mesh
-    except InvalidMesh as error:  # the shape is in order, so what is not was made of it
+    except InvalidMesh as error:  # the shape is valid, so the method made it invalid
         raise InvalidForm(f"{who} returned no canonical form: {error.problem}", _FORM_HINT) from error
     notes = {}
     for name, value in form.notes.items():
-        note = np.asarray(value) if np.isscalar(value) else None  # a ragged list could not even be an array
+        note = np.asarray(value) if np.isscalar(value) else None  # a ragged list cannot become an array
         if note is None or note.dtype.kind not in "biufU":
             what = f"{type(value).__name__} as note '{name}'"
             raise InvalidForm(f"{who} returned {what}", "note numbers and strings only")
@@ -68,7 +68,7 @@ def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
 
 
 def descriptor_of(method: Descriptor, shape: Shape) -> FloatArray:
-    """The descriptor of a shape, shape (k,), float64.
+    """Return the descriptor of a shape, shape (k,), float64.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def descriptor_of(method: Descriptor, shape: Shape) -> FloatArray:
 
 
 def distances_of(method: Descriptor, descriptors: Sequence[FloatArray]) -> FloatArray:
-    """Dissimilarities that a descriptor finds between all pairs of shapes, shape (N, N), float64.
+    """Return the dissimilarities of all pairs of descriptors, shape (N, N), float64.
 
     Raises
     ------
@@ -96,12 +96,12 @@ def distances_of(method: Descriptor, descriptors: Sequence[FloatArray]) -> Float
 
 
 def signature_of(scorer: Scorer, form: Mesh) -> SignatureArrays:
-    """The signature of a form: named arrays.
+    """Return the signature of a form: named arrays.
 
     Raises
     ------
     ShapeError
-        If the scorer refuses the form, which may have no extent.
+        If the scorer refuses the form, for example one without extent.
     InvalidSignature
         If it returns anything but named arrays of finite numbers.
     """
@@ -119,7 +119,7 @@ def signature_of(scorer: Scorer, form: Mesh) -> SignatureArrays:
 
 
 def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: int) -> FloatArray:
-    """Dissimilarities of all pairs of forms under one draw of the scorer, shape (N, N).
+    """Return the dissimilarities of all pairs of forms under one draw of the scorer, shape (N, N).
 
     Raises
     ------
@@ -131,7 +131,7 @@ def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: 
 
 
 def _real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint: str) -> FloatArray:
-    """An answer as an array of finite real numbers; any length but 0 will do where the shape is None."""
+    """Return an answer as an array of finite real numbers; None in ``shape`` stands for any length except 0."""
     try:
         array = np.asarray(answer)
     except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
@@ -159,7 +159,7 @@ def _is_bool(value: Any) -> bool:
     return isinstance(value, bool)
 
 
-#: For each field of an info besides its texts: what it must be, and what to write instead.
+#: For each field of an info that is not text: the required type, and a hint.
 _FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "inputs": (
         lambda value: _are_words(value) and bool(value) and set(value) <= {"mesh", "view"},
@@ -180,7 +180,7 @@ _FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
 
 
 def problems_of(info: Info) -> Problems:
-    """Return what is wrong with what a plugin says about itself: each problem with its hint."""
+    """Return the problems in the description of a plugin, with hints."""
     if isinstance(info, MethodInfo) and isinstance(info.name, str) and info.name in RESERVED:
         yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
     if not is_name(info.name):
@@ -198,7 +198,7 @@ def problems_of(info: Info) -> Problems:
 
 
 def problems_of_learner(learner: Any) -> Problems:
-    """Return what is wrong with what a learner says of its models: each problem with its hint."""
+    """Return the problems in what a learner says about its models, with hints."""
     if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
         yield f"model_name is {learner.model_name!r}", "return a text that can name a folder"
     if learner.split not in get_args(Split):
@@ -208,7 +208,7 @@ def problems_of_learner(learner: Any) -> Problems:
 
 
 def problems_of_entries(entries: Sequence[Any]) -> Problems:
-    """Return what is wrong with the shapes that a data set lists: each problem with its hint."""
+    """Return the problems in the shapes that a data set lists, with hints."""
     if not entries:
         yield "it lists no shapes", "let 'entries' list at least two classes, one of them with two shapes"
     for entry in entries:

@@ -1,4 +1,4 @@
-"""Parameters in text: names with parameters in brackets, several values of one, and what a docstring says of each.
+"""Parameters as text: names with parameters in brackets, alternatives, and descriptions from docstrings.
 
 ``metric=geodesic|biharmonic,power=1|2`` stands for four choices.
 """
@@ -15,13 +15,13 @@ from typing import Any
 from benchmark.api.parameters import assignments, declared_parameters, format_value, split, values_in_words
 from benchmark.errors import ConfigurationError
 
-#: Characters that mean something between the brackets of a method: a text that has one of them is quoted.
+#: Characters with a meaning inside brackets; a text that contains one of them is quoted.
 _SPECIAL = frozenset("|,()'\" ")
 _NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
 
 
 def split_name(name: str) -> tuple[str, str] | None:
-    """A name and what stands in brackets behind it, "" if nothing does; None where brackets do not close or follow.
+    """Split a name from the text in its brackets, "" if there are none; None if brackets are not balanced or final.
 
     Examples
     --------
@@ -33,15 +33,15 @@ def split_name(name: str) -> tuple[str, str] | None:
 
 
 def combinations(text: str) -> list[dict[str, str]]:
-    """Every choice of one value for each parameter, the last one varying fastest.
+    """Return all combinations of one value for each parameter, the last one varying fastest.
 
-    Values of one parameter stand between ``|``, parameters between commas. Neither separates inside parentheses, which
-    hold one value of several numbers, or inside quotes, which hold a text as it is and are taken off.
+    ``|`` separates values of one parameter, commas separate parameters. Both are literal inside parentheses, which
+    enclose a value of several numbers, and inside quotes, which enclose text and are removed.
 
     Parameters
     ----------
     text
-        What stands between the brackets of a method on the command line.
+        The text between the brackets of a method on the command line.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def combinations(text: str) -> list[dict[str, str]]:
     Raises
     ------
     ConfigurationError
-        If a name or a value is missing, a name is given twice, or a quote or a parenthesis has no other half.
+        If a name or a value is missing, a name is given twice, or a quote or a parenthesis is not closed.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def combinations(text: str) -> list[dict[str, str]]:
 
 
 def quoted(text: str) -> str:
-    """A text as it is written between the brackets of a method: in quotes where it could be taken for several."""
+    """Return a text as it is written between brackets, in quotes if it could be read as several values."""
     if text and not _SPECIAL & set(text):
         return text
     quote = '"' if "'" in text else "'"
@@ -85,13 +85,13 @@ class ParameterText:
     Parameters
     ----------
     name
-        As it is written on the command line.
+        Name on the command line.
     values
-        What it takes.
+        Accepted values.
     default
-        Its default, as it is written.
+        Default, as on the command line.
     meaning
-        What the docstring of the class says of it; "" if that says nothing.
+        Description in the docstring of the class; "" if there is none.
     """
 
     name: str
@@ -101,7 +101,7 @@ class ParameterText:
 
 
 def described(cls: type[Any]) -> list[ParameterText]:
-    """Parameters of a dataclass in the order of its fields; none of another class."""
+    """Return the parameters of a dataclass in the order of its fields; none for another class."""
     meanings: dict[str, str] = {}
     for base in reversed(inspect.getmro(cls)):
         meanings |= explained(vars(base).get("__doc__") or "")
@@ -113,7 +113,7 @@ def described(cls: type[Any]) -> list[ParameterText]:
 
 
 def explained(docstring: str) -> dict[str, str]:
-    """Return what the section ``Parameters`` of a numpydoc docstring says of each, each on one line."""
+    """Return the descriptions in the section ``Parameters`` of a numpydoc docstring by name, on one line each."""
     lines = inspect.cleandoc(docstring).splitlines()
     rules = [place for place, line in enumerate(lines) if place and re.fullmatch("-{3,}", line.strip())]
     start = next((place for place in rules if lines[place - 1].strip() == "Parameters"), None)
@@ -133,6 +133,6 @@ def explained(docstring: str) -> dict[str, str]:
 
 
 def _plain(text: str) -> str:
-    """Text without the marks of reStructuredText."""
+    """Return text without reStructuredText markup."""
     text = re.sub(r":[a-z]+:`~?([^`]*)`", r"\1", text)
     return text.replace("``", "").replace('"', "'")

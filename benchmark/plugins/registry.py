@@ -1,7 +1,7 @@
 """Names of methods: built-in ones, those of installed packages, and those of a plugin file.
 
-A name stands for the string ``"module:attribute"``; the module is imported only when the method is looked at, so that
-one broken or heavy method costs nobody else anything.
+A name stands for the string ``"module:attribute"``. The module is imported only when the method is needed, so a broken
+or heavy method does not affect the others.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from benchmark.plugins.specs import MethodSpec
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
 
-#: Stands for all methods where others are named beside it.
+#: Stands for all methods next to other names.
 EVERY = "all"
 
 BUILT_IN: dict[str, str] = {
@@ -62,7 +62,7 @@ BUILT_IN: dict[str, str] = {
 
 _FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
 
-#: Variants that have rows beside their method where it was not asked for by name.
+#: Variants that get rows next to their method, unless the method is selected by name.
 VARIANTS: Mapping[str, tuple[Mapping[str, str], ...]] = {
     "classic-mds": _FURTHER_METRICS,
     "least-squares-mds": _FURTHER_METRICS,
@@ -71,21 +71,21 @@ VARIANTS: Mapping[str, tuple[Mapping[str, str], ...]] = {
 
 
 class KnownPlugins(dict[str, S]):
-    """Plugins of one kind by name, in the order of the tables; to look up another name raises what is wrong with it.
+    """Plugins of one kind by name, in the order of the tables; another name raises an error with the reason.
 
     Parameters
     ----------
     kind
         Methods or scorers.
     built_in
-        Where each of the suite is defined, by its name.
+        Where those of the suite are defined, by name.
     plugins
-        Python files that may define further ones.
+        Python files that may define more.
 
     Raises
     ------
     ConfigurationError
-        If two have one name, or a plugin file cannot be used.
+        If two have the same name, or a plugin file cannot be used.
     """
 
     def __init__(self, kind: type[S], built_in: Mapping[str, str], plugins: Iterable[Path]) -> None:
@@ -105,7 +105,7 @@ class KnownPlugins(dict[str, S]):
 
 
 def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
-    """All known methods by name, in the order of the tables.
+    """Return all known methods by name, in the order of the tables.
 
     Parameters
     ----------
@@ -115,42 +115,41 @@ def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
     Raises
     ------
     ConfigurationError
-        If two methods have one name, or a plugin file cannot be used.
+        If two methods have the same name, or a plugin file cannot be used.
     """
     return KnownPlugins(MethodSpec, BUILT_IN, plugins)
 
 
 def plugin_methods(path: Path) -> list[MethodSpec]:
-    """Methods defined in a plugin file; see :func:`benchmark.plugins.inspection.plugins_in`."""
+    """Return the methods in a plugin file; see :func:`benchmark.plugins.inspection.plugins_in`."""
     return plugins_of(MethodSpec, path)
 
 
 def unusable() -> tuple[str, ...]:
-    """One line for each installed package with methods that cannot be used, and are left out of :func:`methods`."""
+    """Return a line for each installed package with unusable methods, which :func:`methods` omits."""
     return installed(MethodSpec, frozenset(BUILT_IN)).news
 
 
 def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Iterable[Path] = ()) -> list[MethodSpec]:
     """Return the named methods in table order; all when no name is given.
 
-    The methods of a plugin file of which none is named are in as well: whoever passes the file wants to see them beside
-    the named ones.
+    If no method of a plugin file is named, all its methods are added, since passing the file implies interest in them.
 
     Parameters
     ----------
     names
-        Names, each with parameters if need be: ``"least-squares-mds[start=classic]"``, or several values of one:
-        ``"classic-mds[metric=geodesic|biharmonic]"``; ``"all"`` stands for what is chosen when none is given, to add
-        further ones to it.
+        Names, optionally with parameters: ``"least-squares-mds[start=classic]"``, or with several values:
+        ``"classic-mds[metric=geodesic|biharmonic]"``. ``"all"`` stands for the default selection, to which other names
+        are added.
     known
-        What :func:`methods` found.
+        Result of :func:`methods`.
     plugins
         The plugin files that were passed.
 
     Raises
     ------
     ConfigurationError
-        If a name or a parameter is unknown, or a value does not fit.
+        If a name or a parameter is unknown, or a value is invalid.
     """
     asked = [name.strip() for name in names]
     every = not asked or EVERY in asked
@@ -164,21 +163,21 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
         is_added = spec.module in files and spec.module not in named_modules
         if (every and all(variant.parameters for variant in of_method)) or is_added:
             chosen.append(dataclasses.replace(spec, named=spec.module in files))
-        # Beside all methods, a further one goes where its kind goes; alone, it goes wherever it is asked for.
+        # Added to all methods, a method appears in the tables of its kind; alone, in every table.
         chosen += [dataclasses.replace(variant, named=EVERY not in asked) for variant in of_method]
     return chosen
 
 
 def variants(name: str, known: Mapping[str, S]) -> list[S]:
-    """Return the methods, or scorers, that a name with parameters stands for, one for each choice of their values.
+    """Return the methods, or scorers, for a name with parameters, one for each combination of their values.
 
-    See :func:`benchmark.plugins.parameters.combinations` for how several values are written. Two choices that
-    make one method count once.
+    See :func:`benchmark.plugins.parameters.combinations` for the syntax. Combinations that give the same method count
+    once.
 
     Raises
     ------
     ConfigurationError
-        If the name or a parameter is unknown, or a value does not fit.
+        If the name or a parameter is unknown, or a value is invalid.
     """
     base, inside = split_name(name) or (name, "")
     made = (_with(known[base], given) for given in combinations(inside))
@@ -186,12 +185,12 @@ def variants(name: str, known: Mapping[str, S]) -> list[S]:
 
 
 def variant(name: str, known: Mapping[str, S]) -> S:
-    """Return the one method, or scorer, that a name with parameters in brackets stands for.
+    """Return the only method, or scorer, for a name with parameters in brackets.
 
     Raises
     ------
     ConfigurationError
-        If the name or a parameter is unknown, a value does not fit, or the name stands for several methods.
+        If the name or a parameter is unknown, a value is invalid, or the name stands for several methods.
     """
     found = variants(name, known)
     if len(found) > 1:
@@ -204,5 +203,5 @@ def _with(spec: S, given: Mapping[str, str]) -> S:
         return spec
     made = spec.with_parameters(given)
     if not made.missing_packages():
-        made.create()  # a class may refuse parameters by a rule of its own, and had better do so now
+        made.create()  # lets the class refuse invalid combinations now
     return made

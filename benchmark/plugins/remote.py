@@ -1,7 +1,7 @@
-"""Plugins in processes of their own: what each tells of itself, and methods and scorers whose work is done there.
+"""Plugins in separate processes, which report their facts and do the work of their methods and scorers.
 
-There is one process for each plugin file and kind: they share no knowledge. Facts that a process watched by nobody
-needs are told by processes that end at once.
+Each plugin file has its own process for each kind of plugin, so that these share no knowledge. A process that runs no
+jobs gets facts from processes that end immediately.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from benchmark.plugins.serving import folded
 
 Facts = dict[str, Any]
 
-#: Seconds that importing a file, making its methods and listing the shapes of its data sets may take.
+#: Longest time in seconds to import a file, create its methods and list the shapes of its data sets.
 LIMIT = 30.0
 
-#: Deaths by somebody else's hand after which a file is blamed for them.
+#: Number of kills from outside after which a file is blamed for them.
 _MAX_RETRIES = 3
 
-#: Processes at work, by kind and plugin file, and by name where one leaves threads or processes behind.
+#: Running processes by kind and plugin file, and by name if a plugin leaves threads or processes behind.
 _processes: dict[tuple[str, ...], Process] = {}
 
-#: What plugins have told, by kind, target and parameters.
+#: Facts of plugins by kind, target and parameters.
 _told: dict[str, Facts] = {}
 
 _starting: Callable[[bool], object] = bool
 
 
 def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
-    """Let no plugin into this process from now on: their methods and scorers work in processes of their own.
+    """Forbid plugins in this process from now on: their methods and scorers run in separate processes.
 
     Parameters
     ----------
     starting
-        Called with True before a process starts and imports its plugin, and with False after that.
+        Called with True before a process starts and imports its plugin, and with False afterwards.
     """
     global _starting
     _starting = starting
@@ -58,7 +58,7 @@ def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
 
 
 def look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) -> Any:
-    """Call a function that imports foreign code apart, again if somebody else may have ended its process.
+    """Call a function that imports foreign code in a separate process, again if it was killed from outside.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) ->
 
 
 def remember(*plugins: Facts) -> None:
-    """Note what plugins have told of themselves."""
+    """Store the facts of plugins."""
     _told.update({_key(facts["kind"], facts["target"], facts["chosen"]): facts for facts in plugins})
 
 
@@ -84,12 +84,12 @@ def _key(*names: Any) -> str:
 
 @dataclass(frozen=True)
 class Remote:
-    """A plugin in its process, by what names it there.
+    """A plugin in its process, with the values that identify it there.
 
     Parameters
     ----------
     serve
-        What its process answers requests with.
+        Handler of requests in its process.
     kind, base_name, target, parameters
         See :class:`benchmark.plugins.specs.PluginSpec`.
     """
@@ -102,7 +102,7 @@ class Remote:
 
     @property
     def facts(self) -> Facts:
-        """What it tells of itself, see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
+        """Facts of the plugin; see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
         key = _key(self.kind, self.target, plain(self.parameters))
         if key not in _told:
             _told[key] = self.request("facts")[0] if is_child() else self.look("facts")
@@ -110,7 +110,7 @@ class Remote:
         return _told[key]
 
     def look(self, work: str, **facts: Any) -> Facts:
-        """Have some work done in a process that ends at once."""
+        """Send a request to a process that ends immediately afterwards."""
         hint = "correct the plugin: importing it and making its methods must end at once"
         what = f"{self.kind} '{self.base_name}'"
         answer: Facts = look(_answer, self.serve, self._message(work, facts), what=what, hint=hint)
@@ -118,21 +118,21 @@ class Remote:
 
     @property
     def _places(self) -> tuple[tuple[str, ...], ...]:
-        """Place of its process, that which it shares with others of its plugin, and that which is its own."""
+        """Return the key of its current process, of the one shared with its plugin file, and of its own."""
         shared = (self.kind, self.target.rpartition(":")[0])
         own = (*shared, self.base_name)
         return (own if own in _processes else shared), shared, own
 
     @property
     def files(self) -> dict[str, str]:
-        """Files that its process has read, with their digests."""
+        """Digests of the files that its process has read, by path."""
         process = _processes.get(self._places[0])
         return process.files if process else {}
 
     def request(
         self, work: str, facts: Mapping[str, Any] | None = None, arrays: Arrays | None = None
     ) -> tuple[Facts, Arrays]:
-        """Have some work done; a process that starts is asked for facts, which takes no time of a job."""
+        """Send a request; a new process is first asked for facts, whose time does not count for a job."""
         place, shared, own = self._places
         if place not in _processes:
             _starting(True)
@@ -145,7 +145,7 @@ class Remote:
         try:
             return process.request_or_end_alike(self._message(work, facts or {}), arrays)
         finally:
-            if process.is_occupied and place == shared and work != "facts":  # facts import the plugin, for all of it
+            if process.is_occupied and place == shared and work != "facts":  # reporting facts imports the plugin
                 _processes[own] = _processes.pop(shared)
 
     def _message(self, work: str, facts: Mapping[str, Any]) -> Facts:
@@ -154,24 +154,24 @@ class Remote:
 
 
 def _answer(serve: Serve, message: Facts) -> Facts:
-    """Facts of an answer, in a process that may import the plugin."""
+    """Return the facts of an answer, in a process that may import the plugin."""
     return dict(serve(message, {}, None)[0])  # type: ignore[arg-type]  # nobody is told of progress
 
 
 @dataclass(frozen=True)
 class Foreign:
-    """A method or scorer whose work is done in the process of its plugin.
+    """A method or scorer that runs in the process of its plugin.
 
     Parameters
     ----------
     remote
-        Has the work done.
+        Sends the requests.
     info
-        What it says about itself.
+        Description of the method or scorer.
     book
-        Told the cost of each work.
+        Called with the cost of each request.
     model
-        Folder of the trained model; "" where it does not learn.
+        Folder of the trained model; "" if it does not learn.
     """
 
     remote: Remote
@@ -181,7 +181,7 @@ class Foreign:
 
     @property
     def files(self) -> dict[str, str]:
-        """Files that its process has read so far, with their digests."""
+        """Digests of the files that its process has read so far, by path."""
         return self.remote.files
 
     def _work(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> Arrays:
@@ -216,15 +216,15 @@ class RemoteLearner(RemoteMethod):
     model_folder: Path | None = None
 
     def train(self, *_: object) -> NoReturn:
-        """Raise ``AssertionError``: it is trained where it is imported."""
+        """Raise ``AssertionError``: training runs in the process that imports the plugin."""
         raise AssertionError("a plugin is trained in a process of its own")
 
     def load(self, folder: Path) -> Self:
-        """Return the same with a model."""
+        """Return the same learner with a model."""
         return replace(self, model=str(folder))
 
     def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
-        """Raise ``ConfigurationError`` if the card is none of its own."""
+        """Raise ``ConfigurationError`` if the card does not belong to this learner."""
         self.remote.look("check_card", folder=str(folder))
 
 

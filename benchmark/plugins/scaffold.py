@@ -1,4 +1,4 @@
-"""A working plugin of each kind to start from, and its test; the program of an external one, too."""
+"""Templates for ``new``: a working plugin of each kind with its test, and the program of an external one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchmark.text import LONGEST_NAME, RESERVED, is_name
 
 __all__ = ["KINDS", "new_plugin"]
 
-#: Plugin of each kind in the folder of examples: with another name it is what is written.
+#: Example of each kind, which is written under another name.
 _EXAMPLES = {
     "method": "ray-stretch",
     "external": "graph-stress",
@@ -29,7 +29,7 @@ _EXAMPLES = {
     "dataset": "bent-ellipsoids",
 }
 
-#: The packages of each installed module; to ask takes half a second.
+#: Distributions of each installed module, cached because the query takes half a second.
 _installed = cache(packages_distributions)
 
 KINDS = tuple(_EXAMPLES)
@@ -37,16 +37,16 @@ KINDS = tuple(_EXAMPLES)
 
 
 def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
-    """Write a plugin file with something small that works, and a test of it; nothing is overwritten.
+    """Write a small working plugin and its test; no file is overwritten.
 
     Parameters
     ----------
     kind
         One of :data:`KINDS`.
     name
-        Its name: lower case, words joined by hyphens.
+        Name in lower case, with hyphens between words.
     folder
-        Where to write ``name_with_underscores.py`` and ``test_name_with_underscores.py``; made if it is not there.
+        Folder for ``name_with_underscores.py`` and ``test_name_with_underscores.py``; created if necessary.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
     Raises
     ------
     ConfigurationError
-        If the name cannot be used, a file is there already, or the folder cannot be written to.
+        If the name is invalid, a file already exists, or the folder cannot be written.
     """
     _check_name(kind, name)
     texts: dict[Path, str] = {}
@@ -78,21 +78,21 @@ def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:
 
 
 def _spellings(name: str) -> tuple[str, str, str, str]:
-    """One name as it is written on the command line, of a module, of a class, and in tables."""
+    """Return a name as written on the command line, for a module, for a class, and in tables."""
     title = " ".join(word.capitalize() for word in name.split("-"))
     return name, name.replace("-", "_"), title.replace(" ", ""), title
 
 
 def _sources(example: str) -> list[Path]:
     """Return the plugin file of an example, its test, and the program that it calls."""
-    package = Path(__file__).parents[1] / "examples"  # of an installed suite; in a checkout they lie beside it
+    package = Path(__file__).parents[1] / "examples"  # in an installed suite; a checkout has them at its root
     folder = package if package.is_dir() else Path(__file__).parents[2] / "examples"
     module = example.replace("-", "_")
     return [folder / f"{module}.py", folder / f"test_{module}.py", *folder.glob(f"{module}.cpp")]
 
 
 def _check_name(kind: str, name: str) -> None:
-    """Raise ``ConfigurationError`` if nothing can have this name, or something has it."""
+    """Raise ``ConfigurationError`` if the name is invalid or taken."""
     what = "data set" if kind == "dataset" else kind
     if not is_name(name):
         words = re.findall(r"[a-z][a-z0-9]*|[0-9]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
@@ -107,7 +107,7 @@ def _check_name(kind: str, name: str) -> None:
 
 
 def _check_python(name: str, plugin: str) -> None:
-    """Raise ``ConfigurationError`` if a name would hide another one in the file, or the file another module."""
+    """Raise ``ConfigurationError`` if a name would hide another name in the file, or the file another module."""
     _, module, class_name, _ = _spellings(name)
     is_imported = re.search(rf"^(?:(?:from|import) .*\b{class_name}\b|    {class_name},$)", plugin, re.MULTILINE)
     if keyword.iskeyword(module) or keyword.iskeyword(class_name) or is_imported:

@@ -12,7 +12,7 @@ from benchmark.plugins.specs import ScorerSpec
 
 __all__ = ["BUILT_IN", "DEFAULT", "ScorerSpec", "plugin_scorers", "scorer_of", "scorers", "unusable"]
 
-#: Scorer of the tables of the paper. Its name is left out of the names of jobs and of records.
+#: Scorer of the paper's tables; its name is omitted from the names of jobs and from records.
 DEFAULT = DEFAULT_SCORER
 
 BUILT_IN: dict[str, str] = {
@@ -22,7 +22,7 @@ BUILT_IN: dict[str, str] = {
 
 
 def scorers(plugins: Iterable[Path] = ()) -> dict[str, ScorerSpec]:
-    """All known scorers by name, the default first.
+    """Return all known scorers by name, the default first.
 
     Parameters
     ----------
@@ -32,29 +32,29 @@ def scorers(plugins: Iterable[Path] = ()) -> dict[str, ScorerSpec]:
     Raises
     ------
     ConfigurationError
-        If two scorers have one name, or a plugin file cannot be used.
+        If two scorers have the same name, or a plugin file cannot be used.
     """
     return KnownPlugins(ScorerSpec, BUILT_IN, plugins)
 
 
 def unusable() -> tuple[str, ...]:
-    """One line for each installed package with scorers that cannot be used, and are left out of :func:`scorers`."""
+    """Return a line for each installed package with unusable scorers, which :func:`scorers` omits."""
     return installed(ScorerSpec, frozenset(BUILT_IN)).news
 
 
 def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:
-    """Return the scorer that a name, with parameters in brackets if need be, stands for.
+    """Return the scorer for a name, which may have parameters in brackets.
 
     Raises
     ------
     ConfigurationError
-        If the name or a parameter is unknown, a value does not fit, or a package is missing.
+        If the name or a parameter is unknown, a value is invalid, or a package is missing.
     """
     found = variant(name, known)
-    found.create()  # a class may refuse parameters by a rule of its own, and had better do so now
+    found.create()  # lets the class refuse invalid combinations now
     return found
 
 
 def plugin_scorers(path: Path) -> list[ScorerSpec]:
-    """Scorers defined in a plugin file; see :func:`benchmark.plugins.inspection.plugins_in`."""
+    """Return the scorers in a plugin file; see :func:`benchmark.plugins.inspection.plugins_in`."""
     return plugins_of(ScorerSpec, path)

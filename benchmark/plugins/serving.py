@@ -1,4 +1,4 @@
-"""The work of a plugin in its process, which is told no name, no class and no order of a gallery."""
+"""Answer requests in the process of a plugin, which learns no name, no class and no order of a gallery."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Answer = tuple[dict[str, Any], Arrays]
 
 _meter = Meter()
 
-#: What a data set makes of a shape: of which type, what to do about any other, and how it travels.
+#: Results of a data set for a shape: type, hint for any other type, and conversion to arrays.
 _OF_SHAPES: Mapping[str, tuple[type[Any], str, Callable[[Any], Answer]]] = {
     "load": (Mesh, "return Mesh(vertices, faces)", lambda mesh: ({}, _arrays_of(mesh))),
     "camera": (Camera, "return a Camera", lambda camera: (asdict(camera), {})),
@@ -32,13 +32,13 @@ _OF_SHAPES: Mapping[str, tuple[type[Any], str, Callable[[Any], Answer]]] = {
 
 @dataclass(frozen=True)
 class OpenedDataset:
-    """A data set of a plugin file with the shapes that it lists."""
+    """A data set of a plugin file with its shapes."""
 
     dataset: ListsShapes
     entries: tuple[Entry, ...]
 
     def ask(self, work: str, identifier: str) -> Answer:
-        """Have a method of the data set called with a shape; whatever it raises costs that shape alone."""
+        """Call a method of the data set with a shape; any error affects only that shape."""
         kind, hint, packed = _OF_SHAPES[work]
         who = f"data set '{self.dataset.info.name}', shape '{identifier}': '{work}'"
         entry = next(entry for entry in self.entries if entry.identifier == identifier)
@@ -55,7 +55,7 @@ class OpenedDataset:
 
 
 def answer(plugin: Any, facts: Facts, arrays: Arrays) -> Answer:
-    """Do the work that a request names."""
+    """Answer a request."""
     if isinstance(plugin, OpenedDataset):
         return plugin.ask(facts["work"], facts["identifier"])
     with _meter.measured(f"{facts['work']} {facts['base_name']}") as cost:
@@ -78,7 +78,7 @@ def _check_card(method: Any, facts: Facts, _: Arrays) -> Arrays:
     return {}
 
 
-#: What a method or a scorer is asked to do, by name.
+#: Requests to a method or a scorer, by name.
 WORK: Mapping[str, Callable[[Any, Facts, Arrays], Arrays]] = {
     "canonicalise": _form,
     "describe": lambda method, facts, arrays: {"descriptor": descriptor_of(method, _shape(facts, arrays))},
@@ -96,12 +96,12 @@ def _arrays_of(mesh: Mesh) -> Arrays:
 
 
 def folded(signatures: Sequence[Arrays]) -> dict[str, Any]:
-    """Return the arrays of several signatures as those of one message."""
+    """Combine the arrays of several signatures in one message."""
     return {f"{k}:{name}": array for k, arrays in enumerate(signatures) for name, array in arrays.items()}
 
 
 def unfolded(arrays: Arrays) -> Iterator[dict[str, Any]]:
-    """Yield the signatures that :func:`folded` put together, in their order."""
+    """Yield the signatures that :func:`folded` combined, in their order."""
     signatures: dict[int, dict[str, Any]] = {}
     for name, array in arrays.items():
         number, _, rest = name.partition(":")
@@ -113,7 +113,7 @@ _latest: dict[tuple[Any, ...], Shape] = {}
 
 
 def _shape(facts: Facts, arrays: Arrays) -> Shape:
-    """The shape of a request, which bears a number for a name; the methods of one file share its geodesics."""
+    """Return the shape of a request, named by a number; the methods of one file share its geodesics."""
     seed, area = int(facts["seed"]), facts["source_area"]
     key = (seed, area, *(arrays[name].tobytes() for name in sorted(arrays)))
     if key not in _latest:
@@ -126,7 +126,7 @@ def _shape(facts: Facts, arrays: Arrays) -> Shape:
 
 
 class SharedStages:
-    """Arrays that the methods of one shape share in memory; each is charged what it would have paid alone."""
+    """Arrays that the methods of one shape share in memory; each is charged the full cost."""
 
     def __init__(self, meter: Meter) -> None:
         self._meter = meter
@@ -142,7 +142,7 @@ class SharedStages:
         with self._meter.measured(name) as measured:
             arrays = compute()
         cost = measured()
-        self._meter.share(stage, cost)  # its memory is in the mark of the stage that called
+        self._meter.share(stage, cost)  # the peak of the calling stage includes its memory
         size = sum(array.nbytes for array in arrays.values()) / 2**20
         self._results[name] = (arrays, Cost(cost.seconds, cost.peak_mib, cost.first_use, size))
         return arrays

@@ -1,7 +1,7 @@
-"""Plugins by name, as they travel between processes: where one is defined, how it is made, and what it says of itself.
+"""Specifications of plugins, as they are passed between processes: definition, parameters and facts.
 
-Parts of the suite, of installed packages and of plugin files are described alike. A closed process asks the process of
-a plugin for its facts, and lets it do the work.
+Methods, scorers and data sets of the suite, of installed packages and of plugin files have the same specifications. A
+closed process gets the facts of a plugin, and all its work, from the process of that plugin.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Value = TypeVar("Value")
 
 
 class Fact(Generic[Value]):
-    """A fact about a plugin: worked out once where the plugin may be imported, else told by its process."""
+    """A fact about a plugin, computed once if the plugin may be imported here, else reported by its process."""
 
     def __init__(self, work_out: Callable[[Any], Value]) -> None:
         self._work_out, self._name, self.__doc__ = work_out, work_out.__name__, work_out.__doc__
@@ -54,13 +54,13 @@ class Fact(Generic[Value]):
             value = msgspec.convert(spec.remote.facts[self._name], kind, dec_hook=lambda path, text: path(text))
         else:
             value = self._work_out(spec)
-        vars(spec)[self._name] = value  # which is found before this descriptor from now on
+        vars(spec)[self._name] = value  # takes precedence over this descriptor from now on
         return cast(Value, value)
 
 
 @dataclass(frozen=True)
 class PluginSpec(Generic[Info, Made]):
-    """A method, a scorer or a data set by name, with everything needed to make it again in another process.
+    """A method, a scorer or a data set by name, with everything needed to create it in another process.
 
     Parameters
     ----------
@@ -69,22 +69,22 @@ class PluginSpec(Generic[Info, Made]):
     target
         ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
     parameters
-        Parameters as text or as they are; those that differ from their defaults are kept, normalised and in the order
-        of the fields, so that two ways to write one plugin make equal objects.
+        Parameters as text or values; only those that differ from their defaults are kept, normalised and in the order
+        of the fields, so that equal plugins are equal objects however they are written.
     named
-        Whether somebody asked for it, by its name or by passing its file.
+        Whether the user asked for it, by name or by passing its file.
 
     Raises
     ------
     ConfigurationError
-        If there is no such parameter, or a value does not fit.
+        If there is no such parameter, or a value is invalid.
     """
 
-    #: What messages call it; the group of its entry points in installed packages is ``canonical_forms.KINDs``.
+    #: Kind in messages; the group of entry points in installed packages is ``canonical_forms.KINDs``.
     kind: ClassVar[str]
-    #: Type of what it says about itself.
+    #: Type of its description.
     info_type: ClassVar[type[Any]]
-    #: Protocols of which what is made keeps one, what it lacks otherwise, and where to read of it.
+    #: Protocols of which objects implement one, the words for a violation, and a hint where to read.
     contracts: ClassVar[tuple[type[Any], ...]]
     lacking: ClassVar[str]
     hint: ClassVar[str]
@@ -95,7 +95,7 @@ class PluginSpec(Generic[Info, Made]):
     named: bool = False
 
     def __post_init__(self) -> None:
-        if not self.parameters or (self.is_elsewhere and is_child()):  # whoever started this process looked at them
+        if not self.parameters or (self.is_elsewhere and is_child()):  # already inspected by the parent process
             return
         if self.is_elsewhere:
             facts = self.remote.facts["chosen"]
@@ -106,7 +106,7 @@ class PluginSpec(Generic[Info, Made]):
 
     @property
     def name(self) -> str:
-        """Name on the command line, in its one spelling."""
+        """Name on the command line, in its normal form."""
         chosen = self._chosen(",")
         return f"{self.base_name}[{chosen}]" if chosen else self.base_name
 
@@ -117,7 +117,7 @@ class PluginSpec(Generic[Info, Made]):
         return f"{self.info.title} ({chosen})" if chosen else self.info.title
 
     def _chosen(self, separator: str) -> str:
-        """Parameters as they are written on the command line; a text that would be read as another one is quoted."""
+        """Return the parameters as on the command line; ambiguous text is quoted."""
         texts = [quoted(v) if isinstance(v, str) else format_value(v) for v in self.parameters.values()]
         return separator.join(f"{key}={text}" for key, text in zip(self.parameters, texts, strict=True))
 
@@ -128,55 +128,55 @@ class PluginSpec(Generic[Info, Made]):
 
     @property
     def is_foreign(self) -> bool:
-        """Return whether it comes from a plugin file or an installed package."""
+        """Whether it comes from a plugin file or an installed package."""
         return self.module.partition(".")[0] not in FIRST_PARTY
 
     @property
     def is_elsewhere(self) -> bool:
-        """Return whether this process must not import it."""
+        """Whether this process must not import it."""
         return self.is_foreign and is_closed()
 
     @property
     def remote(self) -> Remote:
-        """The same in its own process."""
+        """The plugin in its own process."""
         return Remote(serve, self.kind, self.base_name, self.target, self.parameters)
 
     @property
     def info(self) -> Info:
-        """Return what it says about itself."""
+        """Description of the plugin."""
         if self.is_elsewhere:
             return cast(Info, msgspec.convert(self.remote.facts["info"], self.info_type))
         return cast(Info, self.load().info)
 
     @Fact
     def summary(self) -> str:
-        """What it does, in one line."""
+        """Summary in one line."""
         return self.info.summary or (inspect.getdoc(self.load()) or "").partition("\n")[0]
 
     @Fact
     def parameter_texts(self) -> list[ParameterText]:
-        """Parameters in words."""
+        """Descriptions of the parameters."""
         return described(self.load())
 
     @Fact
     def all_parameters(self) -> dict[str, Any]:
-        """All parameters, defaults included, normalised; none where packages are missing to make it."""
+        """All parameters, defaults included, normalised; none if packages are missing to create it."""
         return {} if self.missing_packages() else parameter_values(self.create())
 
     @Fact
     def sources(self) -> dict[str, str]:
-        """See :func:`benchmark.plugins.modules.sources_of`; empty for a part of the suite."""
+        """Result of :func:`benchmark.plugins.modules.sources_of`; empty for plugins of the suite."""
         self.load()
         return sources_of(self.module, getattr(self.info, "files", ())) if self.is_foreign else {}
 
     @property
     def facts(self) -> Facts:
-        """All facts, as JSON carries them to other processes.
+        """Return all facts as plain values for other processes.
 
         Raises
         ------
         ConfigurationError
-            If it cannot be made with its parameters, or described in plain values.
+            If it cannot be created with its parameters, or described in plain values.
         """
         names = {name for cls in type(self).__mro__ for name, value in vars(cls).items() if isinstance(value, Fact)}
         facts = {name: getattr(self, name) for name in names - {"all_parameters"}} | {"info": self.info}
@@ -190,7 +190,7 @@ class PluginSpec(Generic[Info, Made]):
         return {"kind": self.kind, "target": self.target, **msgspec.to_builtins(facts, enc_hook=str), **parameters}
 
     def load(self) -> type[Any]:
-        """Import and return the class; raises ``ConfigurationError`` if that fails, or it does not say what it is."""
+        """Import and return the class; raise ``ConfigurationError`` if that fails or its description is invalid."""
         module = import_module(self.module, f"{self.kind} '{self.base_name}'")
         cls = getattr(module, attribute := self.target.rpartition(":")[2], None)
         if cls is None:
@@ -200,12 +200,12 @@ class PluginSpec(Generic[Info, Made]):
         return cast(type[Any], cls)
 
     def create(self) -> Made:
-        """Make it with its parameters.
+        """Create an object with the parameters.
 
         Raises
         ------
         ConfigurationError
-            If the class refuses them, or what it makes keeps no contract.
+            If the class refuses them, or the object does not implement the protocol.
         """
         if self.is_elsewhere:
             return cast(Made, self._stand_in())
@@ -225,7 +225,7 @@ class PluginSpec(Generic[Info, Made]):
         return cast(Made, created)
 
     def _stand_in(self) -> Foreign:
-        """What passes work on to its process."""
+        """Return an object that passes requests to its process."""
         return RemoteScorer(self.remote, self.info)
 
     def resolved_parameters(self) -> dict[str, Any]:
@@ -233,16 +233,16 @@ class PluginSpec(Generic[Info, Made]):
         return dict(self.all_parameters)
 
     def key_parameters(self) -> dict[str, Any]:
-        """Parameters as keys name them: of a part of the suite, whose defaults its golden results hold, the others."""
+        """Parameters in keys; defaults are omitted for plugins of the suite, whose golden results include them."""
         return self.resolved_parameters() if self.is_foreign else dict(self.parameters)
 
     def missing_packages(self) -> tuple[str, ...]:
-        """Packages that it declares and that are not installed."""
+        """Declared packages that are not installed."""
         requires = getattr(self.info, "requires", ())
         return tuple(name for name in requires if importlib.util.find_spec(name) is None)
 
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
-        """Return the same with further parameters, as text or as they are."""
+        """Return the same plugin with additional parameters, as text or values."""
         return dataclasses.replace(self, parameters={**self.parameters, **parameters})
 
 
@@ -268,22 +268,22 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
 
     @Fact
     def learns(self) -> bool:
-        """Return whether the method is a learner; see :class:`benchmark.api.learning.Learner`."""
+        """Whether the method is a learner; see :class:`benchmark.api.learning.Learner`."""
         return all(hasattr(self.load(), name) for name in ("train", "load", "model_name", "split"))
 
     @Fact
     def describes(self) -> bool:
-        """Return whether the method is a descriptor, which compares shapes without a form and so without a scorer."""
+        """Whether the method is a descriptor, which compares shapes without forms and without a scorer."""
         return not hasattr(self.load(), "canonicalise") and hasattr(self.load(), "describe")
 
     @Fact
     def split(self) -> str:
-        """Data that trains a learner, see :class:`benchmark.api.learning.Learner`; "" of any other method."""
+        """Training data of a learner, see :class:`benchmark.api.learning.Learner`; "" for any other method."""
         return str(getattr(self.load(), "split", ""))
 
     @Fact
     def learner(self) -> LearnerFacts | None:
-        """What a learner says besides; None of any other method, or where packages are missing to make it."""
+        """Facts of a learner; None for any other method, or if packages are missing to create it."""
         if not self.learns or self.missing_packages():
             return None
         learner: Any = self.create()
@@ -303,7 +303,7 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
 
 @dataclass(frozen=True)
 class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
-    """A scorer by name; without any, that of the tables of the paper."""
+    """A scorer by name, by default that of the paper's tables."""
 
     kind = "scorer"
     info_type = ScorerInfo
@@ -315,7 +315,7 @@ class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
     target: str = "retrieval.cmbof:CMBOF"
 
     def create(self) -> Scorer:
-        """Make it with its parameters; raises ``ConfigurationError`` also if a package is missing."""
+        """Create the scorer; raise ``ConfigurationError`` also if a package is missing."""
         if missing := self.missing_packages():
             raise ConfigurationError(
                 f"scorer '{self.base_name}' needs {', '.join(missing)}", f"pip install {' '.join(missing)}"
@@ -325,7 +325,7 @@ class ScorerSpec(PluginSpec[ScorerInfo, Scorer]):
 
 @dataclass(frozen=True)
 class DatasetSpec(PluginSpec[DatasetInfo, ListsShapes]):
-    """A data set of a plugin file by the file and its class."""
+    """A data set of a plugin file."""
 
     kind = "data set"
     info_type = DatasetInfo
@@ -335,7 +335,7 @@ class DatasetSpec(PluginSpec[DatasetInfo, ListsShapes]):
 
     @cached_property
     def opened(self) -> OpenedDataset:
-        """The data set with its shapes; raises ``DatasetError`` if it lists them not as it should."""
+        """The data set with its shapes; raises ``DatasetError`` if they are not listed correctly."""
         created = self.create()
         try:
             entries = tuple(created.entries())
@@ -355,27 +355,27 @@ class DatasetSpec(PluginSpec[DatasetInfo, ListsShapes]):
 
     @Fact
     def parameters_text(self) -> str:
-        """Its parameters as Python writes them."""
+        """Parameters as Python source."""
         return repr(parameter_values(self.opened.dataset))
 
     @Fact
     def offers(self) -> tuple[str, ...]:
-        """What its author wrote of what may be left out."""
+        """Optional members that the data set defines."""
         return tuple(name for name in ("load", "camera", "recipe") if hasattr(self.opened.dataset, name))
 
     def ask(self, work: str, identifier: str) -> Answer:
-        """Have it make something of a shape."""
+        """Return a result of the data set for a shape."""
         if self.is_elsewhere:
             return self.remote.request(work, {"identifier": identifier})
         return self.opened.ask(work, identifier)
 
 
-#: What plugin files may bring.
+#: Kinds of plugins in plugin files.
 KINDS: Mapping[str, type[PluginSpec[Any, Any]]] = {spec.kind: spec for spec in (MethodSpec, ScorerSpec, DatasetSpec)}
 
 
 def serve(facts: Mapping[str, Any], arrays: Arrays, _: object) -> Answer:
-    """Do the work that a request names, in the process of the plugin that it names."""
+    """Answer a request in the process of the plugin."""
     names = facts["kind"], facts["base_name"], facts["target"], json.dumps(facts["parameters"])
     if facts["work"] == "facts":
         return _spec(*names).facts, {}

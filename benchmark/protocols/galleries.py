@@ -1,4 +1,4 @@
-"""The shapes that a table ranks against each other, and the methods that are tested on them."""
+"""Galleries: the shapes that a table ranks against each other, and the methods that are tested on them."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.models import has_models
 from benchmark.protocols.tables import AVERAGED, INPUTS, TABLES, Rows, Table
 
-#: ``--quick`` keeps every k-th pose so that no subject keeps more than this many.
+#: Most poses of each subject with ``--quick``, which keeps every k-th pose.
 QUICK_POSES = 3
 
 
 def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
-    """Name of a gallery in plans and records: the data set, the part of it, and whether poses were left out."""
+    """Return the name of a gallery in plans and records: data set, part, and whether poses were omitted."""
     return f"{dataset}{part and ' ' + part}{' (quick)' if quick else ''}"
 
 
@@ -44,19 +44,19 @@ class Gallery:
     table
         The table.
     source
-        Name or path by which the set is opened again in another process.
+        Name or path of the data set, for other processes.
     dataset
-        The set that is used: the paper's or its stand-in.
+        The data set in use: the paper's or its stand-in.
     entries
         The shapes, in matrix order.
     quick
-        Whether poses were left out to save time.
+        Whether poses were omitted to save time.
     part
-        Which part of the set it is in words, e.g. ``"fold 0"``; "" for the whole set.
+        Part of the data set in words, such as ``"fold 0"``; "" for the whole data set.
     data_root
-        The folder that holds the official sets.
+        The folder of the official data sets.
     few_rows
-        Whether methods that the paper does not have are left out to save time.
+        Whether methods that are not in the paper were omitted to save time.
     """
 
     table: Table
@@ -75,7 +75,7 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is ranked: those of its table that its shapes and their perturbation have."""
+        """Inputs under which it is ranked: those of its table that its shapes and their perturbation support."""
         offered = getattr(self.dataset, "inputs", INPUTS)
         perturbation = parsed(clean_name(self.dataset.name))
         if perturbation:
@@ -83,7 +83,7 @@ class Gallery:
         return tuple(input_ for input_ in self.table.inputs if input_ in offered)
 
     def check_input(self, input_: str) -> None:
-        """Raise ``ConfigurationError`` for an input that was asked for and that its shapes do not have."""
+        """Raise ``ConfigurationError`` for a requested input that its shapes do not have."""
         if input_ in getattr(self.dataset, "inputs", INPUTS):
             return
         if input_ == "mesh":
@@ -97,23 +97,23 @@ class Gallery:
         )
 
     def jittered(self, number: int) -> Gallery:
-        """Return the same shapes, jittered for the n-th time, as a gallery of its own."""
+        """Return the same shapes with the n-th jitter as another gallery."""
         dataset = Jittered(self.dataset, number)
         identifiers = {entry.identifier for entry in self.entries}
         entries = tuple(entry for entry in dataset.entries if entry.identifier in identifiers)
         return replace(self, source=jittered_name(self.source, number), dataset=dataset, entries=entries)
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
-        """Methods that are tested on it, some in several variants.
+        """Return the methods that are tested on it, some in several variants.
 
-        Where a row is a mean over trainings, there is one for each of which a learner has a model.
+        If a row is a mean over trainings, each training with a model is a variant.
 
         Parameters
         ----------
         methods
-            The methods that were chosen.
+            The selected methods.
         trained_here
-            Folder of the models that were trained here, looked at beside the shipped ones.
+            Folder of the models that were trained here, in addition to the shipped ones.
         """
         rows = self.table.rows.quick() if self.few_rows else self.table.rows
         variants = [variant for spec in methods for variant in self._variants(spec, rows, trained_here)]
@@ -121,7 +121,7 @@ class Gallery:
         return list({row.name: row for row in with_trainings}.values())
 
     def _variants(self, spec: MethodSpec, rows: Rows, trained_here: Path | None) -> Iterator[MethodSpec]:
-        """A method if it has a row, and the further rows of one that was not asked for by name."""
+        """Return a method if it has a row, and its additional rows if it was not selected by name."""
         included = spec.named or rows.include(spec)
         if self.table.ablation:
             included = included and spec.learns and spec.split != "sampled"
@@ -137,7 +137,7 @@ class Gallery:
                 yield variant
 
     def _averaged(self, spec: MethodSpec, rows: Rows, trained_here: Path | None) -> Iterator[MethodSpec]:
-        """The method, and its variants with other trainings that share its row and have models for these shapes."""
+        """Return the method, and its variants with other trainings that share its row and have models."""
         yield spec
         name = rows.averaged
         if not name or name in spec.parameters or not spec.learns or spec.split != "table":
@@ -156,32 +156,32 @@ def galleries(
     quick: bool = False,
     repeat: int = 0,
 ) -> list[Gallery]:
-    """Choose the galleries that a selection on the command line stands for.
+    """Return the galleries for a selection on the command line.
 
-    The paper's set is used when it is present and its stand-in otherwise, never both in one table. A table that goes
-    with another one is left out where the set lacks its classes, unless it was asked for by its name.
+    The paper's data set is used if it is available and its stand-in otherwise, never both in one table. A table that is
+    made with another one is omitted if the data set lacks its classes, unless it was selected by name.
 
     Parameters
     ----------
     table_names
         Numerals of tables; empty for all.
     dataset_names
-        Names of data sets or paths of folders; empty for those of the tables. A set that no table uses gets a table
-        of its own.
+        Names of data sets or paths of folders; empty for those of the tables. A data set that no table uses gets its
+        own table.
     data_root
-        The folder that holds the official sets.
+        The folder of the official data sets.
     quick
-        Keep at most :data:`QUICK_POSES` poses of each subject, of a table with folds the first one, and of methods that
-        were not asked for by name those of the paper and :data:`QUICK_CONTROLS`.
+        Use at most :data:`QUICK_POSES` poses of each subject, only the first fold and, unless methods are selected by
+        name, only those of the paper and :data:`QUICK_CONTROLS`.
     repeat
-        Jittered preparations of each gallery that go with it, but for those perturbed or decimated.
+        Number of additional, jittered preparations of each gallery that is neither perturbed nor decimated.
 
     Raises
     ------
     ConfigurationError
-        If a name is unknown, the selection is empty, or an ablation is to be quick.
+        If a name is unknown, the selection is empty, or an ablation is combined with ``quick``.
     DatasetError
-        If a set is absent or unreadable, or what a table ranks of it is not fit for retrieval.
+        If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
     known = {table.identifier: table for table in TABLES}
     wanted_tables, wanted_sets = list(table_names), list(dataset_names)
@@ -208,13 +208,13 @@ def galleries(
         except DatasetError:
             if not table.part_of or table.identifier in wanted_tables:
                 raise
-    # A jitter would come after a perturbation or a decimation, and show too small a spread.
+    # Jitter after a perturbation or a decimation would show too small a spread.
     repeated = [g for g in chosen if not parsed(g.dataset.name) and not parsed_decimation(g.dataset.name)]
     return chosen + [gallery.jittered(number) for gallery in repeated for number in range(1, repeat + 1)]
 
 
 def _is_selected(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
-    """Return whether a selection includes a table: by its numeral, or by its set unless the table goes with others."""
+    """Return whether a selection includes a table, by its numeral or its data set."""
     if table.identifier in tables:
         return True
     if table.runs == "named":
@@ -224,7 +224,7 @@ def _is_selected(table: Table, tables: list[str], sets: list[str], quick: bool) 
 
 
 def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> list[str]:
-    """Sets that a table is made for; of several, those that are present, and an error if it is asked for in vain."""
+    """Return the data sets of a table; of several, those that are present, with an error if none is."""
     if not table.any_of:
         return [table.dataset if is_present(table.dataset, data_root) or not table.stand_in else table.stand_in]
     present = [name for name in table.any_of if is_present(name, data_root)]
@@ -238,7 +238,7 @@ def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> 
 
 
 def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table]:
-    """Tables that use a set; where none does, one of its own if that is wanted."""
+    """Return the tables that use a data set; if there are none, its own table on request."""
     if not is_known(name) and not is_path(name) and not parsed_decimation(name) and not parsed(name):
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
@@ -265,13 +265,13 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
 
 
 def _conditions(name: str) -> list[str]:
-    """A clean set, and the same set under each perturbation at each strength, by name or path."""
+    """Return a clean data set, and the same under each perturbation at each strength, by name or path."""
     fitting = fitting_perturbations(name)
     return [name, *(perturbed_name(name, perturbation, strength) for perturbation in fitting for strength in STRENGTHS)]
 
 
 def _own_table_name(name: str) -> str:
-    """Name of the table of a set that no other table uses: that of the set, also where it is given by a path."""
+    """Return the name of a data set's own table: the name of the data set, even if it is given by a path."""
     if decimation := parsed_decimation(name):
         return decimated_name(_own_table_name(decimation[0]), decimation[1])
     if perturbation := parsed(name):

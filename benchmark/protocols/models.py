@@ -1,4 +1,4 @@
-"""Assignment of trained models to the shapes of a gallery, and whether a model has seen a shape before."""
+"""Assign trained models to the shapes of a gallery, and check that they have not seen them in training."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from benchmark.text import say
 if TYPE_CHECKING:
     from benchmark.protocols.galleries import Gallery
 
-#: Environment variable of a folder of models laid out as those of the repository, for installations without them all.
+#: Environment variable of a folder of models with the layout of the repository, for installations without all models.
 MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
 
-#: File beside the models of the repository; a wheel, which has no room for all of them, leaves it out.
+#: File next to the models in the repository; wheels, which are too small for all models, omit it.
 _ALL_HERE = "README.md"
 
 _INSTEAD = "take a model of another training"
@@ -37,7 +37,7 @@ class MissingModel(ConfigurationError):
 
 
 class TooNear(ConfigurationError):
-    """A model was trained on bodies near to the subjects of a set."""
+    """A model was trained on bodies similar to subjects of a data set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +49,9 @@ class Model:
     training
         Name of its training data.
     folder
-        Where weights and card are.
+        Folder of weights and card.
     card
-        What it was trained on and how.
+        Training data and schedule.
     """
 
     training: str
@@ -60,25 +60,25 @@ class Model:
 
     @cached_property
     def digest(self) -> str:
-        """Return what recipes name it by: the digest of its weights, wherever they lie."""
+        """Digest of the weights, which identifies the model in recipes."""
         weights = self.folder / WEIGHTS
         return (file_digest(weights) if weights.is_file() else str(self.card["digest"]))[:16]
 
     def has_seen(self, entry: Entry, dataset: str) -> bool:
-        """Return whether training showed a shape, or another one of its subject.
+        """Return whether a shape, or another one of its subject, was in the training data.
 
-        Names say so within sets of the same subjects, and in a folder, which may hold anything; those of two known
-        sets mean different things.
+        Names are compared within data sets of the same subjects, and with those of folders, which may hold anything;
+        names of two known data sets are unrelated.
         """
         if set_of_subjects(dataset) not in (None, TRAININGS[self.training].dataset):
             return False
         return entry.identifier in self.card["identifiers"] or entry.subject in self.card["subjects"]
 
     def check_clearance(self, dataset: str) -> None:
-        """Raise :class:`TooNear` if it must not be tested on a set, for the bodies that it was trained on.
+        """Raise :class:`TooNear` if the training bodies are too similar to subjects of a data set.
 
-        Its card says how near they come to subjects of each generated set of people that they are none of. A card that
-        says nothing of a set tells of no such bodies, unless they were sampled.
+        The card states the smallest distance between the training bodies and the subjects of each generated data set of
+        people. A card without an entry for a data set passes, unless the bodies were sampled.
         """
         shown, sampled = set_of_subjects(dataset) or "", TRAININGS[self.training].is_sampled
         if sampled and shown.startswith("humans["):
@@ -90,7 +90,7 @@ class Model:
             )
 
     def summary(self) -> dict[str, Any]:
-        """Return what a record tells of it."""
+        """Facts about the model for a record."""
         return {
             "training": self.training,
             "data": str(self.card.get("data_title", self.training)),
@@ -103,7 +103,7 @@ class Model:
 def find_models(
     spec: MethodSpec, gallery: Gallery, trained_here: Path, proven: Collection[str] = ()
 ) -> dict[str, Model]:
-    """Model for each shape of a gallery, by identifier; empty for a method that does not learn.
+    """Return the model for each shape of a gallery, by identifier; empty for a method that does not learn.
 
     Parameters
     ----------
@@ -112,19 +112,19 @@ def find_models(
     gallery
         The shapes.
     trained_here
-        Folder of the models that were trained here; the shipped ones come after them.
+        Folder of the models that were trained here, which take precedence over shipped ones.
     proven
-        Digests of models by which the method has made results: their cards are not checked again, for that imports what
-        networks need.
+        Digests of models with which the method has obtained results. Their cards are not checked again, because that
+        imports the packages of networks.
 
     Raises
     ------
     MissingModel
-        If one has not been trained; the message says by which command it is.
+        If one has not been trained; the hint is the command that trains it.
     NoFolds
-        If the learner has a model for each fold and the set has none.
+        If the learner has a model for each fold and the data set has no folds.
     TooNear
-        If one was trained on bodies near to subjects of the set.
+        If one was trained on bodies similar to subjects of the data set.
     ConfigurationError
         If the learner names a training that does not exist.
     """
@@ -154,17 +154,17 @@ def has_models(spec: MethodSpec, gallery: Gallery, trained_here: Path | None) ->
     try:
         of_shape = trainings_by_shape(learner, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)
     except ConfigurationError:
-        return False  # the row of the plain method says why
+        return False  # the row of the method without parameters says why
     return all(_finished(learner, name, trained_here) for name in {training.name for training in of_shape.values()})
 
 
 def with_model(spec: MethodSpec) -> Any:
-    """Return a method; a learner that names a model for where no table chooses one comes with it.
+    """Return a method; a learner with a default model, for use outside tables, is returned with it.
 
     Raises
     ------
     MissingModel
-        If that model is not here.
+        If that model is missing.
     ConfigurationError
         If it cannot be used.
     """
@@ -179,14 +179,14 @@ def with_model(spec: MethodSpec) -> Any:
 
 
 def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:
-    """Folders of models, those that come first count: trained here, of the variable, shipped with the learner.
+    """Return the folders of models by precedence: trained here, from the environment variable, shipped.
 
     Parameters
     ----------
     learner
         The learner.
     trained_here
-        Folder of the models that were trained here; None where they do not count.
+        Folder of the models that were trained here; None to ignore them.
     """
     named = os.environ.get(MODELS_VARIABLE, "")
     places = (trained_here, Path(named) if named else None, learner.shipped_models)
@@ -194,13 +194,13 @@ def model_places(learner: Learner, trained_here: Path | None = None) -> list[Pat
 
 
 def _finished(learner: Learner, training: str, trained_here: Path | None) -> list[Path]:
-    """Folders of the finished models of one training, in the order of the places."""
+    """Return the folders of the finished models of a training, by precedence."""
     folders = (place / training / learner.model_name for place in model_places(learner, trained_here))
     return [folder for folder in folders if (folder / CARD).is_file()]
 
 
 def _missing(spec: MethodSpec, learner: Learner, names: Sequence[str]) -> MissingModel:
-    """Error that names the models, the command that trains them, and where else they are if this package lacks them."""
+    """Return an error with the missing models, the command that trains them, and where to get them."""
     words = ["python", "-m", "benchmark", "train", spec.name]
     if len(names) == 1:
         words += ["--only", names[0]]
@@ -213,20 +213,20 @@ def _missing(spec: MethodSpec, learner: Learner, names: Sequence[str]) -> Missin
     return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 
-#: Folders of models that were named as unusable.
+#: Folders of models that were already reported as unusable.
 _PASSED_OVER: set[Path] = set()
 
-#: Models by method, training and the state of their card: many jobs share one, and its card can name 10 000 subjects.
+#: Cache of models by method, training and state of the card: many jobs share one, and a card can name 10 000 subjects.
 _READ: dict[tuple[str, str, str, Path, int, int], Model] = {}
 
 
 def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], proven: Collection[str]) -> Model:
-    """The first model that can be used; those before it are named on stderr, once.
+    """Return the first usable model; unusable ones before it are reported once on stderr.
 
     Raises
     ------
     ConfigurationError
-        What is wrong with the last one, if none can be used.
+        If none is usable; with the problem of the last one.
     """
     *others, last = folders
     for folder in others:
@@ -240,7 +240,7 @@ def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], prov
 
 
 def _model(spec: MethodSpec, training: str, folder: Path, proven: Collection[str]) -> Model:
-    """The model in a folder; raises ``ConfigurationError`` if its card is not that of such a model."""
+    """Return the model in a folder; raise ``ConfigurationError`` if its card does not fit."""
     status = (folder / CARD).stat()
     place = (spec.name, spec.module, training, folder, status.st_mtime_ns, status.st_size)
     if place not in _READ:

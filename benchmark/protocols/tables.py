@@ -1,4 +1,4 @@
-"""The tables of the paper as data: which set, which subjects, which rows."""
+"""The tables of the paper as data: data sets, subjects and rows."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
-#: Methods beyond the paper's that have rows in quick runs without being asked for: what a canonical form has to beat.
+#: Methods outside the paper that have rows in quick runs by default: what a canonical form has to beat.
 QUICK_CONTROLS = ("identity",)
 
-#: Values of a parameter of learners, beside its default, that a row is the mean of where there is a model of them.
+#: Values of a parameter of learners, besides its default, over which a row is averaged if there are models.
 AVERAGED: Mapping[str, tuple[int | str, ...]] = {
     "training_seed": (0, 1, 2),
     "training": ("humans-fold-1", "humans-fold-2"),
@@ -30,10 +30,10 @@ AVERAGED: Mapping[str, tuple[int | str, ...]] = {
 #: Rows of the ablation: those of the paper, and one that it claims without a figure.
 ABLATION = {row.method for row in paper.ABLATION} | {"learned-without-weighting"}
 
-#: Methods that have rows in the ablation alone, unless they are asked for by name.
+#: Methods that have rows only in the ablation, unless they are selected by name.
 ONLY_ABLATED = ABLATION - {row.method for row in paper.ROWS}
 
-#: Witnesses of our own: rows where they are asked for by name.
+#: Independent implementations: they have rows only if they are selected by name.
 ONLY_NAMED = frozenset({"scikit-learn-classical-mds", "scikit-learn-smacof", "scikit-learn-isomap"})
 
 _PAPER = frozenset({"paper"})
@@ -42,23 +42,23 @@ _ALL = frozenset({"paper", "control", "extended"})
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of a table where no method is asked for by name; a method that is has a row in any table.
+    """Rows of a table if no method is selected by name; a selected method has a row in every table.
 
     Parameters
     ----------
     families
-        Families of the methods without a training that have rows, but for those of :data:`ONLY_ABLATED` and
+        Families of methods without training that have rows, except those in :data:`ONLY_ABLATED` and
         :data:`ONLY_NAMED`.
     learners
-        Families of the learners that have rows; a model of each must exist.
+        Families of learners that have rows; a model of each must exist.
     names
-        Further methods that have rows.
+        Other methods that have rows.
     variants
-        Parameters of further rows of a method that has one.
+        Parameters of additional rows of methods.
     trainings
-        Trainings by learner, by data set, of further rows: where there is a model.
+        Trainings of additional rows by learner, by data set, if there is a model.
     averaged
-        Parameter of learners whose values share a row, which is their mean, as far as there are models; "" for none.
+        Parameter of learners over whose values a row is averaged, as far as there are models; "" for none.
     """
 
     families: frozenset[str] = _ALL
@@ -69,12 +69,12 @@ class Rows:
     averaged: str = ""
 
     def quick(self) -> Rows:
-        """Rows of a quick run: of the methods of the paper and :data:`QUICK_CONTROLS`, without variants."""
+        """Rows of a quick run: the methods of the paper and :data:`QUICK_CONTROLS`, without variants."""
         names = (*self.names, *QUICK_CONTROLS)
         return Rows(self.families & _PAPER, self.learners & _PAPER, names, {}, {}, self.averaged)
 
     def include(self, spec: MethodSpec) -> bool:
-        """Return whether a method has a row that was not asked for by name; one that cannot be imported says so."""
+        """Return whether a method has a row by default; one that cannot be imported has, to show the reason."""
         if spec.base_name in self.names:
             return True
         if not self.families or spec.base_name in ONLY_ABLATED | ONLY_NAMED:
@@ -92,38 +92,37 @@ class Table:
     Parameters
     ----------
     identifier
-        The paper's numeral, or the name of a data set for a table of one's own.
+        The paper's numeral, or the name of a data set for its own table.
     caption
-        What the table shows, without naming the data or the folds.
+        Caption without the data and the folds.
     dataset
-        Name or path of the set that the paper uses; "" for a table of several sets.
+        Name or path of the paper's data set; "" for a table of several data sets.
     stand_in
-        Generated set that takes its place when it is absent; "" if there is none.
+        Generated data set that replaces it if it is missing; "" if there is none.
     any_of
-        Sets that it is made for, each on its own, as far as they are present; empty for a table of one set.
+        Data sets for which the table is made separately, as far as they are present; empty for a table of one data set.
     mean_over_sets
-        Whether a row is the mean over the sets of ``any_of``, each a gallery of its own.
+        Whether a row is the mean over the data sets of ``any_of``, each of which is a gallery.
     subjects
-        Subjects in the gallery, by name or by their place in the data set; empty for all.
+        Subjects in the gallery, by name or by index in the data set; empty for all.
     folds
-        Subjects of each fold by their place in the data set, where each fold is a gallery of its own and a row is the
-        mean over the galleries; empty for a single gallery of ``subjects``.
+        Subjects of each fold by index in the data set, if each fold is a gallery and a row is the mean over them; empty
+        for a single gallery of ``subjects``.
     rows
-        Which methods have rows.
+        Methods that have rows.
     runs
-        Runs that make it without being asked for it: also quick ones, or full ones and quick ones that name its set, or
-        only those that name its set.
+        Runs that make it by default: all, full ones and quick ones that name its data set, or only those that name its
+        data set.
     part_of
-        Table with which it is made as well; "" if it stands alone.
+        Table with which it is also made; "" if there is none.
     all_unseen
-        Whether it is an error that a model was trained on one of its shapes or subjects.
+        Whether it is an error if a model was trained on one of its shapes or subjects.
     ablation
         Whether its rows are learners, each with several seeds of its training.
     robustness
-        Whether it is made of a clean set and of that set under each perturbation, and by its own name alone.
+        Whether it shows a clean data set and the same data set under each perturbation; made only if named.
     split_size
-        Test subjects in each of all the ways to choose some, where the table tells how much depends on the choice; 0
-        for a table without.
+        Number of test subjects, if the table shows how much the scores depend on their choice; else 0.
     """
 
     identifier: str
@@ -144,16 +143,16 @@ class Table:
 
     @property
     def datasets(self) -> tuple[str, ...]:
-        """Sets that it can be made for."""
+        """Data sets for which it can be made."""
         return tuple(name for name in (self.dataset, self.stand_in, *self.any_of) if name)
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is made: learners read depth images alone."""
+        """Inputs under which it is made: learners read only depth images."""
         return ("view",) if self.ablation else INPUTS
 
     def caption_over(self, n_galleries: int) -> str:
-        """Caption of a table made of so many of its galleries: with folds it says of how many."""
+        """Return the caption for a number of galleries; with folds, it states that number."""
         if self.mean_over_sets and n_galleries > 1:
             return f"{self.caption}, mean over {_in_words(n_galleries)} draws"
         if not self.folds:
@@ -164,7 +163,7 @@ class Table:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of its galleries inside the data set; "" for the whole set."""
+        """Names of its galleries in the data set; "" for the whole data set."""
         if self.folds:
             return tuple(f"fold {number}" for number in range(len(self.folds)))
         return ("held out",) if self.subjects else ("",)
@@ -175,9 +174,9 @@ def _in_words(number: int) -> str:
     return words[number] if number < len(words) else str(number)
 
 
-#: Rows of animals and people. Beside the trainings that the table names, learners have the other reading of the paper's
-#: "other animals", and sampled bodies, none of them of the set. The generated animals have no row of the latter, for
-#: they are the middle of what is sampled.
+#: Rows of animals and people. Besides the trainings that the table names, learners are trained by the other
+#: interpretation of the paper's "other animals", and on sampled bodies outside the data set. The latter have no row on
+#: the generated animals, which are the centre of the sampled distribution.
 _ANIMALS = Rows(
     trainings={
         "tosca": {"learned": ("tosca-III-people",), "learned-wide-extra": ("animals-sampled",)},
@@ -265,8 +264,8 @@ TABLES: tuple[Table, ...] = (
         "robustness",
         "What breaks the methods: one gallery, clean and under each perturbation",
         dataset="animals-few",
-        # It has 47 galleries. Of the paper's forms least-squares and non-metric MDS are missing, which scale the same
-        # distances as classic MDS; beside them one other metric, the input itself, and two descriptors.
+        # It has 47 galleries. Least-squares and non-metric MDS are omitted, since they scale the same
+        # distances as classic MDS; one other metric, the input itself, and two descriptors are added.
         rows=Rows(
             families=frozenset(),
             names=(
@@ -283,14 +282,14 @@ TABLES: tuple[Table, ...] = (
 
 
 def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list[Training]:
-    """Trainings that give a learner its models for a table of the paper.
+    """Return the trainings whose models a learner uses for a table of the paper.
 
     Parameters
     ----------
     learner, data_root
         See :func:`benchmark.protocols.trainings.trainings_on`.
     numeral
-        Of the table; of no account for a learner whose split is not that of the table.
+        Numeral of the table; ignored for a learner whose split does not depend on the table.
 
     Raises
     ------
@@ -303,7 +302,7 @@ def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list
         raise did_you_mean("table", numeral, paper.NUMERALS)
     wanted = "I" if learner.split == "strict" else numeral
     table = next(table for table in TABLES if table.identifier == wanted)
-    # A set that no model is trained on takes the models of another set, which has its own stand-in.
+    # A data set without trainings uses the models of another data set, which has its own stand-in.
     is_trained_on = any(training.dataset == table.dataset for training in TRAININGS.values())
     use_stand_in = is_trained_on and not is_present(table.dataset, data_root)
     return trainings_on(learner, table.stand_in if use_stand_in else table.dataset, data_root)

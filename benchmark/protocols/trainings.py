@@ -1,4 +1,4 @@
-"""Training sets of learners, as data: which shapes of which set become pairs, and which never do."""
+"""Training protocols of learners as data: which shapes of which data set become pairs, and which never do."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchmark.errors import ConfigurationError, did_you_mean
 
 
 class NoFolds(ConfigurationError):
-    """A learner has a model for each fold, and a set has no folds."""
+    """A learner has a model for each fold, but a data set has no folds."""
 
 
 _WHOLE = Part()
@@ -29,13 +29,13 @@ class Training:
     name
         Name on the command line and folder of its models.
     words
-        Which shapes it trains on, without naming the set.
+        Shapes that it trains on, in words, without the data set.
     dataset
-        Name of the set.
+        Name of the data set.
     trained
-        Shapes that become pairs; none where bodies are sampled.
+        Shapes that become pairs; empty if bodies are sampled.
     tested
-        Shapes that the models are made for; the training data holds none of their subjects.
+        Shapes for which the models are trained; the training data includes none of their subjects.
     """
 
     name: str
@@ -46,37 +46,36 @@ class Training:
 
     @property
     def is_sampled(self) -> bool:
-        """Return whether it shows bodies that are in no set, in the frame of one."""
+        """Whether it uses sampled bodies, in the frame of a data set."""
         return self.trained == _WHOLE
 
 
 def subject_fold(place: int) -> int:
-    """Fold of a subject of the synthetic humans, by its place p in the set: (p + p // 3) mod 3.
+    """Return the fold of a subject of the synthetic humans by its index p in the data set: (p + p // 3) mod 3.
 
     The paper tests on five of fifteen subjects and does not say which. Here each subject is tested once, by a rule that
-    looks at nothing but the order of the set. The first term deals the subjects out in turn; the second one shifts the
-    deal by one every three subjects. So every fold has men, women and children however a set is sorted: of five
-    neighbours, the run of one kind in a set that lists its kinds one after the other, every fold has one at least; and
-    in a set that lists man, woman, child in turn, a fold takes another one of the three from each triple to the next,
-    where dealing out without the shift would give it one kind alone.
+    depends only on the order of the data set. The first term assigns subjects to the folds in turn; the second shifts
+    the assignment by one every three subjects. Every fold therefore has men, women and children, whether the data set
+    lists five of each kind in succession, or man, woman and child in turn, where the first term alone would fill each
+    fold with one kind.
 
     Parameters
     ----------
     place
-        Place of the subject in the set, from 0.
+        Index of the subject in the data set, from 0.
     """
     return (place + place // 3) % 3
 
 
-#: Places of the subjects of the synthetic humans in each fold.
+#: Indices of the subjects of the synthetic humans in each fold.
 SUBJECT_FOLDS: tuple[tuple[int, ...], ...] = tuple(
     tuple(place for place in range(15) if subject_fold(place) == fold) for fold in range(3)
 )
 
-#: Places of the poses of each subject in each fold of the strict trainings: five neighbours.
+#: Indices of the poses of each subject in each fold of the strict trainings: five consecutive ones.
 POSE_FOLDS: tuple[tuple[int, ...], ...] = tuple(tuple(range(5 * fold, 5 * fold + 5)) for fold in range(4))
 
-#: Classes that the models of Table III are tested on; the paper trains on "other animals".
+#: Classes on which the models of Table III are tested; the paper trains on "other animals".
 HELD_OUT = ("cat", "horse")
 OTHER_ANIMALS = ("centaur", "dog", "gorilla", "wolf")
 PEOPLE = ("david", "michael", "victoria")
@@ -84,7 +83,7 @@ PEOPLE = ("david", "michael", "victoria")
 #: Which of the two trainings on animals a table-bound learner uses by default: "III" or "III-people".
 TABLE_III = "III"
 
-#: Sets that show subjects of another one.
+#: Data sets that show subjects of another one.
 _SAME_SUBJECTS = {
     "camera": "humans",
     "camera-few": "humans",
@@ -92,27 +91,27 @@ _SAME_SUBJECTS = {
     **{f"humans-random[draw={draw}]": "humans-random" for draw in range(3)},
 }
 
-#: Sets with some of the poses of another one, of which no fold of poses can be told.
+#: Data sets with some of the poses of another one, for which the fold of a pose is unknown.
 _FEWER_POSES = frozenset({"camera-few", "animals-few"})
 
 
 def set_of_subjects(dataset: str) -> str | None:
-    """Return the set of the catalogue whose subjects a set shows, changed in whatever way; None where nobody knows."""
+    """Return the data set of the catalogue whose subjects a (changed) data set shows; None if unknown."""
     name = catalogued(dataset)
     return None if name is None else _SAME_SUBJECTS.get(name, name)
 
 
-#: Name of the training on sampled bodies, and how many bodies in how many poses it takes by default.
+#: Name of the training on sampled bodies, and its default numbers of bodies and poses.
 SAMPLED = "humans-sampled"
 SAMPLED_BODIES, SAMPLED_POSES = 1500, 6
 
-#: Name of the training on sampled animals and people, and in how many poses each.
+#: Name of the training on sampled animals and people, and the number of poses of each.
 ANIMALS_SAMPLED, ANIMAL_POSES = "animals-sampled", 12
 
-#: Trainings on as many bodies as are asked for.
+#: Trainings whose number of bodies can be chosen.
 COUNTED = frozenset({SAMPLED, ANIMALS_SAMPLED})
 
-#: Name of the training on a stream of fresh bodies in free poses.
+#: Name of the training on a stream of new bodies in free poses.
 VARIED = "humans-varied"
 
 
@@ -132,7 +131,7 @@ def _others(left_out: tuple[int, ...], folds: tuple[tuple[int, ...], ...]) -> tu
 
 
 def _counted(subjects: tuple[int | str, ...]) -> str:
-    """Subjects in words, places counted from 1."""
+    """Describe subjects by index, counted from 1."""
     return ", ".join(str(subject + 1) if isinstance(subject, int) else subject for subject in subjects)
 
 
@@ -158,31 +157,31 @@ TRAININGS: Mapping[str, Training] = {
 
 
 def find_training(name: str) -> Training:
-    """Training by name; raises ``ConfigurationError`` for an unknown one."""
+    """Return a training by name; raise ``ConfigurationError`` for an unknown one."""
     if name not in TRAININGS:
         raise did_you_mean("training", name, TRAININGS)
     return TRAININGS[name]
 
 
 def with_validation(training: Training, n_subjects: int) -> Training:
-    """Training without some of its subjects, which take the place of the tested ones in curves and pictures.
+    """Return a training without some of its subjects, which replace the test subjects for validation.
 
-    What a choice between schedules or parameters is made by. The subjects to be tested are in neither part. The
-    training subjects are cut into as many equal runs as subjects are held back, and of each run the next place is
-    taken, from the first on; what is left over at the end stays in training. So, as with :func:`subject_fold`, neither
-    a set that lists its kinds one after the other nor one that lists them in turn has one kind alone held back.
+    Schedules and parameters are chosen by validation. Test subjects are in neither part. The training subjects are
+    divided into as many equal runs as subjects are held back, and the k-th one of run k is taken; subjects after the
+    last run stay in training. As with :func:`subject_fold`, the held-back subjects are then not all of one kind,
+    whether the data set lists its kinds in succession or in turn.
 
     Parameters
     ----------
     training
         The protocol.
     n_subjects
-        How many subjects to hold back.
+        Number of subjects to hold back.
 
     Raises
     ------
     ConfigurationError
-        If that would leave nothing to train on.
+        If no training subject would be left.
     """
     subjects = training.trained.subjects
     if not 0 < n_subjects < len(subjects):
@@ -203,24 +202,24 @@ def with_validation(training: Training, n_subjects: int) -> Training:
 
 
 def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list[Training]:
-    """Trainings that give a learner its models for a data set: one for each fold of it, or one for all its shapes.
+    """Return the trainings whose models a learner uses for a data set: one for each fold, or one for all shapes.
 
-    People of a set without folds are strangers to the folds of the synthetic humans alike, so the first one's model
-    treats them: scans of people get that of the set that is present, a folder of one's own that of the generated one.
+    People of a data set without folds are unrelated to all folds of the synthetic humans, so the model of the first
+    fold is used: for scans of people that of the available data set, for a private folder that of the generated one.
 
     Parameters
     ----------
     learner
-        The method; its parameter ``training``, where it has one and it is set, names the only training.
+        The method; its parameter ``training``, if set, names the only training.
     dataset
-        Name of the set.
+        Name of the data set.
     data_root
         The folder that holds the official sets.
 
     Raises
     ------
     NoFolds
-        If the learner has a model for each fold and the set has none.
+        If the learner has a model for each fold and the data set has no folds.
     ConfigurationError
         If the training is unknown.
     """
@@ -242,12 +241,12 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
 def trainings_by_shape(
     learner: Learner, dataset: Dataset, entries: Iterable[Entry], data_root: Path | None
 ) -> dict[str, Training]:
-    """Training whose model treats each shape, by identifier; of several folds, the one that has not seen its subject.
+    """Return the training whose model is used for each shape, by identifier: that which has not seen its subject.
 
     Parameters
     ----------
     learner, data_root
-        See :func:`trainings_on`, which also says what is raised.
+        See :func:`trainings_on`, also for errors.
     dataset, entries
         The shapes.
     """
@@ -255,7 +254,7 @@ def trainings_by_shape(
     trainings = trainings_on(learner, dataset.name, data_root)
     if len(trainings) == 1:
         return dict.fromkeys((entry.identifier for entry in entries), trainings[0])
-    # Places of poses are those of the set that is trained on, of which another one may show some alone.
+    # Indices of poses refer to the training data set, of which another data set may show only some.
     if dataset.name != trainings[0].dataset:
         dataset = open_dataset(trainings[0].dataset, data_root)
     shapes = tuple((entry.identifier, entry.subject) for entry in dataset.entries)
@@ -265,12 +264,12 @@ def trainings_by_shape(
     return {entry.identifier: _OF_SHAPE[place][entry.identifier] for entry in entries}
 
 
-#: Training that is tested on each shape, by the shapes of a set and the names of the trainings: many rows share it.
+#: Cache of the training for each shape, by the shapes and the names of the trainings: many rows share it.
 _OF_SHAPE: dict[tuple[Any, ...], Mapping[str, Training]] = {}
 
 
 def only_training(learner: Learner) -> Training | None:
-    """Return the training of a learner that has the same one for every table; None if it has several."""
+    """Return the only training of a learner; None if it has several."""
     if named := getattr(learner, "training", ""):
         return find_training(named)
     return TRAININGS[SAMPLED] if learner.split == "sampled" else None

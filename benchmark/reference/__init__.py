@@ -1,1 +1,1 @@
-"""The numbers printed in the paper."""
+"""The figures printed in the paper."""

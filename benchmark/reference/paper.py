@@ -29,7 +29,7 @@ class PaperRow:
     Parameters
     ----------
     method
-        Name of our method for this row.
+        Name of the method of the suite for this row.
     title
         Title as printed.
     values
@@ -42,7 +42,7 @@ class PaperRow:
 
 
 def _row(method: str, title: str, *tables: str, **named: str) -> PaperRow:
-    """Read "NN FT ST DCG" for Tables I, II and III, or for a table named by its numeral."""
+    """Parse "NN FT ST DCG" for Tables I, II and III, or for a table given by its numeral."""
     printed = dict(zip(("I", "II", "III"), tables, strict=False)) | named
     values = {table: dict(zip(MEASURES, map(float, row.split()), strict=True)) for table, row in printed.items()}
     return PaperRow(method, title, values)
@@ -70,38 +70,38 @@ ABLATION: tuple[PaperRow, ...] = (
 # fmt: on
 
 
-#: Tables with figures of the paper.
+#: Tables for which the paper prints figures.
 NUMERALS = tuple(sorted({table for row in (*ROWS, *ABLATION) for table in row.values}))
 
 
 def rows(table: str) -> dict[str, PaperRow]:
-    """Rows of a table by method name, in the order of the paper; empty for a table that the paper does not have."""
+    """Return the rows of a table by method, in the order of the paper; empty for a table that is not in the paper."""
     return {row.method: row for row in (*ROWS, *ABLATION) if table in row.values}
 
 
 def is_learned(method: str) -> bool:
-    """Return whether a row of the paper is a network, which sees depth images alone."""
+    """Return whether a row of the paper is a network, which sees only depth images."""
     return method.startswith("learned")
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One row is better than others.
+    """Claim that one row is better than others.
 
     Parameters
     ----------
     words
-        As a sentence.
+        The claim as a sentence.
     table
-        Where it can be seen.
+        Table that supports it.
     better
         The row that should lead.
     others
         The rows that it should lead.
     input
-        What the methods see.
+        Input of the methods.
     measures
-        By which it should lead.
+        Measures by which it should lead.
     """
 
     words: str
@@ -114,8 +114,8 @@ class Claim:
 
 CLASSICAL = tuple(row.method for row in ROWS if not is_learned(row.method))
 
-#: Where the paper's own figures carry them: in Table II its ST is below that of its GPS, in Table III its ST is that of
-#: Constrained MDS.
+#: Measures by which the paper's own figures support them: in Table II its ST is below that of its GPS, in Table III its
+#: ST equals that of Constrained MDS.
 CLAIMS: tuple[Claim, ...] = (
     Claim("The network finds more than every classical form on synthetic humans.", "I", "learned", CLASSICAL),
     Claim(
@@ -146,17 +146,17 @@ CLAIMS: tuple[Claim, ...] = (
 )
 
 
-#: Accents of TeX, as characters that combine with the letter before them.
+#: Combining characters for the accents of TeX.
 _ACCENTS = {"'": "\u0301", "`": "\u0300", "^": "\u0302", '"': "\u0308", "~": "\u0303", "u": "\u0306", "v": "\u030c",
             "c": "\u0327", "=": "\u0304", ".": "\u0307", "H": "\u030b", "r": "\u030a"}  # fmt: skip
 
 
 def source_of(key: str) -> str:
-    """Authors, year, title and place of an entry, as text; the key itself if there is no such entry."""
+    """Return authors, year, title and source of an entry as text; the key if there is no such entry."""
     match = re.search(rf"@\w+\{{{re.escape(key)},(.*?)\n\}}", _bibliography(), re.DOTALL) if key else None
     if match is None:
         return key
-    body = re.sub(r"\n(?!\s*\w+\s*=)\s*", " ", match[1])  # one field, one line
+    body = re.sub(r"\n(?!\s*\w+\s*=)\s*", " ", match[1])  # one field per line
     fields = {name: _as_text(text) for name, text in re.findall(r"^\s*(\w+)\s*=\s*\{(.*)\},?$", body, re.MULTILINE)}
     *others, last = re.split(r"\s+and\s+", fields.get("author", ""))
     named = f"{', '.join(others)} and {last}" if others else last
@@ -177,7 +177,7 @@ def _bibliography() -> str:
 
 
 def _as_text(tex: str) -> str:
-    """Text of a field: accents as characters, without braces."""
+    """Return the text of a field with accented characters and without braces."""
     tex = re.sub(r"""\\(['`^"~=.]|[uvcHr](?=[{\s]))\s*\{?\\?([A-Za-z])\}?""", _accented, tex)
     tex = re.sub(r"\\([&%_#$])", r"\1", tex).replace("--", "\u2013").replace("~", " ")
     return re.sub(r"[{}]", "", tex)

@@ -1,1 +1,1 @@
-"""From records to tables and figures; nothing here computes a result."""
+"""Tables and figures from records; nothing here computes a result."""

@@ -1,4 +1,4 @@
-"""Reader of the arrays behind a record: distances, prepared shapes, canonical forms; nothing is made anew."""
+"""Read the arrays behind a record: distances, prepared shapes and canonical forms; nothing is computed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
 
-#: Said of a form that is not in the results folder.
+#: Reason for a form that is not in the results folder.
 NOT_STORED = "not kept here"
 
 
@@ -57,11 +57,11 @@ class ArtefactReader:
     _method_runs: dict[str, MethodRun] = field(default_factory=dict, repr=False, compare=False)
 
     def distances(self, record: Record) -> Iterator[NDArray[Any]]:
-        """The distance matrices of a record, shape (N, N) each, one for each codebook; none where they were freed."""
+        """Yield the distance matrices of a record, shape (N, N), one for each codebook; none if freed."""
         return (matrix for _, matrix in matrices_of(record, self.store))
 
     def dataset(self, record: Record) -> Dataset:
-        """The data set of a record; raises ``BenchmarkError`` if it is not here."""
+        """Return the data set of a record; raise ``BenchmarkError`` if it is missing."""
         source = record["data"]["source"]
         if source not in self._datasets:
             try:
@@ -81,14 +81,14 @@ class ArtefactReader:
         return dataset
 
     def preparation(self, record: Record) -> Preparation:
-        """The prepared shapes that a record was made from; raises ``BenchmarkError`` if its data set is not here."""
+        """Return the prepared shapes behind a record; raise ``BenchmarkError`` if its data set is missing."""
         place = (record["data"]["source"], record["input"])
         if place not in self._preparations:
             self._preparations[place] = Preparation(self.dataset(record), record["input"], self.store)
         return self._preparations[place]
 
     def method_run(self, record: Record) -> MethodRun:
-        """The method of a record at its shapes; raises ``BenchmarkError`` if data, method or models are not here."""
+        """Return the method of a record with its shapes; raise ``BenchmarkError`` if anything is missing."""
         key = record["key"]
         if key not in self._method_runs:
             preparation, spec = self.preparation(record), variant(record["method"], self.known)
@@ -101,17 +101,17 @@ class ArtefactReader:
         return self._method_runs[key]
 
     def surface(self, record: Record, entry: Entry) -> Mesh | None:
-        """A prepared shape; None where it was not kept, or could not be prepared."""
+        """Return a prepared shape; None if it is not stored or could not be prepared."""
         try:
             preparation = self.preparation(record)
             artefact = self.store.find(preparation.recipe(entry))
             arrays = None if artefact is None else require_arrays(artefact)
-        except Exception:  # the data set is not here, or a plugin
+        except Exception:  # the data set or a plugin is missing
             return None
         return None if arrays is None else Mesh(arrays["vertices"], arrays["faces"])
 
     def seen(self, record: Record, entry: Entry, surface: Mesh) -> Points:
-        """Vertices of a prepared shape as its camera sees them: to the right, up, towards the viewer; shape (n, 3)."""
+        """Return vertices in camera coordinates (right, up, towards the viewer), shape (n, 3)."""
         if record["input"] != "mesh":
             return surface.vertices
         try:
@@ -121,7 +121,7 @@ class ArtefactReader:
         return np.asarray(surface.vertices @ camera.rotation.T)
 
     def form(self, record: Record, entry: Entry, surface: Mesh | None = None) -> Mesh | str:
-        """The canonical form of a shape, or why there is none; the prepared shape is read unless it is passed."""
+        """Return the canonical form of a shape, or why there is none; the prepared shape is read unless passed."""
         try:
             method_run = self.method_run(record)
             if method_run.describes:
@@ -134,5 +134,5 @@ class ArtefactReader:
             return str(error)
         except BenchmarkError as error:
             return error.problem
-        except Exception as error:  # of a plugin, which may raise anything when it is made
+        except Exception as error:  # of a plugin, which may raise anything on creation
             return one_line(error)

@@ -1,4 +1,4 @@
-"""Differences between two sets of records, measure by measure and query by query, and between two scorers."""
+"""Compare two sets of records, by measure and by query, and two scorers."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
     from retrieval.agreement import Agreement
 
-#: Smallest difference of a score that counts.
+#: Smallest difference between scores that counts.
 _SMALLEST = 5e-7
 
-#: Pairs that are always shown in full, and pairs that a first screen has lines for.
+#: Most pairs that are shown in full, and most pairs with a line each.
 _IN_FULL, _FIRST_SCREEN = 3, 20
 
 _LEGEND = (
@@ -53,18 +53,17 @@ class Difference:
     Parameters
     ----------
     where
-        What they have in common.
+        Gallery, input and other facts that both share.
     measures
         By printed measure: the score of the ``first`` and the ``second`` record; ``low`` and ``high``, the 95 %
-        interval of the difference of means over the queries that both have, classes drawn anew; the probability of so
-        large a difference of means if there were none for other ``poses`` of these subjects, not adjusted, and for
-        other ``subjects``.
+        interval, over resampled classes, of the difference between the means over common queries; and its p-values,
+        without adjustment, for other ``poses`` of these subjects and for other ``subjects``.
     gains
-        How much better the second one is for each query that both have, a column for each measure.
+        Gain of the second record for each common query, a column for each measure.
     n_classes
         Classes of these queries.
     is_perturbed
-        Whether the shapes are those of a set under a perturbation.
+        Whether the data set is perturbed.
     """
 
     where: str
@@ -80,13 +79,13 @@ class Difference:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether the records are equal in print and query by query."""
+        """Whether the records are equal in print and for every query."""
         return not self.changed and (self.measures["second"] - self.measures["first"]).abs().max() <= _SMALLEST
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """All pairs of records that belong together, and what only one side has."""
+    """All pairs of corresponding records, and the records of only one side."""
 
     differences: tuple[Difference, ...]
     only_first: tuple[str, ...]
@@ -99,7 +98,7 @@ def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Compar
 
 
 def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:
-    """Compare two methods on every gallery and input that both have scores for; a descriptor needs no scorer."""
+    """Compare two methods on all galleries and inputs for which both have scores; descriptors match any scorer."""
     sides: dict[str, dict[str, Record]] = {first: {}, second: {}}
     for place, record in _newest(records).items():
         if place.method in sides and scorer_name(record) in (scorer, ""):
@@ -109,7 +108,7 @@ def compare_methods(records: Iterable[Record], first: str, second: str, scorer: 
 
 
 def _newest(records: Iterable[Record]) -> dict[Place, Record]:
-    """The newest record with scores of each place; jittered preparations have none."""
+    """Return the newest record with scores of each place, without jittered preparations."""
     scored = (record for record in records if record["status"] == "ok" and not parsed_jitter(record["data"]["name"]))
     return {place: rivals[-1] for place, rivals in by_place(scored).items()}
 
@@ -123,7 +122,7 @@ def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Compa
 
 
 def _difference(where: str, first: Record, second: Record) -> Difference:
-    """Test the differences of single queries, one column a measure; those of one class are drawn together."""
+    """Test the differences of single queries, one column per measure; classes are resampled as a whole."""
     from pandas import DataFrame
 
     gains, labels = queries_of([[first], [{**second, "gallery": first["gallery"]}]]).gains(0, 1)
@@ -136,17 +135,17 @@ def _difference(where: str, first: Record, second: Record) -> Difference:
 
 
 def lines(comparison: Comparison, first: str, second: str, *, everything: bool = True) -> list[str]:
-    """Write a comparison as text; pairs without a difference are counted only.
+    """Return a comparison as lines of text; pairs without a difference are only counted.
 
     Parameters
     ----------
     comparison
-        What was compared.
+        The comparison.
     first, second
         Names of the two sides.
     everything
-        Whether each pair has a head and a line for each measure however many there are. Otherwise, where there are
-        more than a few, the first have a line each, clean data first, and the others are counted.
+        Whether to print all pairs in full. Otherwise, if there are more than a few, the first ones, clean data first,
+        have a line each, and the others are counted.
     """
     different = [pair for pair in comparison.differences if not pair.is_empty]
     n_pairs = len(comparison.differences)
@@ -162,7 +161,7 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
 
 
 def _in_full(pair: Difference, first: str, second: str) -> list[str]:
-    """A head, and a line for each measure: both scores, interval, tests, and which side is better for what."""
+    """Return a heading, and a line for each measure: both scores, interval, tests, and queries won by each side."""
     gain = pair.gains[:, -1]
     text = [
         f"{pair.where}: {pair.changed} of {len(gain)} queries changed, {np.count_nonzero(gain > 0)} better, "
@@ -186,7 +185,7 @@ def _in_full(pair: Difference, first: str, second: str) -> list[str]:
 
 
 def _overview(pairs: Sequence[Difference], first: str, second: str) -> list[str]:
-    """A line for each pair, below the names of the measures."""
+    """Return a heading with the measures, and a line for each pair."""
     width = max(len(pair.where) for pair in pairs)
     text = [f"{'':<{width}}  queries" + "".join(f"  {name:<14}" for name in PRINTED).rstrip()]
     for pair in pairs:
@@ -201,7 +200,7 @@ def _overview(pairs: Sequence[Difference], first: str, second: str) -> list[str]
 
 
 def _alone(comparison: Comparison, first: str, second: str, *, everything: bool = False) -> list[str]:
-    """Name what only one side has, or the first of many."""
+    """Name the records of only one side, or the first of many."""
     text = []
     for name, alone in ((first, comparison.only_first), (second, comparison.only_second)):
         if everything or len(alone) <= _IN_FULL:
@@ -212,18 +211,18 @@ def _alone(comparison: Comparison, first: str, second: str, *, everything: bool 
 
 
 def _signed(value: float) -> str:
-    """Three decimals with a sign."""
+    """Format a number with a sign and three decimals."""
     text = number(value, 3)
     return text if text.startswith("-") else f"+{text}"
 
 
 def compare_scorers(first: Iterable[Result], second: Iterable[Result]) -> list[list[str]]:
-    """Compare the orders of the methods in each table, input and measure that both scorers have three methods of.
+    """Compare the orders of methods by table, input and measure, if both scorers have three methods.
 
     Parameters
     ----------
     first, second
-        What each scorer brought; descriptors, which have no scorer, are not compared.
+        Results by each scorer; descriptors, which have no scorer, are ignored.
 
     Returns
     -------
@@ -252,7 +251,7 @@ def _tables(results: Iterable[Result]) -> dict[Any, TableContent]:
 
 
 def _scores(table: TableContent, input_: Input) -> dict[str, dict[str, float]]:
-    """Scores by method; a mean over fewer galleries than there are is no score of the table."""
+    """Return the scores by method, without means over incomplete galleries."""
     return {
         line.method: {name: millionths(value) for name, value in line.scores.items()}
         for line in table.lines
@@ -265,7 +264,7 @@ def _tau(of_order: Agreement) -> str:
 
 
 def agreement_markdown(rows: Sequence[Sequence[str]], first: str, second: str) -> str:
-    """Agreements as a Markdown table with the share of random orders that agree or disagree as much."""
+    """Return agreements as a Markdown table, with the share of random orders that agree or disagree as much."""
     heading = (
         f"Kendall's tau-b between the orders of the methods by {first} and by {second}; in brackets the share of "
         "random orders with a tau as far from 0."

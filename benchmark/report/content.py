@@ -1,4 +1,4 @@
-"""Content of a table, before it is LaTeX, Markdown, CSV or JSON: a pure function of records."""
+"""Content of a table, independent of its format: a pure function of records."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from benchmark.text import brief
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-#: Parameter of learners that tells trainings of one row apart.
+#: Parameter of learners that distinguishes trainings of one row.
 _TRAINING_SEED = "training_seed"
 
 OFFICIAL_TITLES = {"shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA"}
 
-#: What the network of the paper is called where "our" would be somebody else.
+#: Title of the paper's network, which the paper calls "our".
 _NETWORK = "Reconstruction network"
 
-#: Digits of the numbers of notes.
+#: Superscript digits for the numbers of notes.
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-#: Marks rows that this code would not make again without running.
+#: Marks rows whose results are outdated.
 OUTDATED = "†"
 
-#: Marks rows with results at the same distance at the first rank of a query.
+#: Marks rows in which first ranks tie.
 TIED = "‡"
 
-#: Characters of a file name, which has room for 255 bytes.
+#: Most characters of a file name, which is limited to 255 bytes.
 _LONGEST_NAME = 60
 
 
@@ -53,26 +53,26 @@ class TableContent:
     Parameters
     ----------
     table
-        What the paper's table, or one's own, shows.
+        The table, from the paper or for other data.
     data
-        Name, title and size of the data, as the records tell.
+        Name, title and size of the data, as in the records.
     inputs
-        The inputs that are shown.
+        The inputs shown.
     frame
-        A row for each method and input that has jobs, or that the paper has a row of: the paper's methods in the
-        paper's order, then all others. Its columns are ``method``, ``title``, ``family``, ``paper`` (the figures there,
+        A row for each method and input with jobs, or with a row in the paper: the paper's methods in the paper's order,
+        then all others. Its columns are ``method``, ``title``, ``family``, ``paper`` (the figures there,
         or None), ``departs`` (how the method departs from its source), ``run_under`` (all inputs with a job),
         ``input``, and those of :func:`benchmark.report.results.line_of`.
     chance
-        Expected scores of a random ranking; the mean over the galleries where there are several.
+        Expected scores of a random ranking, the mean over galleries if there are several.
     n_galleries
-        Galleries that a row is the mean over.
+        Number of galleries over which a row is the mean.
     scorer, scorer_title
-        Name of what compared the forms, and its title; "" for the default scorer.
+        Name and title of the scorer; "" for the default.
     seed
         Base seed of the runs.
     whole
-        The table that has these rows under other inputs, too; None for that table itself.
+        The complete table, with more inputs; None for a complete table.
     """
 
     table: Table
@@ -88,7 +88,7 @@ class TableContent:
 
     @cached_property
     def lines(self) -> list[Any]:
-        """The rows of the frame as named tuples, with ``label``: the title as printed, with marks."""
+        """Rows of the frame as named tuples, with ``label``: the title as printed, with marks."""
         by_method: dict[str, list[Any]] = {}
         for line in self.frame.itertuples(index=False):
             by_method.setdefault(line.method, []).append(line)
@@ -97,11 +97,11 @@ class TableContent:
 
     @cached_property
     def rows(self) -> list[Any]:
-        """The first line of each method."""
+        """First line of each method."""
         return [*{line.method: line for line in reversed(self.lines)}.values()][::-1]
 
     def line(self, method: str, input_: Input | None) -> Any | None:
-        """Return the line of a method under an input; None where there is none."""
+        """Return the line of a method under an input; None if there is none."""
         return self._by_place.get((method, input_))
 
     @cached_property
@@ -110,14 +110,14 @@ class TableContent:
 
     @cached_property
     def significance(self) -> TableSignificance:
-        """Return how sure each of our figures is, and which rows differ from the best."""
+        """Confidence intervals of our figures, and tests against the best row."""
         if self.whole is None:
             return table_significance(self.lines)
         return {place: judged for place, judged in self.whole.significance.items() if place[1] in self.inputs}
 
     @cached_property
     def departures(self) -> Mapping[str, str]:
-        """How rows with scores depart from their sources, by the raised number of the note that says so."""
+        """Departures of rows with scores from their sources, by the superscript number of the note."""
         texts = dict.fromkeys(line.departs for line in self.lines if line.departs and line.scores)
         return {str(number).translate(_RAISED): text for number, text in enumerate(texts, 1)}
 
@@ -127,17 +127,17 @@ class TableContent:
 
     @property
     def identifier(self) -> str:
-        """The paper's numeral, or the name of the data set."""
+        """Numeral in the paper, or name of the data set."""
         return self.table.identifier
 
     @property
     def is_own(self) -> bool:
-        """Return whether it shows somebody's own data, which no table of this suite is about."""
+        """Whether it shows private data, to which no table of the suite refers."""
         return _known_table(self.identifier, self.data["name"]) is None
 
     @property
     def caption(self) -> str:
-        """Return what the table shows, without naming the data."""
+        """Caption without the data."""
         words = [self.table.caption_over(self.n_galleries)]
         words += [f"seed {self.seed}"] if self.seed else []
         words += [f"scored by {self.scorer_title}"] if self.scorer_title else []
@@ -145,7 +145,7 @@ class TableContent:
 
     @property
     def quick(self) -> bool:
-        """Return whether poses were left out to save time."""
+        """Whether poses were omitted to save time."""
         return bool(self.data["quick"])
 
     @property
@@ -157,12 +157,12 @@ class TableContent:
 
     @property
     def has_paper(self) -> bool:
-        """Return whether the paper has this table."""
+        """Whether the table is in the paper."""
         return bool(self.frame["paper"].notna().any())
 
     @property
     def data_title(self) -> str:
-        """The data in words, never without saying that it is a stand-in."""
+        """Title of the data, which always says if it is a stand-in."""
         if official := self.data["stand_in_for"]:
             return f"generated stand-in '{self.data['name']}', not {OFFICIAL_TITLES.get(official, official)}"
         return str(self.data["title"])
@@ -174,14 +174,14 @@ class TableContent:
         return f"{self.n_galleries} x {of_gallery}" if self.n_galleries > 1 else of_gallery
 
     def of(self, input_: Input, *, paper_only: bool = False) -> TableContent:
-        """The same for one input: the rows of the paper, and if wanted those others that were run under it."""
+        """Return the table for one input, with the paper's rows and, unless excluded, all others that ran under it."""
         frame = self.frame[self.frame["input"] == input_]
         shown = frame["paper"].notna() | ((frame["status"] != MISSING) & (not paper_only))
         return replace(self, inputs=(input_,), frame=frame[shown], whole=None if paper_only else self)
 
 
 def _label(lines: Sequence[Any]) -> str:
-    """Title with training data beyond the paper's, number of models, coverage, marks of ties and old records."""
+    """Return the title with additional training data, number of models, coverage, and marks."""
     first, models = lines[0], [model for line in lines for model in line.models]
     extra = "extra training data"
     facts = [extra] if any(model["extra_data"] for model in models) and extra not in first.title else []
@@ -195,7 +195,7 @@ def _label(lines: Sequence[Any]) -> str:
 
 
 def stem(*parts: str) -> str:
-    """Name of a file from parts, empty ones left out.
+    """Return a file name from non-empty parts.
 
     A name that had to be changed gets a digest, so that two tables never share a file.
     """
@@ -207,19 +207,19 @@ def stem(*parts: str) -> str:
 def contents(
     results: Iterable[Result], tables: Iterable[str] = (), *, blanks: bool = True, named: bool = False
 ) -> list[TableContent]:
-    """Fill tables with results.
+    """Return the contents of tables.
 
     Parameters
     ----------
     results
-        The records to show.
+        The results to show.
     tables
-        Identifiers of the tables to make, with those that go with them; empty for all that the results belong to.
+        Identifiers of tables, to which companion tables are added; empty for all tables of the results.
     blanks
-        Whether the paper's methods have rows where there is no result of them.
+        Whether the paper's methods have rows even without results.
     named
-        Whether the methods were asked for by name, so that those that the paper has in its ablation alone, and further
-        seeds of a training, have rows in other tables, too.
+        Whether the methods were selected by name. Then methods of the ablation and additional seeds of a training also
+        have rows in other tables.
     """
     chosen = set(tables)
     wanted = chosen | {table.identifier for table in TABLES if table.part_of in chosen}
@@ -227,7 +227,7 @@ def contents(
     for result in results:
         dataset, quick = result.record["data"]["name"], bool(result.record["data"]["quick"])
         for identifier in tables_of(result.record["gallery"], dataset, quick=quick):
-            if identifier in wanted or not (wanted or parsed(dataset)):  # the table of robustness sums these up
+            if identifier in wanted or not (wanted or parsed(dataset)):  # summarised in the table of robustness
                 table = _known_table(identifier, dataset) or own_table(dataset)
                 name = table.dataset if table.mean_over_sets else dataset
                 grouped.setdefault((table, name, quick), []).append(result)
@@ -241,13 +241,13 @@ def contents(
 
 
 def _known_table(identifier: str, dataset: str) -> Table | None:
-    """The suite's table of a data set; None for sets of one's own, even for a folder that is called "I"."""
+    """Return the suite's table of a data set; None for private data, even for a folder called "I"."""
     return next((table for table in TABLES if table.identifier == identifier and dataset in table.datasets), None)
 
 
 @cache
 def own_table(dataset: str) -> Table:
-    """Table of a set that no table of the paper uses."""
+    """Return the table of a data set that no table of the paper uses."""
     name = Path(dataset).name
     return Table(name, f"Retrieval on {name}", dataset, all_unseen=False)
 
@@ -260,7 +260,7 @@ def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool
         if _belongs(table, result, everything=named or table not in TABLES):
             of_row = by_row.setdefault(row_of(table, result.record), {})
             of_row.setdefault(cast(Input, result.record["input"]), []).append(result)
-    # Of each gallery the last record with scores, if there is one.
+    # The last record with scores of each gallery, if any.
     by_gallery = {r.record["gallery"]: r.record for r in sorted(results, key=lambda r: bool(r.record.get("scores")))}
     samples = [by_gallery[gallery] for gallery in sorted(by_gallery)]
     quick = bool(samples[0]["data"]["quick"])
@@ -291,9 +291,9 @@ def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool
 
 
 def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
-    """Return whether a record is shown in a table: those of learners alone in an ablation.
+    """Return whether a table shows a record; an ablation shows only learners.
 
-    What belongs to an ablation alone, as the seeds of a training do, is shown elsewhere only where everything is.
+    Records that belong only to an ablation, such as seeds of a training, appear elsewhere only if everything does.
     """
     base = result.record["method"].partition("[")[0]
     if table.ablation:
@@ -302,7 +302,7 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
 
 
 def row_of(table: Table, record: Mapping[str, Any]) -> str:
-    """Row that a record belongs to: in some tables, trainings of a learner share it."""
+    """Return the row of a record; in some tables, trainings of a learner share one."""
     base, _, parameters = str(record["method"]).partition("[")
     if not (table.rows.averaged and parameters):
         return str(record["method"])
@@ -313,7 +313,7 @@ def row_of(table: Table, record: Mapping[str, Any]) -> str:
 def _heading(
     method: str, by_input: Mapping[Input, Sequence[Result]], printed: paper.PaperRow | None, table: Table
 ) -> dict[str, Any]:
-    """Title and family of a row, and its figures in the paper; those of a method that it lacks are in its records."""
+    """Return title, family and paper's figures of a row; records supply those of methods outside the paper."""
     if printed is not None:
         return {"title": printed.title, "family": "paper", "paper": printed.values[table.identifier]}
     records = [result.record for results in by_input.values() for result in results]
@@ -325,13 +325,13 @@ def _heading(
 
 
 def departs_of(method: str) -> str:
-    """Return how a method of the suite departs from its source; what a plugin says of itself is in no record."""
+    """Return how a method of the suite departs from its source; records do not have this text for plugins."""
     base = method.partition("[")[0]
     return MethodSpec(base, BUILT_IN[base]).info.departs if base in BUILT_IN else ""
 
 
 def _others(by_row: Mapping[str, Mapping[Input, Sequence[Result]]], printed: Iterable[str]) -> list[str]:
-    """Methods without a row in the paper: variants and further forms in the order of the methods, controls last."""
+    """Return the methods without a row in the paper: variants and others in the usual order, controls last."""
     order = list(BUILT_IN)
 
     def place(method: str) -> tuple[bool, int, str]:

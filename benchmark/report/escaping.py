@@ -1,7 +1,4 @@
-"""Text as each format takes it for text: names, titles and reasons may hold anything and stay what they are.
-
-And the rows that such texts are put into.
-"""
+"""Escape text for each format, since names, titles and reasons may contain anything; and format rows of it."""
 
 from __future__ import annotations
 
@@ -17,28 +14,28 @@ from markupsafe import Markup
 
 from benchmark.text import clean
 
-#: Stands where there is no figure.
+#: Replaces a missing figure.
 BLANK = "--"
 
 
 def millionths(value: float) -> float:
-    """Return a figure without what differs between processors, for a comparison that decides something in print."""
+    """Return a figure without digits that vary between processors, for comparisons that affect the output."""
     return round(float(value), 6) + 0.0
 
 
 def number(value: float | None, decimals: int = 2) -> str:
-    """Return a figure with so many decimals: rounded to 1e-6, then half up."""
+    """Format a figure with a number of decimals: rounded to 1e-6, then half up."""
     if value is None:
         return BLANK
     rounded = Decimal(repr(millionths(value))).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP)
-    return str(rounded + 0)  # nothing is negative that reads as zero
+    return str(rounded + 0)  # no minus sign before zero
 
 
-#: Marks of Markdown that mean something anywhere; an underscore means nothing within a word, an ampersand only before a
-#: name or a number.
+#: Characters with a meaning in Markdown; an underscore has none inside a word, an ampersand only before a name or a
+#: number.
 _MARKS = re.compile(r"[\\*\[\]<|~$]|(?<![^\W_])_|_(?![^\W_])|&(?=[#\w])|`")
 
-#: What begins a list, a quotation or a heading where it begins a line.
+#: Start of a list item, a quotation or a heading, at the start of a line.
 _AT_START = re.compile(r"\d{1,9}(?=[.)])|(?=[#>+=-])")
 
 _LONG_WORD = re.compile(r"(\S{31,})")
@@ -51,12 +48,12 @@ _LATEX = {
 
 
 def markdown_text(text: object) -> str:
-    """A name in Markdown, in a table or a line."""
+    """Escape a name for Markdown, in a table or a line."""
     return _MARKS.sub(r"\\\g<0>", clean(text))
 
 
 def markdown_line(text: object) -> str:
-    """A sentence in Markdown that begins a line; commands between single backticks stay code."""
+    """Escape a sentence for Markdown at the start of a line; commands in single backticks stay code."""
     line = clean(text).strip()
     if "``" in line or line.count("`") % 2:
         marked = markdown_text(line)
@@ -68,14 +65,14 @@ def markdown_line(text: object) -> str:
 
 
 def latex_text(text: object) -> str:
-    r"""Text in LaTeX; what stands after a line break must not look like an argument of ``\\``."""
+    r"""Escape text for LaTeX; text after a line break must not look like an argument of ``\\``."""
     escaped = "".join(_LATEX.get(character, character) for character in clean(text))
-    escaped = re.sub("-(?=-)", "-{}", escaped)  # two hyphens are an option of a command, no dash
+    escaped = re.sub("-(?=-)", "-{}", escaped)  # two hyphens begin a command-line option, not a dash
     return f"{{}}{escaped}" if escaped.lstrip().startswith(("[", "*")) else escaped
 
 
 def latex_prose(text: object) -> str:
-    r"""Text in LaTeX that may be broken within words of more than thirty characters, as paths are."""
+    r"""Escape text for LaTeX and allow breaks inside words of more than thirty characters, such as paths."""
     parts = _LONG_WORD.split(clean(text))
     return "".join(
         r"\allowbreak{}".join(map(latex_text, re.findall(".{1,12}", part))) if place % 2 else latex_text(part)
@@ -84,12 +81,12 @@ def latex_prose(text: object) -> str:
 
 
 def html_text(text: object) -> Markup:
-    """Text in HTML, also between quotes; what is markup already stays."""
+    """Escape text for HTML, also inside quotes; markup stays unchanged."""
     return text if isinstance(text, Markup) else Markup(escape(clean(text), quote=True))
 
 
 def html_line(text: object) -> Markup:
-    """A sentence in HTML; commands between single backticks are code."""
+    """Escape a sentence for HTML; commands in single backticks become code."""
     parts = html_text(text).split("`")
     if len(parts) % 2 == 0:
         return Markup("`").join(parts)
@@ -98,7 +95,7 @@ def html_line(text: object) -> Markup:
 
 
 def csv_cell(value: object) -> object:
-    """A cell that no spreadsheet takes for a formula; numbers stay numbers."""
+    """Escape a cell that spreadsheets would read as a formula; numbers stay numbers."""
     if not isinstance(value, str):
         return value
     text = clean(value)
@@ -106,7 +103,7 @@ def csv_cell(value: object) -> object:
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:
-    """A CSV file with a heading; what a row has beyond these names is left out, and what it lacks is empty."""
+    """Return a CSV file with a heading; additional entries of rows are omitted, and missing ones are empty."""
     text = io.StringIO()
     writer = csv.DictWriter(text, names, lineterminator="\n")
     writer.writeheader()
@@ -118,16 +115,16 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:
 def markdown_table(
     head: Sequence[str], rows: Iterable[Sequence[str]], n_left: int = 1, *, aligned: bool = False
 ) -> Markup:
-    """A Markdown table of cells that are Markdown already.
+    """Return a Markdown table of cells that are already Markdown.
 
     Parameters
     ----------
     head, rows
         Headings and rows.
     n_left
-        Columns to the left; all others are numbers, to the right.
+        Number of left-aligned columns; the others are numbers, aligned to the right.
     aligned
-        Whether the cells of a column have one width, for a terminal.
+        Whether to pad cells to the width of their column, for a terminal.
     """
     lines = [head, *rows]
     widths = [max(len(line[k]) for line in lines) if aligned else 0 for k in range(len(head))]
@@ -141,7 +138,7 @@ def markdown_table(
 
 
 def markdown_document(template: str, **content: object) -> str:
-    """Render a template of Markdown: what it prints is escaped as text, but for tables and lines."""
+    """Render a Markdown template; all values are escaped as text, except tables and lines."""
     return _DOCUMENTS.get_template(f"{template}.md").render(content)
 
 

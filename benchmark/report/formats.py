@@ -1,4 +1,4 @@
-"""Tables as Markdown, CSV and JSON, and as files by name: pure functions of their content, stable to the byte."""
+"""Tables as Markdown, CSV and JSON, and as files by name: pure functions of their content, byte for byte."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from retrieval.measures import PRINTED
 
 _STYLE = Style("**{}**", "*{}*")
 
-#: First line of the BibTeX file, by which it is told from the list of somebody's paper.
+#: First line of the BibTeX file, which distinguishes it from the user's own file.
 _BIBLIOGRAPHY = (
     "% Sources of the canonical forms benchmark, written by 'tables'; keep entries of your own elsewhere.\n\n"
 )
@@ -30,18 +30,18 @@ def render(
     tables: Sequence[TableContent], formats: Iterable[str], where: Notes = "table", *, has_variants: bool = True,
     rows_only: bool = False, has_sources: bool = True,
 ) -> dict[str, str]:  # fmt: skip
-    """Texts by file name: LaTeX and Markdown files per table, one CSV and JSON file for all.
+    """Return texts by file name: LaTeX and Markdown files for each table, one CSV and one JSON file for all.
 
     Parameters
     ----------
     tables, formats
         The tables, and names of formats.
     where, has_variants
-        For LaTeX, see :func:`benchmark.report.latex.latex_files`.
+        For LaTeX; see :func:`benchmark.report.latex.latex_files`.
     rows_only
-        Whether LaTeX is the rows of each table alone.
+        Whether LaTeX consists only of the rows of each table.
     has_sources
-        Whether the BibTeX entries of the methods, the scorer and the data come with LaTeX.
+        Whether to add the BibTeX entries of methods, scorer and data to LaTeX.
     """
     files: dict[str, str] = {}
     for name in formats:
@@ -67,7 +67,7 @@ def bibliography() -> str:
 
 
 def markdown(table: TableContent, most_notes: int | None = None) -> str:
-    """A table as aligned Markdown with its notes, to be read in a terminal as well; see :func:`.notes`."""
+    """Return a table as aligned Markdown with its notes, also for terminals; see :func:`.notes`."""
     wide = printed(figures(table), _STYLE)
     *names, chance = labels(table)
     names = [*map(markdown_text, names), f"*{chance}*"]
@@ -77,7 +77,7 @@ def markdown(table: TableContent, most_notes: int | None = None) -> str:
 
 
 def overview(tables: Sequence[TableContent]) -> str:
-    """One line for each row of several tables, as aligned Markdown without notes: where it is, and our figures."""
+    """Return one line for each row of several tables as aligned Markdown: table, data, input and our figures."""
     inputs = [input_ for input_ in INPUTS if any(input_ in table.inputs for table in tables)]
     head = ["Table", "data", "Method", *(f"{input_} {measure}" for input_ in inputs for measure in PRINTED)]
     body = []
@@ -91,7 +91,7 @@ def overview(tables: Sequence[TableContent]) -> str:
 
 
 def intervals_markdown(table: TableContent) -> str:
-    """Each figure of ours with its interval, its spread over codebooks, and its test against the best, as Markdown."""
+    """Return our figures with interval, spread over codebooks, and test against the best row, as Markdown."""
     body = []
     for line in (line for input_ in table.inputs for line in table.of(input_).lines):
         if judged := _judged(table, line):
@@ -111,7 +111,7 @@ def intervals_markdown(table: TableContent) -> str:
 
 
 def splits_markdown(table: TableContent) -> str:
-    """Median and quantiles .05 and .95 of each measure over all splits as Markdown; "" where no row has any."""
+    """Return median and quantiles .05 and .95 of each measure over all splits as Markdown; "" without splits."""
     rows = [
         (line.label, input_, line.splits) for input_ in table.inputs for line in table.of(input_).lines if line.splits
     ]
@@ -128,12 +128,12 @@ def splits_markdown(table: TableContent) -> str:
 
 
 def as_json(tables: Sequence[TableContent]) -> str:
-    """All tables as one JSON list."""
+    """Return all tables as one JSON list."""
     return json.dumps(rows_as_json(tables), indent=1) + "\n"
 
 
 def as_csv(tables: Sequence[TableContent]) -> str:
-    """All tables as one flat CSV: one line per table, input and method."""
+    """Return all tables as one flat CSV: one line per table, input and method."""
     rows = []
     for row in rows_as_json(tables):
         ends = row.pop("interval") or {}
@@ -156,7 +156,7 @@ def _of_measures(*parts: str) -> list[str]:
 
 
 def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
-    """One object per table, input and method, with the keys that other programs rely on."""
+    """Return one object per table, input and method, with the keys on which other programs rely."""
     return [
         _json_row(table, line)
         for table in tables
@@ -202,7 +202,7 @@ def _json_row(table: TableContent, line: Any) -> dict[str, Any]:
 
 
 def _judged(table: TableContent, line: Any) -> dict[str, FigureSignificance]:
-    """Significance of the figures of a line by measure; empty without scores."""
+    """Return the significance of the figures of a line by measure; empty without scores."""
     judged = {name: table.significance.get((line.method, line.input, name)) for name in PRINTED}
     return {name: one for name, one in judged.items() if one is not None}
 

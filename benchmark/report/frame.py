@@ -1,6 +1,6 @@
 """The printed figures of a table as a tidy frame: a row for each method, group of columns and measure.
 
-Every format writes these figures in its own style. A column that is no measure is a group of its own kind.
+Each format writes these figures in its own style. Columns that are not measures form separate groups.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Style:
     Parameters
     ----------
     best, inseparable
-        Patterns of a figure that is the best of its column, and of one that cannot be told from it.
+        Patterns of the best figure of a column, and of one that does not differ significantly.
     spread
-        Pattern of a standard deviation behind a mean.
+        Pattern of the standard deviation after a mean.
     minus
-        The sign of a negative difference.
+        Sign of a negative difference.
     """
 
     best: str
@@ -53,15 +53,15 @@ class Style:
 
 
 def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
-    """Return the figures of a table: those of the paper first, if it has the table, then ours, then the extra ones.
+    """Return the figures of a table: those of the paper if it has the table, then ours, then extra ones.
 
-    Marked as best is what reads as best: figures are compared after rounding, and equals are all marked. Controls and
-    rows that lack shapes take no part.
+    Figures are compared after rounding, so all that print as the best are marked. Controls and incomplete rows are
+    excluded.
 
     Returns
     -------
     pandas.DataFrame
-        ``row`` (its place; the last is chance), ``group``, ``kind`` (paper, ours or the extra one), ``input``,
+        ``row`` (its index; the last is chance), ``group``, ``kind`` (paper, ours or the extra one), ``input``,
         ``measure``, ``text``, ``mark`` ("best", "inseparable" or ""), ``spread`` (the standard deviation behind a mean,
         or "") and ``interval``.
     """
@@ -84,7 +84,7 @@ def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
 
 
 def _figure(table: TableContent, row: Any | None, kind: str, input_: Input | None, measure: str) -> dict[str, object]:
-    """Return what there is of text, mark, spread and interval of one figure; without a row, of chance."""
+    """Return text, mark, spread and interval of one figure, as available; without a row, those of chance."""
     if row is None:
         return {"text": number(table.chance[measure])} if kind in ("paper", "ours") else {}
     theirs = row.paper[measure] if row.paper else None
@@ -109,7 +109,7 @@ def _figure(table: TableContent, row: Any | None, kind: str, input_: Input | Non
 
 
 def _difference(ours: str, theirs: str) -> str:
-    """Our figure minus the paper's, both as they are printed, so that a reader finds the same."""
+    """Return our figure minus the paper's, both as printed, so that readers get the same difference."""
     if BLANK in (ours, theirs):
         return BLANK
     hundredths = round(float(ours) * 100) - round(float(theirs) * 100)
@@ -117,14 +117,14 @@ def _difference(ours: str, theirs: str) -> str:
 
 
 def printed(frame: DataFrame, style: Style) -> DataFrame:
-    """Return the figures as texts: a row for each method and one for chance, columns by group and measure."""
+    """Return the figures as text: a row for each method and one for chance, columns by group and measure."""
     texts = [style.write(figure) for figure in frame.to_dict("records")]
     wide = frame.assign(text=texts).pivot(index="row", columns=["group", "measure"], values="text")
     return wide[[*dict.fromkeys(zip(frame["group"], frame["measure"], strict=True))]]
 
 
 def labels(table: TableContent) -> list[str]:
-    """Return what stands before each row of the frame."""
+    """Return the label of each row of the frame."""
     return [*(table.label(row) for row in table.rows), "Chance"]
 
 

@@ -1,10 +1,10 @@
-r"""Tables for ``\input`` in a paper, or to be pasted into one.
+r"""LaTeX tables for ``\input`` or for pasting into a paper.
 
-Of a table with several inputs there is one file for each and one with all of them. LaTeX sets each as wide as it is, or
-breaks its titles where the text is narrower; what is too wide or too long all the same goes on in a further part, and
-nothing is below footnote size. They need the packages booktabs and tabularx, and ``references.bib`` for the sources of
-methods, data and scorers. Notes stand under the table, in a file of their own to be put into an appendix, or nowhere;
-``\newcommand{\tablenotes}[1]{}`` before the first table makes them vanish.
+A table with several inputs has one file for each input and one for all. LaTeX sets a table at its natural width, or
+breaks titles if the text is narrower. A table that is still too wide or too long continues in another part, and nothing
+is smaller than footnote size. Tables need the packages booktabs and tabularx, and ``references.bib`` for the sources of
+methods, data and scorers. Notes are printed under the table, in a separate file for an appendix, or not at all;
+``\newcommand{\tablenotes}[1]{}`` before the first table removes them.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ Notes = Literal["table", "appendix", "none"]
 
 _STYLE = Style(r"\textbf{{{}}}", r"\textit{{{}}}", r"\,$\pm${}", "$-$")
 
-#: Figures beside each other in a part, and in a table that is as wide as one column of two; one with a spread, or an
-#: interval, counts twice.
+#: Most figures side by side in a part, and in a table of one column of a two-column page; a figure with spread or
+#: interval counts twice.
 _MOST_FIGURES, _OF_COLUMN = 12, 4
 
-#: Lines of a page, of the frame of a tabular, and of the caption of a part that goes on; characters of a line, and of a
-#: title beside many figures.
+#: Lines of a page, of the frame of a tabular, and of the caption of a continued part; characters of a line, and of a
+#: title next to many figures.
 _PAGE, _FRAME, _CONTINUED, _LINE, _TITLE = 36, 4, 3, 80, 22
 
 _INPUTS = {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}
@@ -52,7 +52,7 @@ _SOURCES = {"tosca": "bronstein2008tosca"} | {name: official.citation for name, 
 
 
 class Latex(str):
-    """Text that is LaTeX already."""
+    """Text that is already LaTeX."""
 
     __slots__ = ()
 
@@ -63,7 +63,7 @@ class Latex(str):
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns that stay together: what stands over them, their headings, and what is in each line; all as LaTeX."""
+    """Columns that stay together: their common heading, their headings, and their cells; all as LaTeX."""
 
     title: str
     heads: Sequence[str]
@@ -72,16 +72,16 @@ class Columns:
 
 
 def latex_files(tables: Sequence[TableContent], where: Notes = "table", *, has_variants: bool = True) -> dict[str, str]:
-    """Write of each table all inputs and, with variants, each input alone, and the paper's rows beside ours.
+    """Write each table with all inputs and, with variants, each input alone and the paper's rows with ours.
 
     Parameters
     ----------
     tables
         The tables.
     where
-        Where their notes stand; those for an appendix are in files ``notes-NAME.tex``.
+        Where to print notes; those for an appendix are in files ``notes-NAME.tex``.
     has_variants
-        Whether there is more than one file of each.
+        Whether to write more than one file for each table.
 
     Returns
     -------
@@ -105,18 +105,18 @@ def latex_files(tables: Sequence[TableContent], where: Notes = "table", *, has_v
 
 
 def latex(table: TableContent, name: str = "", extra: Extra | None = None, *, has_notes: bool = True) -> str:
-    r"""Write one table for ``\input``.
+    r"""Return one table for ``\input``.
 
     Parameters
     ----------
     table
         The table.
     name
-        Stem of the file, which the label and the first line have, too; "" for that of the table.
+        Stem of the file, also used in the label and the first line; "" for that of the table.
     extra
-        Columns behind those of the inputs.
+        Columns after those of the inputs.
     has_notes
-        Whether its notes stand under it.
+        Whether to print its notes.
     """
     return float_of(
         name or table.file_stem,
@@ -130,7 +130,7 @@ def latex(table: TableContent, name: str = "", extra: Extra | None = None, *, ha
 
 
 def latex_rows(table: TableContent) -> str:
-    """Return the rows of a table alone, for a tabular of one's own."""
+    """Return only the rows of a table, for the user's own tabular."""
     titles = _titles(table)
     rows = _rows(_columns(table, None), titles, range(len(titles)), _rules(table))
     return "".join(f"{row}\n" for row in rows)
@@ -140,22 +140,22 @@ def float_of(
     name: str, caption: str, titles: Sequence[str], columns: Sequence[Columns], *, rules: Collection[int] = (),
     notes: Iterable[str] = (), remark: str = "",
 ) -> str:  # fmt: skip
-    """Return a table as one float, or as several under one number.
+    """Return a table as one float, or as several with one number.
 
     Parameters
     ----------
     name
-        Stem of the file, which the label has, too.
+        Stem of the file, also used in the label.
     caption, titles
         As LaTeX; a title for each line.
     columns
-        In the order in which they stand beside each other.
+        Columns in their order.
     rules
-        Lines that have a rule above them.
+        Lines with a rule above.
     notes
-        Sentences under the table, as text.
+        Sentences under the table, as plain text.
     remark
-        What its first line says of it.
+        Comment in the first line.
     """
     breakable = [title.replace("=", r"=\allowbreak{}").replace(r"~\cite", r" \cite") for title in titles]
     parts = _packed(((group.width, group) for group in columns), _MOST_FIGURES)
@@ -174,7 +174,7 @@ def float_of(
 
 
 def _packed(items: Iterable[tuple[float, T]], most: float, used: float = 0) -> list[list[T]]:
-    """Items in their order, by their sizes in as few lists as hold them; some of the first one is used already."""
+    """Distribute items in order over as few lists as their sizes allow; part of the first list is already used."""
     packed: list[list[T]] = [[]]
     for size, item in items:
         if packed[-1] and used + size > most:
@@ -186,7 +186,7 @@ def _packed(items: Iterable[tuple[float, T]], most: float, used: float = 0) -> l
 
 
 def _rows(part: Sequence[Columns], titles: Sequence[str], lines: range, rules: Collection[int]) -> list[str]:
-    """Some lines of a tabular as LaTeX, with the rules above them."""
+    """Return some lines of a tabular as LaTeX, with the rules above them."""
     cells = [" & ".join([titles[line], *(group.cells[line] for group in part)]) for line in lines]
     above = ["\\midrule\n" if line in rules and line != lines[0] else "" for line in lines]
     return [rf"{rule}{row} \\" for rule, row in zip(above, cells, strict=True)]
@@ -197,7 +197,7 @@ def _sentence(note: str) -> str:
 
 
 def _even(heights: Sequence[int]) -> list[slice]:
-    """Parts of the lines of a tabular that are about as high, none higher than a page."""
+    """Divide the lines of a tabular into parts of similar height, none higher than a page."""
     count = math.ceil(sum(heights) / (_PAGE - _FRAME - 2 * _CONTINUED))
     ends, height = [0], 0
     for place, of_line in enumerate(heights, start=1):
@@ -208,13 +208,13 @@ def _even(heights: Sequence[int]) -> list[slice]:
 
 
 def appendix(name: str, lines: Iterable[str]) -> str:
-    """Write the notes of a table as a paragraph that refers to it."""
+    """Return the notes of a table as a paragraph that refers to it."""
     sentences = " ".join(map(_sentence, lines))
     return f"% notes to {name}\n\\paragraph{{Table~\\ref{{tab:{name}}}.}} {sentences}\n"
 
 
 def _titles(table: TableContent) -> list[str]:
-    """Labels with the sources of methods of this suite; those of plugins are in nobody's list of references."""
+    """Return labels with citations of the suite's methods; the bibliography lacks those of plugins."""
     titles = [latex_prose(label) for label in labels(table)]
     for place, row in enumerate(table.rows):
         base = row.method.partition("[")[0]
@@ -223,13 +223,13 @@ def _titles(table: TableContent) -> list[str]:
 
 
 def _rules(table: TableContent) -> list[int]:
-    """Lines whose family is another one than that of the line above; the last is chance."""
+    """Return the lines whose family differs from that of the line above; the last is chance."""
     families = [*(row.family for row in table.rows), ""]
     return [place for place in range(1, len(families)) if families[place] != families[place - 1]]
 
 
 def _columns(table: TableContent, extra: Extra | None) -> list[Columns]:
-    """Figures by group, or the status of a job that has none."""
+    """Return the figures by group, or the status of a job without scores."""
     frame = figures(table, extra)
     wide, columns = printed(frame, _STYLE), []
     for (group, kind, input_), of_group in frame.groupby(["group", "kind", "input"], sort=False, dropna=False):
@@ -250,7 +250,7 @@ def _cited(key: str) -> str:
 
 
 def _caption(table: TableContent) -> str:
-    """Caption as LaTeX, with the sources of data and scorer."""
+    """Return the caption as LaTeX, with citations of data and scorer."""
     ours = " and ".join(_INPUTS[input_] for input_ in table.inputs)
     columns = f"Columns: {'paper: as printed there; ' if table.has_paper else ''}{ours}."
     scorer = f" Scorer: {cited}." if (cited := scorer_cited(table)) else ""
@@ -259,19 +259,19 @@ def _caption(table: TableContent) -> str:
 
 
 def data_source(table: TableContent) -> str:
-    """Return the citation of the data set of a table; "" for one that names none."""
+    """Return the citation of the data set of a table; "" if it has none."""
     name = str(table.data["name"])
     return _cited(_SOURCES.get((parsed_decimation(name) or parsed(name) or (name,))[0], ""))
 
 
 def scorer_cited(table: TableContent) -> str:
-    """Return the title of the scorer of a table, with its citation; "" for one that is not known."""
+    """Return the title of the scorer of a table with its citation; "" for an unknown scorer."""
     known = scorers().get((table.scorer or DEFAULT).partition("[")[0])
     return f"{latex_text(known.info.title)}{_cited(known.info.cite)}" if known is not None else ""
 
 
 def _digest(table: TableContent) -> str:
-    """Digest of the figures of a table."""
+    """Return the digest of the figures of a table."""
     rows: dict[str, dict[str, Any]] = {}
     for line in table.lines:
         rows.setdefault(line.method, {})[line.input] = {"scores": line.scores, "status": line.status}
@@ -284,7 +284,7 @@ def _joined(parts: Sequence[object]) -> Latex:
 
 
 def _quoted(title: str) -> Latex:
-    """Return a title between quotation marks, for some hold a comma."""
+    """Return a title in quotation marks, because some contain commas."""
     return Latex(f"``{latex_prose(title)}''")
 
 
@@ -292,7 +292,7 @@ def _finalized(value: object) -> Latex:
     return value if isinstance(value, Latex) else Latex(latex_prose(value))
 
 
-#: What a template prints is cleaned and escaped, whatever it is; what is LaTeX already stays.
+#: All values in templates are cleaned and escaped, except LaTeX.
 ENVIRONMENT = Environment(
     loader=PackageLoader("benchmark.report.paper"),
     autoescape=True,
@@ -308,6 +308,6 @@ ENVIRONMENT = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-#: A table is LaTeX in all its parts.
+#: Template of a table, all of whose values are LaTeX.
 _TEMPLATE = ENVIRONMENT.overlay(autoescape=False, finalize=None).get_template("table.tex")
 ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number, "quoted": _quoted}

@@ -14,7 +14,7 @@ from benchmark.report.results import MISSING
 from benchmark.text import brief
 from retrieval.measures import PRINTED
 
-#: Share of the largest loss from which on a table tells how much was lost.
+#: Largest share of the surface that may be lost without a note.
 _WORTH_TELLING = 0.01
 
 _MARKS = (
@@ -28,16 +28,16 @@ _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked 
 
 
 def notes(table: TableContent, *, reasons: bool = True, most: int | None = None) -> list[str]:
-    """Return what a reader must know: thinned galleries, trainings, jobs without scores, departures from sources.
+    """Return the notes of a table: reduced galleries, trainings, jobs without scores, departures from sources.
 
     Parameters
     ----------
     table
-        What they stand below.
+        The table.
     reasons
-        Whether to say of each outdated row what has changed.
+        Whether to explain why rows are outdated.
     most
-        Number of notes, the last of which counts those left out; None for all.
+        Most notes, the last of which counts the omitted ones; None for all.
     """
     lines = ["Quick run: some poses of each subject were left out."] if table.quick else []
     lines += [_OF_MEANS] if table.n_galleries > 1 else []
@@ -66,7 +66,7 @@ def notes(table: TableContent, *, reasons: bool = True, most: int | None = None)
 
 
 def _titles(rows: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """Titles of the rows that share a text, by that text."""
+    """Group titles of rows by a common text."""
     grouped: dict[str, dict[str, None]] = {}
     for text, title in rows:
         grouped.setdefault(text, {})[title] = None
@@ -74,7 +74,7 @@ def _titles(rows: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
 
 
 def _tied(table: TableContent) -> Iterator[str]:
-    """Rows whose figures are means over the orders of results that tie at the first rank."""
+    """Name the rows whose figures are means over the orders of tied first ranks."""
     tied = [
         f"{line.title}, {line.input} ({line.n_tied} of {line.n_queries} queries)" for line in table.lines if line.n_tied
     ]
@@ -83,7 +83,7 @@ def _tied(table: TableContent) -> Iterator[str]:
 
 
 def _preparations(table: TableContent) -> Iterator[str]:
-    """Return how far rows move from one preparation to the next, for those that were prepared several times."""
+    """Describe the spread over preparations, for rows with repeated preparations."""
     for input_ in table.inputs:
         spreads: dict[int, list[str]] = {}
         for line in table.lines:
@@ -102,7 +102,7 @@ def _refused(table: TableContent) -> Iterator[str]:
 
 
 def _trainings(table: TableContent) -> Iterator[str]:
-    """Return which schedule made the models, and on which data; rows that share them share a line."""
+    """Describe schedule and training data of models; rows with the same ones share a note."""
     trainings: list[tuple[str, str]] = []
     for row in table.rows:
         by_schedule: dict[tuple[str, bool], dict[str, None]] = {}
@@ -118,7 +118,7 @@ def _trainings(table: TableContent) -> Iterator[str]:
 
 
 def _area(table: TableContent) -> Iterator[str]:
-    """Say what metric size alone scores, which the learned network reads and no form shows."""
+    """State the score of metric size, which the learned network can read but no form shows."""
     figures = [
         f"{' '.join(f'{measure} {number(line.scores[measure])}' for measure in PRINTED)} ({line.input})"
         for line in table.lines
@@ -129,7 +129,7 @@ def _area(table: TableContent) -> Iterator[str]:
 
 
 def _of_jobs(line: Any) -> Iterator[str]:
-    """Return whether the models of a row had seen the shapes, and how many jobs are missing from its mean."""
+    """Say whether the models of a row had seen the shapes, and how many jobs its mean lacks."""
     where = f"{line.title}, {line.input}"
     if line.seen:
         yield f"{where}: {len(line.seen)} of {line.n_shapes} shapes were seen in training"
@@ -143,7 +143,7 @@ def _of_jobs(line: Any) -> Iterator[str]:
 
 
 def _not_here(table: TableContent) -> Iterator[str]:
-    """Rows without a job under the inputs of the table: those that have one under another input, and the others."""
+    """Name the rows without a job: those with a job under another input, and the others."""
     run = {line.method for line in table.lines if line.status != MISSING}
     blank = [row for row in table.rows if row.method not in run]
     for input_ in INPUTS:
@@ -154,7 +154,7 @@ def _not_here(table: TableContent) -> Iterator[str]:
 
 
 def _of_preparation(table: TableContent) -> Iterator[str]:
-    """Return how many bridges joined pieces, and how much was lost before any method saw it, where it is much."""
+    """State the number of bridges between pieces and, if large, the share of the surface lost in preparation."""
     if (bridges := _noted(table, "bridges", "view")) and bridges["max"] > 0:
         yield f"View input: {number(bridges['mean'], 1)} bridges per shape on average, {bridges['max']:.0f} at most."
     for input_ in table.inputs:
@@ -167,10 +167,10 @@ def _of_preparation(table: TableContent) -> Iterator[str]:
 
 
 def _noted(table: TableContent, name: str, input_: Input) -> Mapping[str, float] | None:
-    """Mean and maximum of what preparation noted: the same in all rows but for the shapes that they leave out."""
+    """Return mean and maximum of a note of the preparation, which rows share except for omitted shapes."""
     for records in (line.records for line in table.lines if line.input == input_):
         noted = [(record.get("notes", {}).get(name), record["n_shapes"]) for record in records]
-        # A method may note something else by this name.
+        # A method may use this name for another note.
         noted = [(summary, n_shapes) for summary, n_shapes in noted if summary and {"mean", "max"} <= summary.keys()]
         if noted:
             total = sum(n_shapes for _, n_shapes in noted)

@@ -1,4 +1,4 @@
-"""The folder of what a verb writes: its own files are written anew, what somebody has edited or put there stays."""
+"""Output folders: a command replaces its own files, and keeps files that were edited or come from elsewhere."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from pathlib import Path
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import sweep, write_atomically, write_text
 
-#: Characters by which a table is known again where no list of files is kept: they tell its kind and name, no figure.
+#: Number of leading characters, with kind and name but no figure, that identify a table without a list of files.
 _HEAD = 16
 
 
 @dataclass(frozen=True)
 class Folder:
-    """Folder that a verb writes to.
+    """Folder to which a command writes.
 
     Parameters
     ----------
     root
-        The folder; made if need be.
+        The folder, created if necessary.
     verb
-        Who writes.
+        Name of the command.
     contents
-        File that lists what was written, with digests, so that what was edited since is known, and what is not written
-        again is removed. Without one, a file is the verb's own if it begins as the new one does.
+        File with the digests of the written files, from which edited and obsolete files are known. Without it, a file
+        belongs to the command if it starts like the new one.
     force
-        Whether to replace files that are somebody else's, or that were edited.
+        Whether to replace files that were edited or come from elsewhere.
     """
 
     root: Path
@@ -38,23 +38,23 @@ class Folder:
     force: bool = False
 
     def require_own(self, names: Iterable[str]) -> None:
-        """Raise ``ConfigurationError`` if one of these names is a file of somebody else; not with force."""
+        """Raise ``ConfigurationError`` if one of these files comes from elsewhere, unless forced."""
         strange = next((name for name in names if (self.root / name).exists()), None)
         if strange and not self.force and not self._earlier({}):
             raise self._strange(strange)
 
     def write(self, files: Mapping[str, bytes]) -> list[str]:
-        """Write files, and remove those of an earlier list that are not among them.
+        """Write files, and remove those of the previous list that are not among them.
 
         Returns
         -------
         list of str
-            Names of the files that were left as somebody has edited, or put, them there.
+            Names of the files that were kept because they were edited or come from elsewhere.
 
         Raises
         ------
         ConfigurationError
-            If one would take the place of a file of somebody else. Not with force.
+            If one would replace a file from elsewhere, unless forced.
         BenchmarkError
             If they cannot be written.
         """
@@ -67,7 +67,7 @@ class Folder:
         edited = [n for n in files if n in present and present[n] not in (*earlier.get(n, ()), digests[n])]
         edited = [] if self.force else edited
         try:
-            # Stopped before the end, it takes neither what it has written nor what it has not for another's.
+            # If interrupted, neither old nor new files count as foreign next time.
             self._list(earlier | {name: [*earlier.get(name, ()), digest] for name, digest in digests.items()})
             for name, data in files.items():
                 if name not in edited:
@@ -86,7 +86,7 @@ class Folder:
         return edited
 
     def stale(self, files: Mapping[str, bytes]) -> list[str]:
-        """Names of files that are missing or differ from what they should hold."""
+        """Return the names of files that are missing or differ from the given content."""
         return [name for name, data in files.items() if self._digest(name) != hashlib.sha256(data).hexdigest()]
 
     def _strange(self, name: str) -> ConfigurationError:
@@ -101,7 +101,7 @@ class Folder:
             write_text(self.root / self.contents, json.dumps(lists, indent=0) + "\n")
 
     def _earlier(self, files: Mapping[str, bytes]) -> dict[str, list[str]]:
-        """Digests of what was written before; a name that leads out of the folder is none."""
+        """Return the digests of the previous files, without names that lead out of the folder."""
         if not self.contents:
             own = (name for name, data in files.items() if data[:_HEAD] == self._read(name)[:_HEAD])
             return {name: [self._digest(name)] for name in own}
@@ -116,12 +116,12 @@ class Folder:
         }
 
     def _read(self, name: str) -> bytes:
-        """Content of a file; nothing where there is none that can be read."""
+        """Return the content of a file; empty if it cannot be read."""
         try:
             return (self.root / name).read_bytes()
         except OSError:
             return b""
 
     def _digest(self, name: str) -> str:
-        """Digest of a file; "" where there is none."""
+        """Return the digest of a file; "" if there is none."""
         return hashlib.sha256(self._read(name)).hexdigest() if (self.root / name).is_file() else ""

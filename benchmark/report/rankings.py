@@ -1,4 +1,4 @@
-"""Further results from the distances of a record: nearest shapes, precision over recall, and confusions."""
+"""Additional results from the distances of a record: nearest shapes, precision over recall, and confusions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from benchmark.report.significance import UNIT, queries_of
 from retrieval.measures import PRINTED
 from retrieval.metrics import ROWS, check_distances
 
-#: Matches of each query that the report shows.
+#: Number of matches of each query in a report.
 NEAREST = 10
 
 #: Levels of recall at which precision is interpolated.
@@ -35,10 +35,10 @@ class Ranking:
     Parameters
     ----------
     nearest
-        The nearest shapes of each query, itself left out, shape (N, min(NEAREST, N - 1)); of equals the first.
+        The nearest other shapes of each query, shape (N, min(NEAREST, N - 1)); of equals the first.
     precision
         Interpolated precision of each query at :data:`RECALLS`, shape (N, 20): the highest precision at this recall or
-        any higher one; NaN for the only shape of its class.
+        a higher one; NaN for the only shape of a class.
     """
 
     nearest: NDArray[np.intp]
@@ -46,7 +46,7 @@ class Ranking:
 
 
 def mean_distances(matrices: Iterable[ArrayLike]) -> NDArray[np.float64] | None:
-    """Mean of the matrices of several codebooks, shape (N, N); None if there are none."""
+    """Return the mean of the matrices of several codebooks, shape (N, N); None if there are none."""
     total, count = np.zeros(()), 0
     for matrix in matrices:
         total, count = total + np.asarray(matrix, dtype=np.float64), count + 1
@@ -63,7 +63,7 @@ def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEARES
     labels
         Class of each shape.
     n_nearest
-        Matches to keep.
+        Number of matches to return.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEARES
     for start in range(0, count, ROWS):
         rows = matrix[start : start + ROWS].copy()
         queries = np.arange(start, start + len(rows))
-        rows[np.arange(len(rows)), queries] = np.inf  # a query is no match of itself: last
+        rows[np.arange(len(rows)), queries] = np.inf  # a query does not match itself
         order = np.argsort(rows, axis=1, kind="stable")[:, :-1]
         nearest[queries] = order[:, : nearest.shape[1]]
         precision[queries] = _precision(classes[order] == classes[queries, None])
@@ -85,7 +85,7 @@ def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEARES
 
 
 def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Interpolated precision of some queries whose matches are relevant or not, in the order of their ranks."""
+    """Return the interpolated precision of queries, given the relevance of their matches by rank."""
     hits = np.cumsum(relevant, axis=1)
     best = np.maximum.accumulate((hits / np.arange(1, relevant.shape[1] + 1))[:, ::-1], axis=1)[:, ::-1]
     precision = np.full((len(relevant), len(RECALLS)), np.nan)
@@ -97,18 +97,18 @@ def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
 
 
 def confusion(nearest: NDArray[np.intp], kinds: Sequence[str]) -> dict[tuple[str, str], int]:
-    """Return how often a query of one kind has a nearest match of another, or of its own: counts by both kinds."""
+    """Return the numbers of queries by their own kind and that of their nearest match."""
     matches = nearest[:, 0].tolist() if nearest.size else ()
     return dict(Counter((kinds[query], kinds[match]) for query, match in enumerate(matches)))
 
 
-#: Shares of all queries by what their nearest match has in common with them: the subject alone, the pose alone,
-#: neither, or both, as a second scan of a shape has.
+#: What a query and its nearest match have in common: only the subject, only the pose, neither, or both (a second scan
+#: of the shape).
 Attraction = dict[str, float]
 
 
 def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
-    """Return whether a method retrieves the subject or the pose; None where no pose is shown by two shapes."""
+    """Return how often a method retrieves the subject or the pose; None if no two shapes share a pose."""
     if len(set(poses)) == len(poses) or not nearest.size:
         return None
     same, alike = (np.array(kinds)[nearest[:, 0]] == np.array(kinds) for kinds in (subjects, poses))
@@ -116,7 +116,7 @@ def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequen
 
 
 def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
-    """The same for a match that is drawn at random."""
+    """Return the same for a random match."""
     count = len(subjects)
     if len(set(poses)) == len(poses) or count < 2:
         return None
@@ -126,23 +126,23 @@ def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attrac
 
 
 def _shares(same: int, alike: int, both: int, total: int) -> Attraction:
-    """Shares by how many pairs are of one subject, in one pose, and both."""
+    """Return shares from the numbers of pairs with the same subject, the same pose, and both."""
     counts = {"subject": same - both, "pose": alike - both, "neither": total - same - alike + both, "both": both}
     return {name: count / total for name, count in counts.items()}
 
 
 def pareto_front(points: Mapping[str, tuple[float, float]]) -> list[str]:
-    """Names on the front of cost and score: none of the others is both cheaper and better.
+    """Return the names on the Pareto front of cost and score.
 
     Parameters
     ----------
     points
-        Cost, of which less is better, and score, of which more is better, by name.
+        Cost (lower is better) and score (higher is better) by name.
 
     Returns
     -------
     list of str
-        The cheapest first; of names that are equal in both, all.
+        Names, cheapest first, including all that are equal in both.
     """
     front: list[str] = []
     for name, (cost, score) in sorted(points.items(), key=lambda item: (item[1][0], -item[1][1], item[0])):
@@ -157,14 +157,14 @@ CLASSES, POSES = "classes", "poses"
 
 @dataclass(frozen=True, eq=False)
 class RankedGallery:
-    """A gallery ranked by a method: its record, the pose of each shape, "" without one, and the ranking if stored."""
+    """A gallery ranked by a method: its record, the pose of each shape or "", and the ranking if it is stored."""
 
     record: Record
     poses: dict[str, str]
     ranking: Ranking | None
 
     def kinds(self, kind: str) -> list[str]:
-        """Class or pose of each ranked shape; none where the poses are not known or all differ."""
+        """Return class or pose of each ranked shape; empty if the poses are unknown or all different."""
         if kind == CLASSES:
             return answered_labels(self.record)
         poses = [self.poses.get(shape, "") for shape in answered_shapes(self.record)]
@@ -173,26 +173,26 @@ class RankedGallery:
 
 @dataclass(frozen=True, eq=False)
 class RankedCell:
-    """Galleries of one row of a table under one input; of several trainings the first."""
+    """Galleries of one row of a table under one input, by the first of several trainings."""
 
     line: Any
     galleries: list[RankedGallery]
 
     @cached_property
     def _rankings(self) -> list[tuple[RankedGallery, Ranking]]:
-        """Galleries with their rankings; none unless all are stored."""
+        """Return the galleries with their rankings; empty unless all are stored."""
         rankings = [(gallery, gallery.ranking) for gallery in self.galleries if gallery.ranking is not None]
         return rankings if len(rankings) == len(self.galleries) else []
 
     def precision(self) -> list[float] | None:
-        """Interpolated precision at the levels of recall, the mean over all queries."""
+        """Return the interpolated precision at the levels of recall, as the mean over all queries."""
         curves = [ranks.precision for _, ranks in self._rankings]
         rows = np.concatenate(curves) if curves else np.empty((0, 1))
         rows = rows[~np.isnan(rows[:, 0])]
         return [millionths(value) for value in rows.mean(axis=0)] if len(rows) else None
 
     def confusion(self, kind: str) -> Counter[tuple[str, str]]:
-        """How often a query of one class, or pose, has a nearest match of another, or of its own."""
+        """Return the numbers of queries by their class, or pose, and that of their nearest match."""
         counts: Counter[tuple[str, str]] = Counter()
         for gallery, ranks in self._rankings:
             if kinds := gallery.kinds(kind):
@@ -200,7 +200,7 @@ class RankedCell:
         return counts
 
     def attraction(self) -> tuple[Attraction, Attraction] | None:
-        """What the nearest match has in common with its query, and what one drawn at random would have."""
+        """Return what nearest matches, and random ones, have in common with their queries."""
         shares, weights = [], []
         for gallery, ranks in self._rankings:
             classes, poses = gallery.kinds(CLASSES), gallery.kinds(POSES)
@@ -217,7 +217,7 @@ class RankedCell:
         return ours, random
 
     def by_class(self, classes: Sequence[str]) -> dict[str, list[float | None]]:
-        """Mean of each measure over the queries of each class."""
+        """Return the mean of each measure over the queries of each class."""
         queries = queries_of([self.line.records])
         place = {name: number for number, name in enumerate(classes)}
         numbers = np.array([place[label] for label in queries.labels], dtype=np.intp)
@@ -231,7 +231,7 @@ class RankedCell:
 
 
 def ranked_cells(table: TableContent, artefacts: ArtefactReader) -> list[RankedCell]:
-    """Return the rows of a table that have scores, under each input, with the rankings that are stored."""
+    """Return the rows of a table with scores under each input, with stored rankings."""
     poses: dict[str, dict[str, str]] = {}
     cells = []
     for line in table.lines:
@@ -252,13 +252,13 @@ def classes_of(cells: Sequence[RankedCell]) -> list[str]:
 
 
 def poses_of(cells: Sequence[RankedCell]) -> list[str]:
-    """Return the names of all poses, where the classes of a data set take the same ones."""
+    """Return the names of all poses, if all classes of the data set have the same ones."""
     galleries = (gallery for cell in cells for gallery in cell.galleries)
     return list(dict.fromkeys(pose for gallery in galleries for pose in gallery.kinds(POSES)))
 
 
 def _poses(record: Record, artefacts: ArtefactReader) -> dict[str, str]:
-    """Pose of each shape, where the data set is here and its classes take the same poses; empty otherwise."""
+    """Return the pose of each shape, if the data set is available and its classes have the same poses, or empty."""
     try:
         entries = artefacts.dataset(record).entries
     except BenchmarkError:
@@ -271,4 +271,4 @@ def _ranking(record: Record, artefacts: ArtefactReader) -> Ranking | None:
     try:
         return None if matrix is None else ranking(matrix, answered_labels(record))
     except BenchmarkError:
-        return None  # damaged: a number that is none, say
+        return None  # damaged, for example a NaN

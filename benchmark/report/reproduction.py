@@ -1,7 +1,7 @@
 """Reproduction of the paper's tables: an outcome for each of its figures, and for each of its claims.
 
-The rules were set before any figure of ours was looked at. The rule on chance came later; it only takes from what
-counts as reproduced.
+The rules were fixed before any of our figures was known. The rule on chance was added later and only reduces the
+number of reproduced figures.
 """
 
 from __future__ import annotations
@@ -38,29 +38,29 @@ Outcome = Literal[
     "reproduced", "at chance", "same order", "other data", "other training", "unexplained", "not comparable"
 ]  # fmt: skip
 
-#: From the best to the worst that can be said. The three before the last are figures that differ, by what else differs.
+#: Outcomes from best to worst. The three before the last are figures that differ, by the reason.
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
-#: Stands beside our figure.
+#: Mark next to our figure, by outcome.
 _MARKS = dict(zip(OUTCOMES, ("=", "c", "~", "d", "t", "x", ""), strict=True))
 
 Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
 
-#: Distance up to which a figure counts as reproduced: two of the paper's hundredths more than what another draw of the
-#: codebook moves NN by on a hundred shapes (median standard deviation .026).
+#: Largest distance of a reproduced figure: two hundredths more than the standard deviation of NN over draws of the
+#: codebook on a hundred shapes (median .026).
 TOLERANCE = 0.05
 
-#: Share of comparisons with the other rows that must point the paper's way, and how many there must be. Of eight
-#: coins, six or more fall the same given way once in seven times.
+#: Smallest share of comparisons with other rows that must agree with the paper, and fewest comparisons. Of eight coin
+#: tosses, six or more give heads with probability 1/7.
 AGREEING = 0.75
 FEWEST = 3
 
-#: Scores carry six decimals: a distance within half of the last is no distance.
+#: Scores have six decimals; a distance of half the last one is none.
 _SLACK = 5e-7
 
 
 def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
-    """The content for each of the paper's tables: of the official set, else of the stand-in; never of a quick run."""
+    """Return the content of each of the paper's tables, for official data or else the stand-in, without quick runs."""
     contents: dict[str, TableContent] = {}
     for table in tables:
         identifier = table.identifier
@@ -71,19 +71,19 @@ def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
 
 
 def reproduced_figures(tables: Iterable[TableContent]) -> DataFrame:
-    """Every figure of the paper under each input that its row may have had, in the paper's order.
+    """Return each figure of the paper, under every input that its row may have had, in the paper's order.
 
     Parameters
     ----------
     tables
-        All tables that were made; see :func:`paper_tables`.
+        All tables; see :func:`paper_tables`.
 
     Returns
     -------
     pandas.DataFrame
         ``table`` (numeral), ``method``, ``title``, ``input`` of ours (the paper does not say what its baselines had),
-        ``measure``, ``paper`` as printed, ``ours`` (NaN where there is none), ``chance`` (what a random order would
-        score in our gallery) and ``outcome``.
+        ``measure``, ``paper`` as printed, ``ours`` (NaN if missing), ``chance`` (the score of a random order in our
+        gallery) and ``outcome``.
     """
     from pandas import DataFrame
 
@@ -106,7 +106,7 @@ def reproduced_figures(tables: Iterable[TableContent]) -> DataFrame:
 
 
 def _ours(content: TableContent | None, method: str, input_: Input, measure: str) -> dict[str, float | str]:
-    """Figure, chance level, and the outcome of a figure that differs by what else differs."""
+    """Return our figure, the chance level, and the outcome if the figure differs."""
     if content is None:
         return {}
     chance: dict[str, float | str] = {"chance": content.chance[measure]}
@@ -118,7 +118,7 @@ def _ours(content: TableContent | None, method: str, input_: Input, measure: str
 
 
 def _outcomes(column: DataFrame) -> dict[int, Outcome]:
-    """Outcomes of those figures of one measure that are reproduced, by their place in the frame."""
+    """Return the outcomes of the reproduced figures of one measure, by index in the frame."""
     known = column.dropna(subset="ours")
     pairs = dict(zip(known.index, zip(known["paper"], known["ours"], strict=True), strict=True))
     outcomes: dict[int, Outcome] = {}
@@ -131,20 +131,20 @@ def _outcomes(column: DataFrame) -> dict[int, Outcome]:
 
 
 def is_near(theirs: float, ours: float) -> bool:
-    """Return whether a figure is as near to the paper's as one that is reproduced."""
+    """Return whether a figure is as close to the paper's as a reproduced one."""
     return abs(theirs - ours) <= TOLERANCE + _SLACK
 
 
 def keeps_order(theirs: float, ours: float, others: Sequence[tuple[float, float]]) -> bool:
-    """Return whether enough comparisons with other rows of the table point the same way.
+    """Return whether enough comparisons with other rows of the table agree with the paper.
 
     Parameters
     ----------
     theirs, ours
-        The figure of the paper and ours.
+        Figure of the paper, and ours.
     others
-        The same for each other row. Rows that the paper prints as equal are no comparison; a tie of ours is one that
-        does not point the paper's way.
+        The same for each other row. Rows that are equal in the paper are not compared; a tie between ours disagrees
+        with the paper.
     """
     signs = [(theirs - their, millionths(ours - our)) for their, our in others if their != theirs]
     agreeing = sum(printed * measured > 0 for printed, measured in signs)
@@ -153,19 +153,19 @@ def keeps_order(theirs: float, ours: float, others: Sequence[tuple[float, float]
 
 @dataclass(frozen=True)
 class AssessedClaim:
-    """Outcome of a claim by our queries.
+    """Outcome of a claim, judged by our queries.
 
     Parameters
     ----------
     claim
         The claim.
     decision
-        Supported: the row leads in every comparison, and no lead can be chance. Contradicted: it is behind in some, and
-        one of these cannot be chance. Undecided: neither.
+        Supported: the row leads significantly in every comparison. Contradicted: it is significantly behind in at least
+        one. Undecided: neither.
     leads, n_comparisons
-        Comparisons in which the row leads, and all of them: rows times measures.
+        Number of comparisons in which the row leads, and of all comparisons: rows times measures.
     certain
-        Comparisons that other subjects would hardly turn, either way.
+        Number of comparisons whose sign is significant for other subjects.
     missing
         Rows without scores.
     """
@@ -179,14 +179,14 @@ class AssessedClaim:
 
 
 def assess_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] = CLAIMS) -> list[AssessedClaim]:
-    """Decide each claim by permutation tests over classes of all folds, with Holm's correction over its comparisons.
+    """Judge each claim by permutation tests over classes of all folds, with Holm's correction over its comparisons.
 
     Parameters
     ----------
     contents
-        Content by numeral of the paper; see :func:`paper_tables`.
+        Content by the paper's numeral; see :func:`paper_tables`.
     claims
-        What to decide.
+        The claims.
     """
     return [_assess(claim, contents[claim.table].lines if claim.table in contents else ()) for claim in claims]
 
@@ -211,7 +211,7 @@ def _assess(claim: Claim, lines: Iterable[Any]) -> AssessedClaim:
 def over_trainings(
     better: Sequence[Mapping[str, Any]], other: Sequence[Mapping[str, Any]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compare two rows, whose networks may have several trainings on a gallery.
+    """Compare two rows whose networks may have several trainings for a gallery.
 
     Parameters
     ----------
@@ -221,8 +221,8 @@ def over_trainings(
     Returns
     -------
     tuple of numpy.ndarray
-        By printed measure: how much the first row leads in all, on the mean of its trainings; and the largest
-        probability of :func:`class_permutation_test` over pairs of trainings, 1 if one of them leads the other way.
+        By printed measure: the total lead of the first row, averaged over trainings; and the largest p-value of
+        :func:`class_permutation_test` over pairs of trainings, or 1 if one of them has the opposite sign.
     """
     leads = queries_of([other, better]).gains(0, 1)[0].sum(axis=0)
     pairs = [queries_of(pair).gains(0, 1) for pair in product(_trainings(other), _trainings(better))]
@@ -231,7 +231,7 @@ def over_trainings(
 
 
 def _trainings(records: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
-    """Return the records of each training; a gallery with fewer trainings than another has some of them again."""
+    """Return the records of each training; galleries with fewer trainings repeat some of them."""
     galleries: dict[str, list[Mapping[str, Any]]] = {}
     for record in records:
         galleries.setdefault(record["gallery"], []).append(record)
@@ -240,7 +240,7 @@ def _trainings(records: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, A
 
 
 def reproduction_markdown(tables: Sequence[TableContent]) -> str:
-    """Return what holds up of the paper's figures and claims, as Markdown: counts, claims, inputs, and every figure."""
+    """Return the outcomes of the paper's figures and claims as Markdown: counts, claims, inputs, all figures."""
     contents, figures = paper_tables(tables), reproduced_figures(tables)
     of_tables = [(numeral, contents.get(str(numeral)), _figures(part)) for numeral, part in figures.groupby("table")]
     return markdown_document(
@@ -250,7 +250,7 @@ def reproduction_markdown(tables: Sequence[TableContent]) -> str:
 
 
 def _counts(figures: DataFrame) -> Markup:
-    """How many figures of each table got which outcome, by input."""
+    """Return the numbers of figures by table, input and outcome."""
     body = []
     for input_ in INPUTS:
         of_input = figures[figures["input"] == input_]
@@ -261,7 +261,7 @@ def _counts(figures: DataFrame) -> Markup:
 
 
 def _claims(assessed: Sequence[AssessedClaim]) -> Markup:
-    """Each claim with its decision."""
+    """Return each claim with its decision."""
     body = []
     for one in assessed:
         decision: str = one.decision
@@ -274,7 +274,7 @@ def _claims(assessed: Sequence[AssessedClaim]) -> Markup:
 
 
 def _distances(figures: DataFrame) -> Markup:
-    """How far our classical rows by input, and the chance level, are from the paper's."""
+    """Return the distances of our classical rows, by input, and of chance from the paper's figures."""
     body = []
     known = figures[figures["ours"].notna() & ~figures["method"].map(is_learned)]
     for numeral, of_table in known.groupby("table"):
@@ -291,7 +291,7 @@ def _distances(figures: DataFrame) -> Markup:
 
 
 def _figures(of_table: DataFrame) -> Markup:
-    """The paper's figure, ours and the mark of the outcome, a row for each method and input."""
+    """Return the paper's figures, ours and marks of outcomes, with a row for each method and input."""
     body = []
     for (_, title, input_), of_row in of_table.groupby(["method", "title", "input"], sort=False):
         cells = zip(of_row["paper"], of_row["ours"], of_row["outcome"], strict=True)

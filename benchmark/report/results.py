@@ -1,4 +1,4 @@
-"""Records of a table, whether they are outdated, and the figures of each row."""
+"""Select the records of tables, detect outdated ones, and compute the figures of each row."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ __all__ = ["MISSING", "Figures", "Result", "Results", "line_of", "with_repeats"]
 
 @dataclass(frozen=True)
 class Result:
-    """The record that stands for one method on one gallery under one input.
+    """The record for one method on one gallery under one input.
 
     Parameters
     ----------
     record
-        What the job kept.
+        The record of the job.
     outdated
-        What has changed since it was made; "" where nothing has, or nobody can tell.
+        What has changed since; "" if nothing has, or it is unknown.
     origin
-        ``"here"`` if it was made in this results folder, ``"published"`` if it came with the suite.
+        ``"here"`` if it ran in this results folder, ``"published"`` if it came with the suite.
     repeats
-        Records of the same with jittered preparations, by the number of the jitter; those with scores.
+        Records with scores of its jittered preparations, by the number of the jitter.
     """
 
     record: Record
@@ -63,16 +63,16 @@ class Result:
 
 @dataclass(frozen=True)
 class Results:
-    """The records of a results folder, those made here and those that came with it.
+    """The records of a results folder, both local and published.
 
     Parameters
     ----------
     store
         The folder.
     known
-        Methods by name; of others nobody can tell whether their records are up to date.
+        Methods by name; it is unknown whether records of others are outdated.
     data_root
-        The folder that holds the official sets; what is absent is taken as recorded.
+        The folder of the official data sets; missing data are assumed to be as recorded.
     known_scorers
         Scorers by name.
     """
@@ -90,20 +90,20 @@ class Results:
         self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT,
         places: Mapping[Place, list[Record]] | None = None,
     ) -> list[Result]:  # fmt: skip
-        """One result for each place: the newest that this code would make again, else the newest with scores.
+        """Return one result for each place: the newest that is up to date, else the newest with scores.
 
-        Jittered preparations have no place of their own: they go with the result that they repeat.
+        Jittered preparations are part of the result that they repeat.
 
         Parameters
         ----------
         seed
-            Base seed of the runs to look at.
+            Base seed of the runs.
         fresh
-            Whether to leave out what is outdated.
+            Whether to omit outdated results.
         scorer
-            Name of the scorer; descriptors, which have none, are in whatever it is.
+            Name of the scorer; descriptors, which have none, are always included.
         places
-            What :meth:`records` gave, by place, for a caller that asks several times; None reads them anew.
+            Records by place, for repeated calls; None reads them again.
         """
         wanted = [
             rivals
@@ -114,7 +114,7 @@ class Results:
         return with_repeats(result for result in results if not (fresh and result.outdated))
 
     def records(self) -> list[Record]:
-        """All records but those of edits that are undone; of one job the one that was made here."""
+        """Return all records except those of undone edits; local records replace published ones of the same job."""
         folders = (self.store.published, self.store.records)
         records = {record["key"]: record for folder in folders for record in folder}
         return [record for key, record in records.items() if "-" not in key or key_of(record["recipe"]) == key]
@@ -140,7 +140,7 @@ class Results:
         return max(results, key=worth)
 
     def outdated(self, record: Record) -> str:
-        """Say what has changed since a record was made, as far as can be told; "" if nothing has."""
+        """Describe what has changed since a record was made, as far as known; "" if nothing has."""
         if record["key"] not in self._outdated:
             self._outdated[record["key"]] = self._what_changed(record)
         return self._outdated[record["key"]]
@@ -154,13 +154,13 @@ class Results:
         try:
             now = self._recipe_now(record)
         except BenchmarkError:
-            return ""  # an unknown plugin, or a method that cannot be imported here
+            return ""  # an unknown plugin, or a method that cannot be imported
         if keys.plain(now) != {part: recipe.get(part) for part in now}:
             return difference(record["recipe"], now)
         return changed_packages(record.get("environments", ()))
 
     def _recipe_now(self, record: Record) -> dict[str, Any]:
-        """The parts of the recipe that can be told without the data, and with it where it is here."""
+        """Return the current recipe, as far as it is known with the available data."""
         recipe, components = record["recipe"], read_lock().components
         now: dict[str, Any] = {
             "versions": {name: components[name].golden for name in recipe.get("versions", {}) if name in components}
@@ -171,7 +171,7 @@ class Results:
         if gallery is None:
             return now
         place = (gallery.source, gallery.quick, gallery.name, record["input"])
-        if place not in self._data:  # all methods share it
+        if place not in self._data:  # shared by all methods
             self._data[place] = data_recipe(gallery, record["input"], self._shapes)
         now |= self._data[place]
         if "models" in record["recipe"]:
@@ -179,12 +179,12 @@ class Results:
                 spec, here = variant(record["method"], self.known), self.store.models
                 models = find_models(spec, gallery, here, models_proven_by(record))
             except BenchmarkError:
-                return now  # its models are elsewhere
+                return now  # its models are missing
             now["models"] = {model.training: model.digest for model in models.values()}
         return now
 
     def _plugins_now(self, record: Record) -> dict[str, str]:
-        """Sources of the plugins of a record; raises ``ConfigurationError`` if one was not passed."""
+        """Return the sources of the plugins of a record; raise ``ConfigurationError`` if one was not passed."""
         module, compared_by = str(record["data"]["module"]), scorer_name(record)
         sources: dict[str, str] = {}
         if module.endswith(".py"):
@@ -195,7 +195,7 @@ class Results:
         return sources | (scorer_of(compared_by, self.known_scorers).sources if compared_by else {})
 
     def _gallery(self, record: Record) -> Gallery | None:
-        """The gallery of a record, where it belongs to a table and its data is here."""
+        """Return the gallery of a record, if it belongs to a table and its data are available."""
         name, quick = record["data"]["name"], bool(record["data"]["quick"])
         if record["family"] == EXTERNAL or name not in CATALOGUE or not is_present(name, self.data_root):
             return None
@@ -205,13 +205,13 @@ class Results:
 
 
 def galleries_of(source: str, data_root: Path | None, *, quick: bool) -> dict[str, Gallery]:
-    """Return the galleries of a data set by name, of all its tables; raises ``BenchmarkError`` without its data."""
+    """Return the galleries of a data set in all tables, by name; raise ``BenchmarkError`` without its data."""
     tables = [table.identifier for table in TABLES if source in table.datasets and not (quick and table.ablation)]
     return {gallery.name: gallery for gallery in galleries(tables, [source], data_root, quick)}
 
 
 def with_repeats(results: Iterable[Result]) -> list[Result]:
-    """Return the clean results, each with its jittered preparations that the same code made with the same settings."""
+    """Return the results without jitter, each with its jittered preparations by the same code and settings."""
     clean: list[Result] = []
     found: dict[tuple[str, str, str, str], dict[int, Record]] = {}
     for result in results:
@@ -232,12 +232,12 @@ def with_repeats(results: Iterable[Result]) -> list[Result]:
 
 
 def _repeated(record: Record, gallery: str) -> tuple[str, str, str, str]:
-    """Return what two records share if one of them may repeat the other."""
+    """Return a key that a record shares with those that may repeat it."""
     return gallery, str(record["input"]), str(record["method"]), scorer_name(record)
 
 
 def _is_repeat(record: Record, of: Record) -> bool:
-    """Return whether two records differ in nothing but the source of their shapes."""
+    """Return whether two records differ only in the source of their shapes."""
     parts = ("parameters", "models", "seed", "scorer", "plugin")
     then, now = record["recipe"], of["recipe"]
     versions, clean = then.get("versions", {}), now.get("versions", {})
@@ -247,7 +247,7 @@ def _is_repeat(record: Record, of: Record) -> bool:
 
 @cache
 def tables_of(gallery: str, dataset: str, *, quick: bool) -> tuple[str, ...]:
-    """Identifiers of the tables in which a gallery is shown; a set that no table uses has one of its own."""
+    """Return the identifiers of the tables that show a gallery; unused data sets have their own."""
     names = tuple(
         table.identifier
         for table in TABLES
@@ -273,16 +273,16 @@ _EMPTY: Mapping[str, Any] = {
 
 
 def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
-    """Return what one or several jobs reached: galleries of a table with folds, seeds of a training.
+    """Return the figures of one job, or the means over several: galleries of folds, seeds of a training.
 
-    A gallery or a training without a result counts 0, so that a crash in a hard one does not pay.
+    A gallery or a training without a result counts as 0, so that a crash is never an advantage.
 
     Parameters
     ----------
     results
         One for each job that has a record.
     n_galleries
-        Galleries that there should be.
+        Expected number of galleries.
 
     Returns
     -------
@@ -352,7 +352,7 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
 
 
 def _of_galleries(records: Iterable[Record], names: Sequence[str], n_galleries: int) -> list[Figures]:
-    """Scores and coverage of each gallery, means over its trainings, so that galleries count alike."""
+    """Return scores and coverage of each gallery, averaged over trainings, so that galleries have equal weight."""
     galleries: dict[str, list[Figures]] = {}
     for record in records:
         figures = dict.fromkeys(names, 0.0) | record.get("scores", {}) | {"coverage": coverage_of(record)}
@@ -372,7 +372,7 @@ def _deviations(figures: Sequence[Figures], names: Iterable[str]) -> dict[str, f
 
 
 def _over_preparations(results: Sequence[Result], names: Sequence[str], n_galleries: int) -> dict[str, Any]:
-    """Spread of the whole row over the jittered preparations that all its jobs have."""
+    """Return the spread of the row over the jittered preparations that all its jobs have."""
     numbers = sorted(set(results[0].repeats).intersection(*(result.repeats for result in results)))
     repeats = [[result.repeats[number] for result in results] for number in numbers]
     scores = [_means(_of_galleries(records, names, n_galleries)) for records in repeats]
@@ -384,7 +384,7 @@ def _union(items: Iterable[Any]) -> list[Any]:
 
 
 def _n_tied(record: Record) -> int:
-    """Queries whose first rank is relevant in no whole number of the scorer's draws."""
+    """Count the queries with tied first ranks: their NN is no multiple of 1 over the number of draws."""
     draws = len((record["recipe"].get("scorer") or {}).get("codebooks", (0,)))
     hits = [value * draws for value in record["per_query"]["NN"] if value is not None]
     return sum(abs(count - round(count)) > draws * UNIT for count in hits)

@@ -1,4 +1,4 @@
-"""Robustness of methods: NN over the strength of each perturbation as frames, and how they are written."""
+"""Robustness of methods: NN over the strength of each perturbation as frames, and their formats."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _LEGEND = (
     f"value is not above chance. {BLANK}: not all strengths were run."
 )
 
-#: Columns of the files, in their order.
+#: Columns of the files.
 _COLUMNS = (
     "dataset", "input", "scorer", "method", "title", "perturbation", "strength", "amount", "clean_NN", "NN",
     "unsupported", "half_at",
@@ -41,21 +41,21 @@ _COLUMNS = (
 
 
 def half_at(clean: float, values: Sequence[float | None], chance: float, amounts: Sequence[float]) -> float | str:
-    """Return the weakest amount of a perturbation at which NN is below half of its clean value.
+    """Return the smallest amount of a perturbation at which NN is below half of its clean value.
 
     Parameters
     ----------
     clean, values
-        NN without the perturbation, and at each amount; None where there is no result.
+        NN without the perturbation, and at each amount; None if there is no result.
     chance
         NN of a random ranking.
     amounts
-        From the weakest on.
+        Amounts in increasing order.
 
     Returns
     -------
     float or str
-        The amount, or what is printed where there is none: see the legend of the tables.
+        The amount, or a symbol if there is none; see the legend of the tables.
     """
     if millionths(clean / 2 - chance) <= 0:
         return "n/a"
@@ -68,20 +68,20 @@ def half_at(clean: float, values: Sequence[float | None], chance: float, amounts
 
 
 def robustness(results: Iterable[Result]) -> list[DataFrame]:
-    """Collect NN of each data set and input that has results under some perturbation, and clean ones.
+    """Collect NN for each data set and input with clean and perturbed results.
 
     Parameters
     ----------
     results
-        Records of clean and perturbed galleries, among others.
+        Results, including those of clean and perturbed galleries.
 
     Returns
     -------
     list of pandas.DataFrame
         One for each set and input, with a row for each perturbation, method and strength: ``dataset``, ``n_shapes``,
         ``input``, ``scorer`` ("" for the default one), ``method``, ``title``, ``chance``, ``perturbation``,
-        ``strength``, ``amount``, ``clean_NN``, ``NN`` (None where there is no result; a shape that was destroyed is a
-        query without success), ``unsupported`` (shapes that were destroyed), ``half`` as printed, and ``half_at``.
+        ``strength``, ``amount``, ``clean_NN``, ``NN`` (None without a result; destroyed shapes count as failed
+        queries), ``unsupported`` (destroyed shapes), ``half`` as printed, and ``half_at``.
     """
     from pandas import DataFrame
 
@@ -111,7 +111,7 @@ def robustness(results: Iterable[Result]) -> list[DataFrame]:
 
 
 def _curve(clean: Record, records: Sequence[Record | None], amounts: Sequence[float]) -> list[dict[str, Any]]:
-    """Rows of one method under one perturbation, by strength."""
+    """Return the rows of one method under one perturbation, by strength."""
     nn, values = _counted(clean) or 0.0, [_counted(record) for record in records]
     chance = chance_of(clean)["NN"]
     half = half_at(nn, values, chance, amounts)
@@ -130,9 +130,9 @@ def _curve(clean: Record, records: Sequence[Record | None], amounts: Sequence[fl
 
 
 def _counted(record: Record | None) -> float | None:
-    """NN over all shapes: one that was destroyed finds nothing."""
+    """Return NN over all shapes, with 0 for destroyed ones."""
     if record is not None and record["status"] == "unsupported":
-        return 0.0  # no shape was left to rank
+        return 0.0  # no shape left
     if record is None or record["status"] != "ok":
         return None
     # Records of before did not count what was refused.
@@ -140,24 +140,24 @@ def _counted(record: Record | None) -> float | None:
 
 
 def file_stem(frame: DataFrame) -> str:
-    """Name of the files of a set under an input."""
+    """Return the prefix of file names for a data set under an input."""
     return stem("robustness", *frame.iloc[0][["dataset", "input", "scorer"]])
 
 
 def titles(frame: DataFrame) -> dict[str, str]:
-    """Title of each method by its name, in the order of the tables."""
+    """Return titles by method, in the order of the tables."""
     by_name = dict(zip(frame["method"], frame["title"], strict=True))
     return {name: by_name[name] for name in sorted(by_name, key=_table_order)}
 
 
 def _table_order(method: str) -> tuple[int, str]:
-    """Built-in methods in the order of the tables, then all others by name."""
+    """Return a sort key: built-in methods in the order of the tables, then all others by name."""
     base = method.partition("[")[0]
     return list(BUILT_IN).index(base) if base in BUILT_IN else len(BUILT_IN), method
 
 
 def rendered(frames: Sequence[DataFrame], formats: Iterable[str]) -> dict[str, str]:
-    """Texts by file name, as :func:`benchmark.report.formats.render` makes those of the other tables."""
+    """Return texts by file name, like :func:`benchmark.report.formats.render` for other tables."""
     files: dict[str, str] = {}
     for name in formats if frames else ():
         if name == "markdown":
@@ -172,7 +172,7 @@ def rendered(frames: Sequence[DataFrame], formats: Iterable[str]) -> dict[str, s
 
 
 def markdown(frame: DataFrame) -> str:
-    """The amounts at which each method fails, then NN at each strength."""
+    """Return the amounts at which each method fails, then NN at each strength, as Markdown."""
     titled, halves = titles(frame), _halves(frame)
     rows = zip(map(markdown_text, titled.values()), *halves.values(), strict=True)
     parts = []
@@ -191,17 +191,17 @@ def markdown(frame: DataFrame) -> str:
 
 
 def latex(frame: DataFrame) -> str:
-    r"""The amounts at which each method fails, for ``\input``."""
+    r"""Return the amounts at which each method fails, for ``\input``."""
     columns = []
     for head, cells in _halves(frame).items():
-        words = r"\\".join(map(latex_text, head.split()))  # each word of a heading has a line
+        words = r"\\".join(map(latex_text, head.split()))  # one line for each word of a heading
         columns.append(Columns("", (rf"\shortstack[r]{{{words}}}",), [latex_text(cell) for cell in cells], 2))
     caption = latex_text(f"What breaks the methods: {_title(frame)}. {_LEGEND}")
     return float_of(file_stem(frame), caption, [latex_text(title) for title in titles(frame).values()], columns)
 
 
 def as_csv(frames: Sequence[DataFrame]) -> str:
-    """One line per data set, input, method, perturbation and strength."""
+    """Return CSV with one line per data set, input, method, perturbation and strength."""
     return csv_text([name for name in _COLUMNS if name != "title"], _rows(frames))
 
 
@@ -214,7 +214,7 @@ def _rows(frames: Sequence[DataFrame]) -> list[dict[str, Any]]:
 
 
 def _halves(frame: DataFrame) -> dict[str, list[str]]:
-    """Clean NN, and where each perturbation halves it, by heading: a text for each method."""
+    """Return clean NN, and where each perturbation halves it, by heading, as text for each method."""
     names, by_method = list(titles(frame)), frame.drop_duplicates("method").set_index("method")
     columns = {"clean NN": [number(value) for value in by_method.loc[names, "clean_NN"]]}
     for perturbation, part in frame.groupby("perturbation", sort=False):

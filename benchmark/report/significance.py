@@ -1,10 +1,9 @@
-"""How sure the figures of a table are: intervals of means over queries, and tests whether two rows differ.
+"""Confidence intervals of means over queries, and tests for differences between rows.
 
-Queries of one class stand or fall together, so that what an interval draws anew is the classes: it says what other
-subjects, or other animals, would have brought. Percentiles over few classes are too narrow rather than too wide: those
-of a gallery of five classes are a lower bound of what is unknown. Tests exchange the two rows query by query, which
-speaks of other poses of the same subjects, or class by class, which speaks of other subjects; with Holm's correction
-for many rows.
+Queries of one class are dependent, so intervals resample whole classes and describe the variation over other subjects
+or animals. Percentile intervals over few classes are rather too narrow: for five classes they are a lower bound of the
+uncertainty. Tests exchange two rows query by query, for other poses of the same subjects, or class by class, for other
+subjects, with Holm's correction for many rows.
 
 References
 ----------
@@ -27,23 +26,23 @@ from benchmark.api.contracts import Input
 from benchmark.report.escaping import millionths
 from retrieval.measures import PRINTED
 
-#: Records keep six decimals. Sums of whole numbers are the same in any order, so on every machine.
+#: Records have six decimals. Sums of integers do not depend on their order, so they are equal on every machine.
 UNIT = 1e-6
 
-#: Samples that are drawn, and the share of them that an interval holds.
+#: Number of bootstrap samples, and confidence level.
 DRAWS = 9999
 LEVEL = 0.95
 
-#: Ways to exchange the two methods that are tried, beside the one that was measured.
+#: Number of random exchanges, besides the observed assignment.
 RESAMPLES = 9999
 
-#: Probability below which two rows count as different.
+#: Significance level.
 ALPHA = 0.05
 
-#: Rows of this family take no part in the contest: they show what the scorer makes of no canonical form at all.
+#: Family of controls, which are excluded from comparisons: they show the scores without a canonical form.
 CONTROL = "control"
 
-#: Numbers that are drawn at a time.
+#: Random numbers in one batch.
 _AT_A_TIME = 4_000_000
 
 
@@ -54,7 +53,7 @@ class Queries:
     Parameters
     ----------
     values
-        Shape (N, M, R): N queries, M printed measures, R rows; whole numbers in units of 1e-6, 0 without a result.
+        Shape (N, M, R): N queries, M printed measures, R rows; integers in units of 1e-6, 0 without a result.
     has
         Shape (N, R): whether the row has the query.
     labels
@@ -66,16 +65,16 @@ class Queries:
     labels: list[str]
 
     def gains(self, first: int, second: int) -> tuple[NDArray[np.float64], list[str]]:
-        """Return how much better the second row is for each query of both, a column a measure, and the classes."""
+        """Return the gain of the second row for each common query, a column per measure, and the classes."""
         both = np.flatnonzero(self.has[:, first] & self.has[:, second])
         gains = self.values[both, :, second] - self.values[both, :, first]
         return gains, [self.labels[place] for place in both]
 
 
 def queries_of(rows: Sequence[Sequence[Mapping[str, Any]]]) -> Queries:
-    """Collect the queries of each row from its records with scores: of several trainings on a gallery, the mean.
+    """Collect the queries of each row from its records with scores, averaged over several trainings on a gallery.
 
-    A query without a relevant shape counts in no mean and is left out.
+    Queries without a relevant shape, which count in no mean, are omitted.
     """
     labels: dict[tuple[str, str], str] = {}
     parts = []
@@ -97,36 +96,36 @@ def queries_of(rows: Sequence[Sequence[Mapping[str, Any]]]) -> Queries:
 
 
 def intervals(values: NDArray[np.float64], labels: Sequence[Hashable]) -> NDArray[np.float64]:
-    """Intervals of means over queries that hold 95 % of the means when classes are drawn anew.
+    """Return 95 % bootstrap intervals of means over queries, with whole classes resampled.
 
     Parameters
     ----------
     values
-        Shape (N, M): M columns of whole numbers in units of 1e-6; NaN where a column lacks the query.
+        Shape (N, M): M columns of integers in units of 1e-6; NaN if a column lacks the query.
     labels
         Class of each query.
 
     Returns
     -------
     ndarray
-        Shape (M, 2): lower and upper end, in the unit of the measure; NaN for a column without queries.
+        Shape (M, 2): lower and upper end in the unit of the measure; NaN for a column without queries.
     """
     sums, sizes = _by_class(np.nan_to_num(values), labels), _by_class(~np.isnan(values), labels)
-    with np.errstate(invalid="ignore"):  # a sample in which a column has no query
+    with np.errstate(invalid="ignore"):  # a sample without queries of a column
         means = np.hstack([(sums.T @ times.T) / (sizes.T @ times.T) for times in _times_drawn(len(sums))])
     ends = np.full((values.shape[1], 2), np.nan)
     counts = np.count_nonzero(~np.isnan(means), axis=1)
     for count in set(counts[counts > 0].tolist()):
-        # Order statistics, not interpolated: with one draw less than a round number they are exact quantiles.
+        # Order statistics are exact quantiles, because the number of samples is one less than a round one.
         first = max(round((1 - LEVEL) / 2 * (count + 1)) - 1, 0)
         places = [first, count - 1 - first]
         alike = counts == count
-        ends[alike] = np.partition(means[alike], places, axis=1)[:, places] * UNIT  # what is not a number comes last
+        ends[alike] = np.partition(means[alike], places, axis=1)[:, places] * UNIT  # NaN comes last
     return ends
 
 
 def _by_class(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
-    """Sums over the queries of each class, in the order in which the classes appear."""
+    """Return sums over the queries of each class, in the order of their first query."""
     classes = {label: number for number, label in enumerate(dict.fromkeys(labels))}
     columns = np.asarray(values)
     sums = np.zeros((len(classes), columns.shape[1]))
@@ -135,7 +134,7 @@ def _by_class(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float
 
 
 def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:
-    """Return how often each class is in each sample, shape (draws, classes), some draws at a time."""
+    """Yield the counts of classes in bootstrap samples in batches, shape (samples, classes)."""
     generator = np.random.default_rng(0)
     most = max(1, _AT_A_TIME // max(n_classes, 1))
     for start in range(0, DRAWS, most):
@@ -145,21 +144,21 @@ def _times_drawn(n_classes: int) -> Iterator[NDArray[np.float64]]:
 
 
 def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Probabilities of so large a mean difference if both methods were as good for each query.
+    """Return two-sided p-values of mean differences, by random exchanges of the two methods for each query.
 
-    For each query the two methods are exchanged at random. The question is whether other queries of the same classes,
-    such as other poses of these subjects, could turn the sign; for other classes see :func:`class_permutation_test`.
+    The null hypothesis concerns other queries of the same classes, such as other poses of these subjects; for other
+    classes see :func:`class_permutation_test`.
 
     Parameters
     ----------
     differences
-        Shape (N, M): M pairs of methods, the difference of each for each query in whole numbers; 0 where a pair has no
-        such query, which leaves its probability as it is.
+        Shape (N, M): differences for N queries between M pairs of methods, as integers; 0 for queries that a pair
+        lacks, which do not affect its p-value.
 
     Returns
     -------
     ndarray
-        Shape (M,): two-sided probabilities, at least 1 / 10 000.
+        Shape (M,): p-values, at least 1 / 10 000.
     """
     n_queries = len(differences)
     measured = np.abs(differences.sum(axis=0))
@@ -168,16 +167,16 @@ def permutation_test(differences: NDArray[np.float64]) -> NDArray[np.float64]:
     most = max(1, _AT_A_TIME // max(n_queries, 1))
     for start in range(0, RESAMPLES, most):
         signs = 2.0 * generator.integers(0, 2, (min(most, RESAMPLES - start), n_queries)) - 1.0
-        # Whole numbers below 2^53: the products are exact, so equal sums are equal on every machine.
+        # Integers below 2^53: products are exact, so equal sums are equal on every machine.
         as_large += np.count_nonzero(np.abs(signs @ differences) >= measured, axis=0)
     return (as_large + 1) / (RESAMPLES + 1)
 
 
 def class_permutation_test(differences: NDArray[np.float64], labels: Sequence[Hashable]) -> NDArray[np.float64]:
-    """Probabilities of so large a mean difference if both methods were as good for each class.
+    """Return two-sided p-values of mean differences, by exchanges of the two methods for whole classes.
 
-    The two methods are exchanged for all queries of a class at once, in every way where there are few. The question is
-    whether other subjects could turn the sign. With C classes no probability is below 2 / 2^C.
+    If there are few classes, all exchanges are tried. The null hypothesis concerns other subjects. With C classes, no
+    p-value is below 2 / 2^C.
 
     Parameters
     ----------
@@ -189,7 +188,7 @@ def class_permutation_test(differences: NDArray[np.float64], labels: Sequence[Ha
     Returns
     -------
     ndarray
-        Shape (M,): two-sided probabilities.
+        Shape (M,): p-values.
     """
     sums = _by_class(differences, labels)
     if 2 ** len(sums) > RESAMPLES + 1:
@@ -199,12 +198,12 @@ def class_permutation_test(differences: NDArray[np.float64], labels: Sequence[Ha
 
 
 def least_class_probability(n_classes: int) -> float:
-    """Least probability that :func:`class_permutation_test` can give."""
+    """Return the smallest p-value that :func:`class_permutation_test` can give."""
     return max(2.0 ** (1 - n_classes), 1 / (RESAMPLES + 1))
 
 
 def holm(probabilities: ArrayLike) -> list[float]:
-    """Probabilities adjusted for their number, in the order given; see Holm 1979."""
+    """Return p-values adjusted for multiple tests, in the given order; see Holm 1979."""
     given = np.asarray(probabilities, dtype=np.float64)
     order = np.argsort(given, kind="stable")
     adjusted = np.empty_like(given)
@@ -221,10 +220,9 @@ class FigureSignificance:
     low, high
         Ends of its 95 % interval over classes.
     is_best
-        Whether no other row of the column, controls aside, has a higher figure.
+        Whether no other row of the column, except controls, has a higher figure.
     probability
-        Of so large a difference from the best row if there were none, adjusted for the number of rows; None for the
-        best row itself and for controls.
+        Adjusted p-value of the difference from the best row; None for the best row itself and for controls.
     is_tied
         Whether first ranks of the row tie.
     """
@@ -237,16 +235,16 @@ class FigureSignificance:
 
     @property
     def is_inseparable(self) -> bool:
-        """Return whether the row cannot be told from the best one, and ties are not the reason."""
+        """Whether the row does not differ significantly from the best one, for other reasons than ties."""
         return self.probability is not None and millionths(self.probability) >= ALPHA and not self.is_tied
 
 
-#: By method, input and measure; figures without scores have none.
+#: Significance by method, input and measure, for figures with scores.
 TableSignificance = dict[tuple[str, Input, str], FigureSignificance]
 
 
 def table_significance(lines: Iterable[Any]) -> TableSignificance:
-    """Judge all our figures of a table, see :attr:`benchmark.report.content.TableContent.lines`."""
+    """Return the significance of our figures in a table; see :attr:`.TableContent.lines`."""
     by_input: dict[Input, list[Any]] = {}
     for line in lines:
         if line.records:

@@ -1,4 +1,4 @@
-"""Does a plugin keep its contract? Checks for authors of methods, scorers and data sets, one line per finding."""
+"""Check whether a plugin keeps its contract: for authors of methods, scorers and data sets, one line per finding."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ class Target:
     Parameters
     ----------
     name
-        A method, a scorer, or a data set of a plugin file, or such a file for all that it brings; with parameters in
-        brackets if need be.
+        A method, a scorer, or a data set of a plugin file, optionally with parameters in brackets; or a plugin file,
+        for all that it defines.
     methods
-        Of a file, the methods to check, with parameters if need be; empty for all, its scorers and its data sets.
+        Methods of the file to check, optionally with parameters; empty for all methods, scorers and data sets.
     plugins
-        Files that bring the named method or data set.
+        Files that define the named method or data set.
     options
-        Of a learner: how to train the model that it is checked with; without any, its own schedule says so, and one
-        that says where its model lies is checked with that.
+        How to train the model with which a learner is checked; by default, its own schedule. A learner that names its
+        model is checked with that model.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Target:
         Raises
         ------
         ConfigurationError
-            If there is no such method, a parameter does not fit, or the file cannot be imported.
+            If there is no such method, a parameter is invalid, or the file cannot be imported.
         """
         plugins = list(map(Path, self.plugins))
         return self._named(plugins) if self.file is None else self._of_file(self.file, plugins)
@@ -105,10 +105,10 @@ class Finding:
     name
         Name of the check.
     outcome
-        ``"skipped"`` where the method declares that the check does not apply; ``"warning"`` for what breaks no contract
-        but makes scores that differ from run to run or from machine to machine.
+        ``"skipped"`` if the method declares that the check does not apply; ``"warning"`` if no contract is broken but
+        scores may differ between runs or machines.
     explanation
-        One line: what was seen, and the hint if it failed.
+        One line: the observation, and a hint if the check failed.
     """
 
     name: str
@@ -121,7 +121,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """Findings by method; true if none failed, and as text one line per finding."""
+    """Findings by method; true if none failed; as text, one line per finding."""
 
     findings: Mapping[str, Sequence[Finding]]
 
@@ -136,27 +136,27 @@ class Report:
 
 
 def check_target(name: str) -> Report:
-    """Check a method by name, or all that a plugin file brings; see :class:`Target`.
+    """Check a method by name, or all that a plugin file defines; see :class:`Target`.
 
     Raises
     ------
     ConfigurationError
-        If there is no such method, or the file cannot be imported or takes the name of another method.
+        If there is no such method, or the file cannot be imported or reuses the name of another method.
     """
     return Report({_title(spec): check(spec) for spec in Target(name).specs()})
 
 
 def check_apart(target: Target, limit: float | None = None) -> Report:
-    """The same, in a process of its own.
+    """Check a target in a separate process.
 
-    A method that crashes, hangs or ends the process fails the check that it was at, and is not checked further.
+    A method that crashes, hangs or ends the process fails the current check and is not checked further.
 
     Parameters
     ----------
     target
-        What to check.
+        The plugins to check.
     limit
-        Seconds that one check may take; None for no limit.
+        Longest time of one check in seconds; None for no limit.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
 
 
 def _check_apart(target: Target, without: Sequence[str], folder: str, say: Callable[[str], None]) -> None:
-    """Check all of a target but some, saying before each check which one begins and after it what it found."""
+    """Check a target except for some plugins; report the name of each check before it and its findings after it."""
     for spec in target.specs():
         title = _title(spec)
         for event in _checks(spec, Path(folder), target.options) if title not in without else ():
@@ -196,23 +196,23 @@ def _check_apart(target: Target, without: Sequence[str], folder: str, say: Calla
 
 
 def _title(spec: PluginSpec[Any, Any]) -> str:
-    """Name of a plugin; a scorer or a data set says so, for names may be shared."""
+    """Return the name of a plugin, with its kind if it is a scorer or a data set, since kinds may share names."""
     return spec.name if isinstance(spec, MethodSpec) else f"{spec.name} ({spec.kind})"
 
 
 def check(spec: PluginSpec[Any, Any]) -> list[Finding]:
     """Check one method, descriptor, scorer or data set with its parameters.
 
-    A check that raises is a failed finding. Without an answer on the reference figure, or with one that differs from
-    run to run, there is nothing to compare, and the further checks are skipped; a method whose packages are not
-    installed is not run at all. A learner without a model is trained on a few images of the figure.
+    A check that raises an error has failed. If the answer for the reference figure is missing or differs between runs,
+    there is nothing to compare, and the remaining checks are skipped. A method whose packages are not installed does
+    not run at all. A learner without a model is trained on a few images of the figure.
     """
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         return [event for event in _checks(spec, Path(folder)) if isinstance(event, Finding)]
 
 
 def _checks(spec: PluginSpec[Any, Any], folder: Path, options: Any = ()) -> Iterator[str | Finding]:
-    """Check a plugin: the name of each check before it is made, then its result; models go to a folder."""
+    """Check a plugin: yield the name of each check before it runs, then its result; models go to a folder."""
     case, gate = checks.case_of(spec, models=folder, options=options), None
     table = checks.OF_DATA_SETS if isinstance(case, DatasetCase) else checks.OF_METHODS_AND_SCORERS
     names = checks.NAMES_OF_SCORERS if isinstance(case, ScorerCase) else {}
@@ -240,6 +240,6 @@ def _find(name: str, tried: checks.Check, case: Any) -> Finding:
         outcome, explanation = "warning", str(warning)
     except (Exception, SystemExit, GeneratorExit, KeyboardInterrupt) as error:
         if isinstance(error, KeyboardInterrupt) and not is_child():
-            raise  # somebody interrupts the checks
+            raise  # the user interrupts the checks
         outcome, explanation = "failed", explain(error)
     return Finding(name, outcome, " ".join(explanation.split()))

@@ -1,4 +1,4 @@
-"""Shapes and cases for the checks of plugins, and when two answers are equal."""
+"""Shapes and cases for the checks of plugins, and comparisons of answers."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from benchmark.geometry.depth import back_project, fit_half_width, render_depth
 from benchmark.plugins.output_checks import descriptor_of, distances_of, form_distances, form_of, signature_of
 from benchmark.plugins.specs import DatasetSpec, MethodSpec, PluginSpec
 
-#: Angles in radians by which the limbs of the figure bend in its poses.
+#: Angles in radians by which the limbs of the figure bend, one for each pose.
 BENDS = (0.7, 0.2, 1.1)
 
-#: Name of the training on images of the figure, and so of the folder that holds its models.
+#: Name of the training on images of the figure, and of the folder of its models.
 TRAINING = "case"
 
 _PIXEL_STRIDE = 9
 _CAMERA = Camera((0.35, 1.0, -0.2))
 
 
-#: Valid meshes that a method may refuse as unsupported, but must not stumble over, beside the open surface of a view.
+#: Valid meshes, besides the open surface of a view, that a method may refuse as unsupported but must not fail on.
 _AWKWARD = ("a triangle", "a tetrahedron", "a flat sheet", "two pieces")
 
 
@@ -45,22 +45,22 @@ def _mesh(name: str) -> Mesh:
 
 
 def figure(bend: float = BENDS[0]) -> Mesh:
-    """Closed surface of a body with a head, an arm, a leg and a tail, of unit area and 500 vertices.
+    """Return the closed surface of a body with a head, an arm, a leg and a tail, of unit area, with 500 vertices.
 
-    No two limbs share length, thickness or direction, so the surface has no symmetry that would leave an axis or the
-    order of two eigenvalues open.
+    All limbs differ in length, thickness and direction, so no symmetry leaves an axis or the order of two eigenvalues
+    undetermined.
 
     Parameters
     ----------
     bend
-        Angle of :data:`BENDS` by which the arm, the leg and the tail each turn at every joint.
+        Angle of :data:`BENDS` by which the arm, the leg and the tail bend at every joint.
     """
     return _mesh(f"figure {bend}")
 
 
 @cache
 def view(bend: float = BENDS[0]) -> Shape:
-    """The figure as one depth camera sees it: open, in pieces that are bridged, with its depth image."""
+    """Return the figure as one depth camera sees it: open, in pieces that are bridged, with its depth image."""
     mesh = figure(bend)
     half_width = fit_half_width([mesh], _CAMERA)
     depth = render_depth(mesh, _CAMERA, half_width)
@@ -76,12 +76,12 @@ def view(bend: float = BENDS[0]) -> Shape:
 
 
 def awkward() -> dict[str, Mesh]:
-    """Meshes that are hard to treat, by name."""
+    """Return difficult meshes by name."""
     return {name: _mesh(name) for name in _AWKWARD} | {"an open surface": view().mesh}
 
 
 def training_data() -> TrainingData:
-    """Depth images of the figure in its poses, the first of which is the canonical one; all that training may see."""
+    """Return depth images of the figure in its poses, of which the first is canonical, as the only training data."""
     names = tuple(f"figure {bend}" for bend in BENDS)
 
     def pairs(start: int = 0) -> Iterator[TrainingPair]:
@@ -103,15 +103,15 @@ def training_data() -> TrainingData:
     )
 
 
-#: Largest difference of two runs on one shape, relative to the largest coordinate: rounding may depend on where an
-#: array lies in memory.
+#: Largest difference between two runs on one shape, relative to the largest coordinate: rounding may depend on the
+#: position of an array in memory.
 REPEAT_TOLERANCE = 1e-9
 
-#: Largest difference of two runs on one surface given in two ways, relative to the diameter of the form: an iteration
-#: that stops by a threshold may stop one step earlier. The scorer does not see a thousandth of the diameter.
+#: Largest difference between two runs on two descriptions of one surface, relative to the diameter of the form: an
+#: iteration with a threshold may stop one step earlier. The scorer does not see a thousandth of the diameter.
 SYMMETRY_TOLERANCE = 1e-3
 
-#: Largest dissimilarity of a form and the same form moved, as a share of the smallest one of two different forms.
+#: Largest dissimilarity between a form and its moved copy, relative to the smallest one between two different forms.
 _SHARE = 0.1
 
 _COMPARED_VERTICES = 1000
@@ -121,42 +121,42 @@ Change = Callable[[Mesh], Mesh]
 
 
 class Failed(Exception):
-    """The check found a fault; the message says which, and the hint."""
+    """The check failed; with the reason and a hint."""
 
 
 class Warned(Exception):
-    """The check found what is no fault but may become one; the message says what."""
+    """The check found something that may become a fault; with the reason."""
 
 
 class Skipped(Exception):
-    """The check does not apply; the message says why."""
+    """The check does not apply; with the reason."""
 
 
 @dataclass
 class _Case:
-    """A method or a scorer; of a learner, the folder of its model, or the folder and options to train one."""
+    """A method or a scorer; for a learner, with the folder of its model, or a folder and options to train one."""
 
     spec: PluginSpec[Any, Any]
     model: Path | None = None
     models: Path = Path()
     options: Mapping[str, str] = field(default_factory=dict)
 
-    #: The figure as it is given, and what an object answers for it, or for another subject.
+    #: The figure as input, and the answer of an object for it or for another subject.
     subject: ClassVar[Callable[..., Any]]
     _answer: ClassVar[Callable[..., FloatArray]]
 
     @property
     def info(self) -> Any:
-        """Return what it says about itself."""
+        """Description of the plugin."""
         return self.spec.info
 
     def create(self) -> Any:
-        """A new object, with the model that it was trained to."""
+        """Return a new object, with its trained model."""
         created = self.spec.create()
         return created.load(self.model) if self.model is not None and isinstance(created, Learner) else created
 
     def answer(self, subject: Any = None, by: Any = None) -> FloatArray:
-        """Return what an object, by default a new one, answers for a subject, by default the figure."""
+        """Return the answer of an object, by default a new one, for a subject, by default the figure."""
         return self._answer(self.create() if by is None else by, self.subject() if subject is None else subject)
 
     @cached_property
@@ -166,17 +166,17 @@ class _Case:
 
 
 class MethodCase(_Case):
-    """A method or a descriptor, and the shapes that it is tried on."""
+    """A method or a descriptor, with the shapes on which it is checked."""
 
     spec: MethodSpec
-    #: What ``distances`` or ``compare`` gets several of.
+    #: Kind of the items that ``distances`` or ``compare`` gets.
     compared = "descriptors"
-    #: What awkward surfaces may be refused with.
+    #: Error with which difficult surfaces may be refused.
     refusal: type[ShapeError] = UnsupportedShape
 
     @property
     def reads_images(self) -> bool:
-        """Return whether the method is made for depth images alone."""
+        """Whether the method accepts only depth images."""
         return "mesh" not in self.info.inputs
 
     def subject(
@@ -188,7 +188,7 @@ class MethodCase(_Case):
         name: str = "figure",
         seed: int = 0,
     ) -> Shape:
-        """The figure as the method wants it, or another mesh in its place."""
+        """Return the figure, or another mesh, as input of the method."""
         seen = view(bend) if self.reads_images else None
         # Any area will do that differs between poses: bending keeps the area, and equal areas would compare nothing.
         return Shape(
@@ -200,11 +200,11 @@ class MethodCase(_Case):
         )
 
     def _answer(self, created: Method | Descriptor, subject: Shape) -> FloatArray:
-        """Vertices of a form, shape (n, 3), or any vector, looked at as a run does."""
+        """Return the vertices of a form, shape (n, 3), or a vector, after the checks of a run."""
         return form_of(created, subject)[0].vertices if isinstance(created, Method) else descriptor_of(created, subject)
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Compare two answers up to rigid motions and mirrorings; ``order`` says where the change has put vertices."""
+        """Compare two answers up to rigid motions and reflections; ``order`` is that of vertices after the change."""
         mesh = self.subject().mesh
         answer = self.answer(self.subject(mesh=change(mesh)))
         if order is not None and answer.ndim == 2:
@@ -219,7 +219,7 @@ class MethodCase(_Case):
         return [self.subject(bend) for bend in BENDS]
 
     def dissimilarities(self, subjects: Sequence[Shape], draw: int = 0) -> FloatArray:
-        """Dissimilarities of all pairs; raises :class:`Skipped` where nothing is compared."""
+        """Return the dissimilarities of all pairs; raise :class:`Skipped` if the plugin compares nothing."""
         method = self.create()
         if not isinstance(method, Descriptor):
             raise Skipped("forms are compared by the scorer")
@@ -231,7 +231,7 @@ class MethodCase(_Case):
 
 
 class ScorerCase(_Case):
-    """A scorer, and the forms that it is tried on; see :class:`MethodCase`."""
+    """A scorer, with the forms on which it is checked; see :class:`MethodCase`."""
 
     compared = "signatures"
     refusal = ShapeError
@@ -245,7 +245,7 @@ class ScorerCase(_Case):
         return np.concatenate([np.asarray(signature[name], dtype=np.float64).ravel() for name in sorted(signature)])
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Return whether a form is much more like itself after a change than like any other one."""
+        """Check that a form after a change is much more similar to itself than to any other form."""
         forms = [figure(bend) for bend in BENDS]
         distances = self.dissimilarities([*forms, *map(change, forms)])
         count = len(forms)
@@ -257,11 +257,11 @@ class ScorerCase(_Case):
 
     @property
     def pairs(self) -> list[Mesh]:
-        """The figure in its poses, whole and as a camera sees it."""
+        """Return the figure in its poses, complete and as a camera sees it."""
         return [*map(figure, BENDS), *(view(bend).mesh for bend in BENDS)]
 
     def dissimilarities(self, subjects: Sequence[Mesh], draw: int = 0) -> FloatArray:
-        """Dissimilarities of all pairs."""
+        """Return the dissimilarities of all pairs."""
         scorer = self.create()
         return form_distances(scorer, [signature_of(scorer, form) for form in subjects], draw)
 
@@ -287,13 +287,13 @@ class DatasetCase:
         return list({entry.subject: entry for entry in reversed(self.dataset.entries)}.values())[::-1]
 
     def digests(self, *, backwards: bool = False) -> dict[str, str]:
-        """Digest of the mesh of the first shape of each class, by identifier."""
+        """Return the digest of the mesh of the first shape of each class, by identifier."""
         meshes = {e.identifier: self.dataset.load(e) for e in self.first_of_each[:: -1 if backwards else 1]}
         contents = {name: mesh.vertices.tobytes() + mesh.faces.tobytes() for name, mesh in meshes.items()}
         return {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
 
     def description(self) -> list[list[str]]:
-        """Return what determines the set, in plain values."""
+        """Return the recipe of the data set as plain values."""
         dataset = self.dataset
         return [
             [e.identifier, e.subject, e.pose, dataset.recipe(e), repr(dataset.camera(e))] for e in dataset.entries
@@ -304,7 +304,7 @@ Case = MethodCase | ScorerCase | DatasetCase
 
 
 def explain(error: BaseException) -> str:
-    """Say in one line what an exception means to the author of the method."""
+    """Explain an exception to the author of the method in one line."""
     if isinstance(error, ImportError):
         return f"cannot import what it needs ({message(error)}); name packages beyond the core in info.requires"
     if isinstance(error, UnsupportedShape):
@@ -317,16 +317,16 @@ def explain(error: BaseException) -> str:
 
 
 def difference(expected: FloatArray, answer: FloatArray) -> float:
-    """Largest difference of two answers over the largest number of the first; infinite if their shapes differ."""
+    """Return the largest difference of two answers, relative to the first; infinite if their shapes differ."""
     if expected.shape != answer.shape:
         return np.inf
     return float(np.abs(answer - expected).max() / (np.abs(expected).max() or 1.0))
 
 
 def same(expected: FloatArray, answer: FloatArray, hint: str, factor: float | None = None) -> str:
-    """Compare two answers; ``hint`` says what a difference means.
+    """Compare two answers; ``hint`` explains a difference.
 
-    With a factor, they are compared up to rigid motions and mirrorings, the second one that many times as large.
+    With a factor, they are compared up to rigid motions and reflections, with the second one scaled by the factor.
     """
     if expected.shape != answer.shape:
         raise Failed(f"{answer.shape} instead of {expected.shape}: {hint}")
@@ -340,13 +340,13 @@ def same(expected: FloatArray, answer: FloatArray, hint: str, factor: float | No
 
 
 def is_mirrored(expected: FloatArray, answer: FloatArray) -> bool:
-    """Return whether one of two congruent forms has to be mirrored to become the other."""
+    """Return whether two congruent forms are mirror images."""
     here, there = (form - form.mean(axis=0) for form in (expected, answer))
     return bool(np.linalg.det(here.T @ there) < 0)
 
 
 def _invariants(answer: FloatArray) -> FloatArray:
-    """Return what no rigid motion changes: distances between vertices of a form; a descriptor itself."""
+    """Return invariants under rigid motions: distances between vertices of a form, or a descriptor itself."""
     if answer.ndim == 1:
         return answer
     return np.asarray(pdist(answer[:: max(1, len(answer) // _COMPARED_VERTICES)]))

@@ -1,4 +1,4 @@
-"""The checks of plugins: a table of functions, each of which returns praise, or raises what is wrong."""
+"""The checks of plugins: a table of functions that return what is right, or raise what is wrong."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ from benchmark.text import DATA_VARIABLE
 
 KERNEL = "OPENBLAS_CORETYPE"
 
-#: Kernel that every x86-64 processor of today can run, and none would choose.
+#: BLAS kernel that every current x86-64 processor can run, but that none selects by default.
 OLD_KERNEL = "Nehalem"
 
 _SCALE = 2.5
@@ -67,7 +67,7 @@ def _listed(problems: list[str], praise: str, separator: str = "; ") -> str:
 
 
 def _requirements(case: Any) -> str:
-    """Whether packages are installed, and the model of a learner is there; one without its folder is trained here."""
+    """Check that packages and the model of a learner are available; a learner without a model is trained here."""
     missing = case.spec.missing_packages()
     if missing:
         raise Skipped(f"unavailable: install {', '.join(missing)}, then check again")
@@ -137,14 +137,14 @@ def trained(spec: MethodSpec, folder: Path, options: Any = ()) -> Method:
     spec
         The learner.
     folder
-        Where its models go.
+        Folder for its models.
     options
-        Deviations from its own schedule.
+        Changes to its own schedule.
 
     Raises
     ------
     Failed
-        If no model comes of it that the harness could use, or it is trained anew though it is finished.
+        If training leaves no usable model, or a finished training is repeated.
     """
     learner = spec.create()
     if not isinstance(learner, Learner):
@@ -182,7 +182,7 @@ def _answer(case: Any) -> str:
 
 
 def _repeatable(case: Any) -> str:
-    """Whether the same is answered again, at once and after another shape."""
+    """Check that an answer is repeated, immediately and after another shape."""
     first, again = case.reference, case.answer()
     start = "give iterative solvers such as eigsh a fixed start (v0=...)"
     if not (size := difference(first, again)) <= REPEAT_TOLERANCE:
@@ -240,7 +240,7 @@ def _seed(case: MethodCase) -> str:
 def _fresh_process(case: Any) -> str:
     answer = _elsewhere(case)
     same(case.reference, answer, "another process answers differently; do not depend on hashes, globals or the clock")
-    # This process has done other work before, so only two fresh ones can be expected to agree in every bit.
+    # This process has done other work before, so only two fresh processes can be expected to agree bit by bit.
     again = case.reference if np.array_equal(answer, case.reference) else _elsewhere(case)
     if np.array_equal(answer, again):
         return "every fresh process answers the same to the last bit"
@@ -261,8 +261,8 @@ def _other_processor(case: Any) -> str:
 
 
 def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
-    """Answer for the figure in a new process, under another BLAS kernel if one is named; "" is the default one."""
-    with patch.dict(os.environ):  # libraries that are loaded here do not notice
+    """Return the answer for the figure in a new process, under a given BLAS kernel; "" for the default."""
+    with patch.dict(os.environ):  # does not affect the libraries loaded here
         if kernel is not None:
             os.environ.pop(KERNEL, None)
             os.environ |= {KERNEL: kernel} if kernel else {}
@@ -275,17 +275,17 @@ def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
 
 
 def _answer_here(spec: PluginSpec[Any, Any], model: Path | None) -> list[Any]:
-    """The answer as JSON can carry it, which keeps every bit of a number; raises ``BenchmarkError`` with the fault."""
+    """Return the answer for JSON, which keeps every bit of a number; raise ``BenchmarkError`` with a fault."""
     hide_data()
     try:
         case: Any = case_of(spec, model)
         return list(case.reference.tolist())
-    except BaseException as error:  # also what ends a program
+    except BaseException as error:  # including SystemExit
         raise BenchmarkError(explain(error)) from error
 
 
 def hide_data() -> None:
-    """Let no file of the data folder be found in this process: what a method needs of a shape, the shape offers."""
+    """Hide the data folder from this process, because methods must use only what the shape offers."""
     folder = os.environ.pop(DATA_VARIABLE, "")
     if not folder:
         return
@@ -374,7 +374,7 @@ def _dissimilarities(case: Any) -> str:
     again, hint = case.dissimilarities(pairs, draws - 1), "dissimilarities differ when asked for again; seed by 'draw'"
     same(distances, again, hint)
     if draws == 1:
-        # Turned round by one, for distances of the places in the order, |i - j|, are the same backwards.
+        # Rotated by one, because distances between positions, |i - j|, are the same in reverse order.
         turned = np.roll(case.dissimilarities([*pairs[1:], pairs[0]]), 1, axis=(0, 1))
         same(distances, turned, f"depends on the order of the {case.compared}; treat all pairs alike")
     return f"symmetric, zero diagonal, largest {largest:.3g}"
@@ -481,11 +481,11 @@ class Check:
     run
         Returns what is right, or raises what is wrong.
     applies
-        To which plugins it applies; it is not even named for others.
+        Whether it applies to a plugin; if not, it is not listed.
     unless
-        Why it is skipped, "" where it is not.
+        Why it is skipped; "" if it is not.
     gate
-        Why further checks are skipped where this one is not passed, "" where they are not named; None for no reason.
+        Why the remaining checks are skipped if this one fails, "" if they are not listed; None if they still run.
     """
 
     run: Callable[[Any], str]
@@ -515,7 +515,7 @@ OF_METHODS_AND_SCORERS = {
     "awkward shapes": Check(_awkward),
 }
 
-#: What some of them are called for a scorer.
+#: Names of some checks for scorers.
 NAMES_OF_SCORERS = {"answer": "signature", "rigid motion": "motion", "awkward shapes": "awkward forms"}
 
 OF_DATA_SETS = {
@@ -528,7 +528,7 @@ OF_DATA_SETS = {
 
 
 def case_of(spec: PluginSpec[Any, Any], model: Path | None = None, models: Path = Path(), options: Any = ()) -> Case:
-    """Return a plugin as it is tried, with the model of a learner, or the folder and options to train one."""
+    """Return the case of a plugin, with the model of a learner, or the folder and options to train one."""
     if isinstance(spec, DatasetSpec):
         return DatasetCase(spec)
     return (MethodCase if isinstance(spec, MethodSpec) else ScorerCase)(spec, model, models, dict(options))

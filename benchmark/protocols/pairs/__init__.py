@@ -1,6 +1,6 @@
-"""Pairs that learners are trained on: the shapes of a protocol beside their canonical poses, as methods are given them.
+"""Training pairs of learners: the shapes of a protocol with their canonical poses, as methods get them.
 
-That no shape to be tested, nor another shape of its subject, is among them is checked each time they are made.
+Each time, it is checked that they include no test shape and no other shape of a test subject.
 """
 
 from __future__ import annotations
@@ -43,20 +43,20 @@ def training_data(
     training
         The protocol.
     store
-        Where images are kept.
+        Where images are stored.
     data_root
-        The folder that holds the official sets.
+        The folder of the official data sets.
     say
-        Told about shapes that cannot be rendered, and about sampled bodies that are drawn again.
+        Callback for messages about shapes that cannot be rendered and sampled bodies that are drawn again.
     n_sampled
-        Number of bodies where they are sampled.
+        Number of bodies, if they are sampled.
 
     Raises
     ------
     DatasetError
-        If the set is absent.
+        If the data set is missing.
     ConfigurationError
-        If the training data would hold a subject that its models are tested on, or nothing at all.
+        If the training data would include a test subject, or would be empty.
     """
     dataset = open_dataset(training.dataset, data_root)
     preparation = Preparation(dataset, "view", store)
@@ -78,7 +78,7 @@ def training_data(
 def _rendered_data(
     training: Training, preparation: Preparation, unseen: MakesPairs, say: Callable[[str], None]
 ) -> TrainingData:
-    """Shapes of a data set."""
+    """Return the pairs of a data set."""
     dataset = preparation.dataset
     pairs = _renderable(training.trained.of(dataset), preparation, say)
     subjects = tuple(dict.fromkeys(entry.subject for pair in pairs for entry in pair))
@@ -100,7 +100,7 @@ def _rendered_data(
 def _renderable(
     entries: Iterable[Entry], preparation: Preparation, say: Callable[[str], None]
 ) -> list[tuple[Entry, Entry]]:
-    """Shapes beside those of the same subject in the canonical pose, without those that cannot be rendered."""
+    """Return shapes with their subjects in the canonical pose, without those that cannot be rendered."""
     skipped: set[str] = set()
 
     def can_be_rendered(entry: Entry) -> bool:
@@ -132,7 +132,7 @@ def _pairs(pairs: Iterable[tuple[Entry, Entry]], preparation: Preparation) -> It
 
 
 def _image(preparation: Preparation, entry: Entry) -> NDArray[np.float32]:
-    """The image that methods are given, from the store."""
+    """Return the depth image of a shape as methods get it, from the store."""
     image = preparation.shape(entry).depth
     if image is None:
         raise ConfigurationError(f"{entry.identifier} has no depth image", "train on the view input")
@@ -140,7 +140,7 @@ def _image(preparation: Preparation, entry: Entry) -> NDArray[np.float32]:
 
 
 def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
-    """Raise ``ConfigurationError`` unless there are pairs and none of them shows a subject to be tested."""
+    """Raise ``ConfigurationError`` if there are no pairs or one of them shows a test subject."""
     if not data.n_pairs:
         raise ConfigurationError(f"training '{data.name}' has no pairs", "check the data set with 'data check'")
     both = sorted({entry.subject for entry in tested} & set(data.subjects)) + sorted(

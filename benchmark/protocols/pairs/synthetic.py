@@ -1,6 +1,6 @@
-"""Training data that is in no set: sampled people, sampled animals and people, and the streams of fresh people.
+"""Training data outside the data sets: sampled people, sampled animals and people, and streams of new people.
 
-Bodies are made as they are read, for they are too many to be kept.
+Bodies are generated while they are read, because they are too many to store.
 """
 
 from __future__ import annotations
@@ -64,20 +64,20 @@ SAMPLE = 1024
 
 @dataclass(frozen=True)
 class _Sample:
-    """Bodies to be rendered.
+    """Bodies to render.
 
     Parameters
     ----------
     title
-        What they are, in words.
+        Description of the bodies.
     recipe
-        What determines their images.
+        Recipe of their images.
     n_images
-        Images of a body: the canonical pose and its own.
+        Number of images of a body: the canonical pose and its own poses.
     away_from
-        Generated sets of people from whose subjects they keep ``CLEARANCE``.
+        Generated data sets of people whose subjects they avoid by ``CLEARANCE``.
     maker
-        Gives what makes the bodies from one on.
+        Returns an iterator over the bodies from a given one on.
     """
 
     title: str
@@ -90,20 +90,20 @@ class _Sample:
 def sampled_data(
     training: Training, n_bodies: int, preparation: Preparation, unseen: MakesPairs, say: Callable[[str], None]
 ) -> TrainingData:
-    """Pairs of sampled bodies, rendered in the frame of a data set of which they are none.
+    """Return pairs of sampled bodies, rendered in the frame of a data set to which they do not belong.
 
     Parameters
     ----------
     training
         The protocol.
     n_bodies
-        How many.
+        Number of bodies.
     preparation
-        Of the data set.
+        Preparation of the data set.
     unseen
-        Makes pairs of the subjects that are tested.
+        Returns pairs of the test subjects.
     say
-        Told about bodies that are drawn again.
+        Callback for messages about bodies that are drawn again.
     """
     sample = _people(n_bodies, preparation) if training.name == SAMPLED else _animals(n_bodies, preparation)
     n_images = sample.n_images
@@ -134,7 +134,7 @@ def _name(number: int) -> str:
 def _rendered(
     make: MakesBody, numbers: Iterable[int], half_width: float, say: Callable[[str], None]
 ) -> Iterator[TrainingPair]:
-    """Pairs of body after body; one that leaves the frame is drawn again."""
+    """Yield the pairs of one body after the other; a body that leaves the frame is drawn again."""
     drawn_again = 0
     for number in numbers:
         name, draw = _name(number), 0
@@ -159,17 +159,17 @@ def _leaves_frame(mesh: Mesh, camera: Camera, half_width: float) -> bool:
 
 
 def _frame(preparation: Preparation, *cameras: Camera) -> list[object]:
-    """What determines the images of given meshes."""
+    """Return the recipe of the images of given meshes."""
     return [*map(repr, cameras), preparation.half_width, versions_of(["preparation/view"])]
 
 
 def _people(n_bodies: int, preparation: Preparation) -> _Sample:
-    """People that are none of a set's, in poses between two authored ones."""
+    """Return people outside a data set, in poses between two authored ones."""
     bodies = humans.sample_humans(n_bodies, SAMPLED_POSES, seed=0)
     n_images = 1 + SAMPLED_POSES
 
     def maker(first: int) -> MakesBody:
-        # Bodies in a row are posed together, which is faster.
+        # Consecutive bodies are posed together, which is faster.
         in_turn = humans.human_meshes(_in_all_poses(bodies[first:]))
 
         def make(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
@@ -191,12 +191,12 @@ def _people(n_bodies: int, preparation: Preparation) -> _Sample:
 
 
 def _in_all_poses(bodies: Iterable[tuple[humans.Subject, Sequence[Pose]]]) -> Iterator[tuple[humans.Subject, Pose]]:
-    """Each body in the canonical pose, then in its own."""
+    """Yield each body in the canonical pose, then in its own poses."""
     return ((body, pose) for body, poses in bodies for pose in (POSES[humans.CANONICAL_POSE], *poses))
 
 
 def _animals(n_bodies: int, preparation: Preparation) -> _Sample:
-    """People and animals by turns."""
+    """Return people and animals in turn."""
     n_images = 1 + ANIMAL_POSES
     frame, versions = _frame(preparation, FRONT, SIDE), versions_of(["sampler/animals"])
     return _Sample(
@@ -209,12 +209,12 @@ def _animals(n_bodies: int, preparation: Preparation) -> _Sample:
 
 
 def person_or_animal(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
-    """One body, drawn again so many times: a person where the number is even, else an animal; in centimetres.
+    """Return a body after some redraws: a person if the number is even, else an animal; in centimetres.
 
     Raises
     ------
     DatasetError
-        If no body can be made.
+        If no body can be generated.
     """
     of_kind = number // 2
     if number % 2:
@@ -228,10 +228,10 @@ def person_or_animal(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
 
 
 def _adult(number: int, draw: int) -> list[Mesh]:
-    """An adult in the canonical pose, then in others, from a place of the stream that nobody else looks at."""
+    """Return an adult in the canonical pose, then in others, from a part of the stream that is used nowhere else."""
     stream = Sampler(SEED, poses=ANIMAL_POSES)
     for place in range(MOST_DRAWS):
-        # Numbers of batches are free to leave gaps: each body has a run of its own.
+        # Each body has its own range of batch numbers; gaps do no harm.
         body = stream.surfaces((number * MOST_DRAWS + draw) * MOST_DRAWS + place, 1)
         if np.ptp(body.canonical[0, :, 2]) >= SHORTEST_ADULT:
             return [Mesh(CENTIMETRES * vertices, body.faces) for vertices in (body.canonical[0], *body.posed[0])]
@@ -248,14 +248,14 @@ def _turned(vertices: Points, random: np.random.Generator) -> Points:
 
 
 def varied_data(training: Training, unseen: MakesPairs) -> StreamedAndScannedData:
-    """The streams of fresh people, each one to train on and one to choose by, which share no body.
+    """Return the streams of new people, each for training and for validation, without common bodies.
 
     Parameters
     ----------
     training
         The protocol.
     unseen
-        Makes pairs of the subjects that are tested.
+        Returns pairs of the test subjects.
     """
     fresh, validation = Sampler(TRAINED), Sampler(VALIDATED)
     common: dict[str, Any] = {
@@ -285,7 +285,7 @@ def varied_data(training: Training, unseen: MakesPairs) -> StreamedAndScannedDat
     )
     scans, validation_scans = ScanSampler(seed=TRAINED), ScanSampler(seed=VALIDATED)
     scanned = ScannedData(
-        **common,  # the pairs of the plain stream: nobody who trains on scans looks at them
+        **common,  # the pairs of the plain stream, which training on scans ignores
         **_names("scanned"),
         title="fresh bodies as scanners leave them, no subject, no authored pose and no scan of a generated set",
         digest=keys.digest([repr(scans), repr(validation_scans), versions_of(["sampler/scans"])]),

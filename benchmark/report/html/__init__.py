@@ -1,1 +1,1 @@
-"""The static report: pages that open from a folder without a network, with data in scripts that load when wanted."""
+"""The static report: pages that work from a folder without a network, and load their data on demand."""

@@ -1,4 +1,4 @@
-"""Data of the charts and of the browser of queries of a table."""
+"""Data for the charts of a table and for its browser of queries."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import PRINTED
 
-#: Classes, or poses, beyond which nothing is shown class by class: nobody could read it.
+#: Most classes, or poses, that are shown individually; more would be unreadable.
 _MOST_KINDS = 400
 
-#: Queries in one script; bytes that one query of one method takes, about, and those of one table at most.
+#: Queries in one script; approximate bytes of one query of one method; most bytes of a table.
 _PART, _EACH, _MOST_BYTES = 100, 100, 6_000_000
 
 
 def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, Any]:
-    """What the charts of a table show: scores, cost, classes, precision over recall, confusions."""
+    """Return the data of the charts of a table: scores, cost, classes, precision over recall, confusions."""
     names = {
         kind: known if len(known) <= _MOST_KINDS else []
         for kind, known in ((CLASSES, classes_of(cells)), (POSES, poses_of(cells)))
@@ -80,7 +80,7 @@ def _numbered(counts: Counter[tuple[str, str]], names: Sequence[str]) -> list[li
 
 
 def _fronts(cells: Sequence[RankedCell], input_: str, measure: str) -> dict[str, list[str]]:
-    """Methods than which none is both cheaper and better, controls aside, and among all rows."""
+    """Return the Pareto fronts of cost and score, without controls and over all rows."""
     timed = {
         cell.line.method: cell.line for cell in cells if cell.line.input == input_ and cell.line.seconds is not None
     }
@@ -92,7 +92,7 @@ def _fronts(cells: Sequence[RankedCell], input_: str, measure: str) -> dict[str,
 def write_queries(
     stem: str, table: TableContent, cells: Sequence[RankedCell], pictures: Mapping[Input, Sheets], files: Files
 ) -> None:
-    """Write the scripts of the browser of queries: of large galleries so many, evenly spread, as there is room for."""
+    """Write the scripts of the browser of queries; for large galleries, as many evenly spread queries as fit."""
     places: dict[tuple[str, Input], list[tuple[RankedCell, RankedGallery]]] = {}
     for cell in cells:
         for gallery in cell.galleries:
@@ -143,7 +143,7 @@ def write_queries(
 
 
 def _missing(gallery: RankedGallery, names: Sequence[str], reasons: Mapping[str, str]) -> dict[str, list[int]]:
-    """By reason, the shapes without a picture of their form."""
+    """Return the shapes without a picture of their form, by reason."""
     reasons = {**reasons, **{name: brief(why) for name, why in gallery.record["unsupported"]}}
     missing: dict[str, list[int]] = {}
     for place, name in enumerate(names):
@@ -153,7 +153,7 @@ def _missing(gallery: RankedGallery, names: Sequence[str], reasons: Mapping[str,
 
 
 def _answers(gallery: RankedGallery, names: Sequence[str], queries: Sequence[str]) -> dict[str, Any]:
-    """For each query its nearest shapes by their place among the names, and its scores; None if it has none."""
+    """Return the nearest shapes of each query, by index among the names, and its scores, or None."""
     record, ranking = gallery.record, gallery.ranking
     place, answered = {name: k for k, name in enumerate(names)}, answered_shapes(record)
     own, row = ({name: k for k, name in enumerate(shapes)} for shapes in (record["shapes"], answered))

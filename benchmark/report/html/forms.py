@@ -28,24 +28,24 @@ from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import SHAPE, posed, reach, select, spread
 from benchmark.text import brief, clean
 
-#: Contents of files by their path in the folder of the report.
+#: Contents of files by path in the folder of the report.
 Files = dict[str, bytes]
 
 Progress = Callable[[str], None]
 """Takes a line about what is being done."""
 
-#: What means something to a reader of HTML, where a script stands in a page.
+#: Characters with a meaning in HTML, for scripts inside pages.
 _IN_HTML = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 
 
 def add_script(files: Files, name: str, value: Any) -> None:
-    """Add a value as the script that a page loads by this name."""
+    """Add a value as a script that a page loads by name."""
     text = f"canonicalForms.receive({script_json(name)},{script_json(value)});\n"
     files[f"parts/data/{name}.js"] = text.encode()
 
 
 def add_picture(files: Files, name: str, image: Image.Image) -> str:
-    """Add a picture, without date or version, and return its path."""
+    """Add a picture, without date and version, and return its path."""
     stream = io.BytesIO()
     image.save(stream, format="WEBP", quality=84, method=4)
     files[f"parts/pictures/{name}.webp"] = stream.getvalue()
@@ -53,9 +53,9 @@ def add_picture(files: Files, name: str, image: Image.Image) -> str:
 
 
 def script_json(value: Any) -> str:
-    """JSON that is also JavaScript, and text within a script of a page, whatever its strings hold.
+    """Return JSON that is also valid JavaScript inside a page, whatever its strings contain.
 
-    What is not ASCII is escaped, and so are the marks of HTML. A number that JSON does not have becomes ``null``.
+    Non-ASCII characters and those with a meaning in HTML are escaped. Numbers that JSON lacks become ``null``.
     """
     text = json.dumps(_plain(value), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     for mark, escaped in _IN_HTML.items():
@@ -64,7 +64,7 @@ def script_json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """The same with cleaned strings, and without numbers that JSON lacks."""
+    """Return a value with cleaned strings, and None for numbers that JSON lacks."""
     if isinstance(value, str):
         return clean(value)
     if isinstance(value, Mapping):
@@ -76,20 +76,20 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-#: Pixels per side of a small picture, small pictures in a row of a sheet, and rows; see queries.js.
+#: Pixels per side of a small picture, and small pictures across and down a sheet; see queries.js.
 SIDE, ACROSS, DOWN = 80, 10, 5
 _ON_SHEET = ACROSS * DOWN
 
-#: Pixels per side of a picture of a form beside others; shapes of a class, and classes, that are shown so at most.
+#: Pixels per side of a large picture; most shapes of a class, and most classes, with large pictures.
 TILE, POSES, _MOST_CLASSES = 150, 4, 6
 
-#: Shapes of a data set that have small pictures; of larger sets these are spread evenly.
+#: Most shapes of a data set with small pictures, evenly spread in larger data sets.
 _MOST_PICTURES = 1000
 
-#: Vertices of a surface that can be turned; coordinates lie between plus and minus so many half widths of a picture.
+#: Most vertices of a surface in 3D; bound of its coordinates, in half widths of a picture.
 _VERTICES, _REACH = 1000, 1.6
 
-#: Width of a picture beyond what the largest form takes.
+#: Width of a picture, relative to the largest form.
 _MARGIN = 1.06
 
 _NOT_DRAWN = "not drawn: one report has no room for all forms; choose fewer with -t, -d, -m or --input"
@@ -103,13 +103,13 @@ class Sheets:
     Parameters
     ----------
     stem
-        How the names of the files begin.
+        Prefix of the file names.
     titles
         Titles of the methods by name.
     places
-        Place of each shape, the same on the sheets of all methods: the one at k is on sheet k // 50, at k % 50.
+        Index k of each shape on the sheets of all methods: position k % 50 on sheet k // 50.
     reasons
-        By method and shape: "" for a picture of its form, and else why there is none.
+        By method and shape: "" if there is a picture of its form, or else the reason.
     """
 
     stem: str
@@ -119,11 +119,11 @@ class Sheets:
 
     @property
     def numbers(self) -> dict[str, int]:
-        """Number of each method in the names of its files; 0 is the shapes themselves."""
+        """Number of each method in file names; 0 stands for the shapes themselves."""
         return {method: number for number, method in enumerate((SHAPE, *self.titles))}
 
     def as_json(self, shapes: Iterable[str]) -> dict[str, Any]:
-        """Methods, and for some shapes why there is no picture of the form of each, as the page reads them."""
+        """Return methods, and reasons for missing pictures of some shapes, as the page reads them."""
         reasons = [self.reasons.get(method, {}) for method in self.titles]
         return {
             "methods": [{"name": name, "title": title} for name, title in self.titles.items()],
@@ -138,15 +138,15 @@ class DrawnSet:
     Parameters
     ----------
     stem
-        Name of its files.
+        Prefix of its file names.
     classes
-        Shapes that are shown side by side: by class their names.
+        Names of the shapes with large pictures, by class.
     sheets
         Small pictures by input.
     n_forms
-        Forms that can be turned.
+        Number of forms in 3D.
     hero
-        Path of a picture of the first class and one form of each of its shapes; "" for none.
+        Path of a picture of the first class with one form of each of its shapes; "" for none.
     """
 
     stem: str
@@ -157,11 +157,11 @@ class DrawnSet:
 
     @property
     def files(self) -> dict[str, int]:
-        """Numbers of the shapes that are shown side by side in the names of their files."""
+        """Numbers, in file names, of the shapes with large pictures."""
         return {shape: number for number, shape in enumerate(chain(*self.classes.values()))}
 
     def as_json(self) -> dict[str, Any]:
-        """As the page of the forms reads it."""
+        """Return the data for the page of forms."""
         inputs = {input_: sheets.as_json(self.files) for input_, sheets in self.sheets.items()}
         return {
             "stem": self.stem,
@@ -179,22 +179,22 @@ def draw_set(
     room: tuple[int, int],
     say: Progress = lambda _: None,
 ) -> DrawnSet:
-    """Draw the shapes of some records whose surfaces are stored, and what is stored of their forms.
+    """Draw the stored surfaces and forms of some records.
 
     Parameters
     ----------
     stem
-        Name of the files.
+        Prefix of the file names.
     records
-        Records with scores of one data set, methods in the order in which they are shown.
+        Records with scores of one data set, in the order in which methods are shown.
     artefacts
-        Where surfaces and forms are.
+        Reads surfaces and forms.
     files
-        Where pictures and scripts are added.
+        Files to which pictures and scripts are added.
     room
-        Shapes whose forms are drawn side by side, and those whose forms are drawn small, under each input.
+        Most shapes with large and with small pictures under each input.
     say
-        Told how many shapes are drawn, where they are many.
+        Progress callback, if there are many shapes.
     """
     drawn = DrawnSet(stem)
     dataset = _dataset(records, artefacts)
@@ -235,7 +235,7 @@ def _dataset(records: Sequence[Record], artefacts: ArtefactReader) -> Dataset | 
 
 @dataclass
 class _Drawing:
-    """The pictures of one data set under one input while they are drawn."""
+    """Drawing of one data set under one input."""
 
     drawn: DrawnSet
     input: Input
@@ -246,7 +246,7 @@ class _Drawing:
     _open: dict[int, Image.Image] = field(default_factory=dict)
 
     def draw_class(self, entries: Sequence[Entry], beside: set[str], with_forms: set[str]) -> None:
-        """Draw shapes of a class small, and those beside each other large as well: all forms of a method alike."""
+        """Draw the small pictures of a class, and large ones of some shapes, with all forms of a method alike."""
         models: dict[str, Points] = {}
         large: list[tuple[Entry, dict[str, Mesh]]] = []
         for entry in entries:
@@ -259,7 +259,7 @@ class _Drawing:
             self._add_large(large)
 
     def _posed(self, entry: Entry, models: dict[str, Points], is_drawn: bool) -> dict[str, Mesh]:
-        """A shape, and its forms beside it by method; nothing where it is not stored."""
+        """Return a shape and its forms by method; empty if the shape is not stored."""
         name, sheets = entry.identifier, self.drawn.sheets[self.input]
         records = {method: of_method[name] for method, of_method in self.by_method.items() if name in of_method}
         if not records:
@@ -288,7 +288,7 @@ class _Drawing:
             self.say(f"{place + 1} shapes drawn with their forms")
 
     def close(self) -> None:
-        """Write the sheets that have pictures."""
+        """Write the sheets with pictures."""
         sheets = self.drawn.sheets[self.input]
         for number, image in self._open.items():
             add_picture(self.files, f"{sheets.stem}-{number}-{(len(sheets.places) - 1) // _ON_SHEET}", image)

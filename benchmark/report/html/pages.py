@@ -1,4 +1,4 @@
-"""The report: pages, and the data that they load when it is wanted. The templates escape all that comes from data."""
+"""The report: pages, and the data that they load on demand. Templates escape all values."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import MEASURES, PRINTED
 
-#: Lists what a report consists of, so that the next one removes what it does not write again, and nothing else.
+#: Lists the files of a report, so that the next one can remove those that it no longer writes.
 CONTENTS = "parts/contents.json"
 
-#: Forms that can be turned, at 13 kilobytes each, and small pictures of forms, at one or two and thirty milliseconds:
-#: with plotly and the queries a report stays below thirty megabytes. Shapes of a data set beside each other.
+#: Most forms in 3D, of 13 kB each, and most small pictures, of 1 to 2 kB and 30 ms each: with plotly and the queries, a
+#: report stays below 30 MB. Most shapes of a data set side by side.
 _MOST_FORMS, _MOST_SMALL_FORMS, _MOST_SHAPES = 1200, 16_000, 24
 
-#: Shapes that the first page lists as left out, at most.
+#: Most omitted shapes that the first page lists.
 _MOST_LEFT_OUT = 500
 
 _ASSETS = ("report.css", "report.js", "charts.js", "forms.js", "queries.js")
@@ -52,7 +52,7 @@ Board = tuple[str, Sequence[Sequence[object]]]
 
 @dataclass(frozen=True)
 class Written:
-    """Files of a report: those left as edited, files, bytes, forms, and jobs with distances and with scores."""
+    """Facts about a written report: edited files that were kept, and numbers of files, bytes, forms and jobs."""
 
     edited: list[str]
     n_files: int
@@ -64,7 +64,7 @@ class Written:
 
 @dataclass(frozen=True)
 class TablePages:
-    """Content of the pages of one table, with the options and the methods that commands on them can name."""
+    """Content of the pages of one table, with the options and the methods for the commands on them."""
 
     table: TableContent
     cells: list[RankedCell]
@@ -91,22 +91,22 @@ class TablePages:
 
     @property
     def n_ranked(self) -> int:
-        """Jobs with scores."""
+        """Number of jobs with scores."""
         return sum(len(cell.galleries) for cell in self.cells)
 
     @property
     def n_distances(self) -> int:
-        """Those whose distances are stored."""
+        """Number of jobs whose distances are stored."""
         return sum(gallery.ranking is not None for cell in self.cells for gallery in cell.galleries)
 
     @cached_property
     def has_poses(self) -> bool:
-        """Return whether the classes take the same poses."""
+        """Whether all classes have the same poses."""
         return bool(poses_of(self.cells))
 
     @property
     def best(self) -> list[tuple[str, str, float]]:
-        """Input, method and score of the highest DCG under each input, controls aside."""
+        """Input, method and score of the highest DCG under each input, without controls."""
         contest = [
             (cell.line.input, cell.line.label, cell.line.scores["DCG"])
             for cell in self.cells
@@ -117,7 +117,7 @@ class TablePages:
 
     @property
     def run(self) -> str:
-        """The command that runs the jobs of the table here; empty where all are of plugins that were not given."""
+        """Command that runs the jobs of the table; "" if all belong to plugins that were not passed."""
         table, name = self.table, str(self.table.data["name"])
         source = name if is_own(str(table.data["source"])) else str(table.data["source"])
         known = table.has_paper or table.table.identifier != name
@@ -134,13 +134,13 @@ class TablePages:
 
     @property
     def reproduction(self) -> list[list[object]]:
-        """Figures of the paper beside ours, and what can be said of them."""
+        """Figures of the paper and ours, with outcomes."""
         figures = reproduced_figures([self.table]).dropna(subset="ours")
         shown = figures[["title", "input", "measure", "outcome", "paper", "ours"]]
         return [[*facts, number(paper), number(ours)] for *facts, paper, ours in shown.to_numpy().tolist()]
 
     def costs(self) -> tuple[list[str], list[list[object]]]:
-        """Headings and rows of the table of costs: method, input, seconds by phase, their sum, peak memory."""
+        """Return headings and rows of the table of costs: method, input, seconds by phase, their sum, peak memory."""
         by_phase = [cell.line.phases for cell in self.cells]
         phases = list(dict.fromkeys(phase for seconds in by_phase for phase in seconds))
         rows = [
@@ -175,24 +175,24 @@ def write_report(
     tables
         The tables to show.
     artefacts
-        Where distances, surfaces and forms are, as far as they are here; without them the report shows the records.
+        Reads distances, surfaces and forms, as far as they are stored; otherwise the report shows only records.
     root
-        Where it goes.
+        Folder of the report.
     command
-        The command line that made it.
+        The command line that writes it.
     say
-        Told what is being done.
+        Progress callback.
     boards
         Rows of bundles.
     options
-        Words that commands on the pages need to find plugins, data and results.
+        Options for plugins, data and results in the commands on the pages.
     force
-        Whether files are replaced that no report has written, or that were edited.
+        Whether to replace files that were edited or that no report has written.
 
     Raises
     ------
     BenchmarkError
-        If a file cannot be written or would take the place of what is of no report, or plotly is not installed.
+        If a file cannot be written, would replace a file of another origin, or plotly is not installed.
     """
     names = [f"{table.file_stem}{ending}.html" for table in tables for ending in ("", "-forms", "-queries")]
     folder = Folder(root, "report", CONTENTS, force)
@@ -229,7 +229,7 @@ def write_report(
 
 
 def set_stem(table: TableContent) -> str:
-    """Return the name of the files of the data set of a table."""
+    """Return the prefix of the file names for the data set of a table."""
     data = table.data
     return f"set-{digest([data['source'], data['name'], bool(data['quick'])])[:10]}"
 
@@ -248,7 +248,7 @@ def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, st
 
 
 def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Board] = ()) -> str:
-    """Return the first page: the tables, rows of bundles, what failed, and the commands that made all of it."""
+    """Return the first page: tables, rows of bundles, failures, and the commands behind them."""
     placed = [((pages.short, line.title, line.input), line) for pages in tables for line in pages.table.lines]
     failures = [
         [*place, line.status, brief(line.reason)] for place, line in placed if line.status not in ("ok", "missing")
@@ -260,7 +260,7 @@ def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Boar
         for part in record.get("environments", ()):
             environments[in_words(part.get("environment", ""))] += int(part.get("artefacts", 0))
     dates = sorted(str(record["finished"]) for record in records.values() if record.get("finished"))
-    by_size = sorted(tables, key=lambda pages: pages.table.data["n_shapes"])  # a set has that of its largest gallery
+    by_size = sorted(tables, key=lambda pages: pages.table.data["n_shapes"])  # the largest gallery counts
     data = {p.table.data_title: [p.table.data[key] for key in ("name", "n_shapes", "n_classes")] for p in by_size}
     return _page(
         "index.html",
@@ -291,7 +291,7 @@ def _assets() -> Files:
     return files | {"parts/assets/plotly.js": get_plotlyjs().encode()}
 
 
-#: What a template prints is cleaned and escaped, whatever it is; what is markup already stays.
+#: All values in templates are cleaned and escaped, except markup.
 ENVIRONMENT = Environment(
     loader=PackageLoader("benchmark.report.html"),
     autoescape=True,

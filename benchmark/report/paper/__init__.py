@@ -1,1 +1,1 @@
-"""A paper of results: LaTeX from records, in a folder that one command compiles."""
+"""A paper of results: LaTeX from records, in a folder that compiles with one command."""

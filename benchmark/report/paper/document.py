@@ -1,4 +1,4 @@
-"""The files of a paper: what its templates are filled with. The environment escapes all that comes from data."""
+"""The files of a paper, from templates. Their environment escapes all values."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ Template = Literal["article", "ieee"]
 
 TEMPLATES: tuple[Template, ...] = get_args(Template)
 
-#: Inches of the text by template.
+#: Width of the text in inches, by template.
 _INCHES = {"article": 6.45, "ieee": 7.1}
 
-#: Rows without results of all shapes that are named one by one.
+#: Most incomplete rows that are named individually.
 _MOST_NAMED = 12
 
-#: Beyond Latin letters, which are composed, what LaTeX has in its oldest encoding.
+#: Characters, besides composed Latin letters, in the oldest encoding of LaTeX.
 _KNOWN = frozenset("\u00a0¡£§©¬®°±²³µ¶·¹¼½¾¿ÆØæßøıŁłŒœ\u2010\u2011\u2012–—―‘’“”†‡•…‰€™")
 
-#: Accents, and letters with a cedilla, that are composed.
+#: Accents, and letters with a cedilla, that LaTeX composes.
 _ABOVE = frozenset("\u0300\u0301\u0302\u0303\u0304\u0306\u0307\u0308\u030a\u030b\u030c")
 _CEDILLAS = frozenset(f"{letter}\u0327" for letter in "CcSsTt")
 
 
 def main_tables(tables: Sequence[TableContent]) -> list[TableContent]:
-    """Return the tables of the paper, of the official set or else of the stand-in, and those of one's own data."""
+    """Return the tables of the paper, for the official data or else the stand-in, and those of private data."""
     chosen: dict[str, TableContent] = {}
     for table in tables:
         known = chosen.get(table.identifier)
@@ -64,9 +64,9 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
     Parameters
     ----------
     tables
-        The tables that it has.
+        Its tables.
     artefacts
-        Where canonical forms are, as far as they are here; without them it has no figure of forms.
+        Reads canonical forms, as far as they are stored; without them there is no figure of forms.
     template
         The class of the paper.
     """
@@ -98,7 +98,7 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
 
 
 def characters(text: str) -> str:
-    """Return declarations of the characters of a text that LaTeX does not know: as their letter, or as their number."""
+    """Return LaTeX declarations of unknown characters in a text, as their base letter or their number."""
     lines = ["% What stands for characters that the fonts lack; with other fonts, change it."]
     for character in sorted(set(text)):
         if not (character.isascii() or character in _KNOWN or _is_composed(character)):
@@ -109,19 +109,19 @@ def characters(text: str) -> str:
 
 
 def _is_composed(character: str) -> bool:
-    """Return whether LaTeX makes a letter of another one and an accent above, or a cedilla."""
+    """Return whether LaTeX composes a letter from another one with an accent or a cedilla."""
     parts = unicodedata.normalize("NFD", character)
     return character < "\u0180" and len(parts) == 2 and (parts[1] in _ABOVE or parts in _CEDILLAS)
 
 
 def _stem(table: TableContent) -> Latex:
-    """Return the name of the files of a table, and of its label: LaTeX takes all that is in it."""
+    """Return the name for the files and the label of a table, which LaTeX accepts."""
     name = table.file_stem
     return Latex(name if name.isascii() else f"{name.encode('ascii', 'ignore').decode()}-{digest(name)[:8]}")
 
 
 def _table(table: TableContent, *, has_figure: bool) -> dict[str, Any]:
-    """Facts about one table."""
+    """Return the facts about one table."""
     lines = [line for line in table.lines if line.status != "missing"]
     lacking = [
         (line.title, line.input, f"{line.coverage:.1%} of the shapes" if line.scores else f"none ({line.status})")
@@ -144,14 +144,14 @@ def _table(table: TableContent, *, has_figure: bool) -> dict[str, Any]:
 
 
 def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
-    """Return the best row by a measure under each input with complete rows, controls aside.
+    """Return the best complete row by a measure under each input, without controls.
 
     Returns
     -------
     list of dict
-        ``input``; ``title``, ``score``, and ``low`` and ``high``, the ends of its interval; ``n_others``, how many rows
-        were tested against it, those whose first ranks tie aside; and ``inseparable``, titles of those that cannot be
-        told from it.
+        ``input``; ``title``, ``score``, and ``low`` and ``high``, the ends of its interval; ``n_others``, the number of
+        rows tested against it, without those whose first ranks tie; and ``inseparable``, the titles of rows that do not
+        differ significantly.
     """
     leaders = []
     for input_ in table.inputs:
@@ -174,7 +174,7 @@ def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
 
 
 def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
-    """Facts about the jobs of all tables together."""
+    """Return the facts about the jobs of all tables."""
     lines = [line for table in tables for line in table.lines]
     records = list({record["key"]: record for line in lines for record in line.records}.values())
     dates = sorted(str(record.get("finished", ""))[:10] for record in records) or [""]
@@ -205,7 +205,7 @@ def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
 
 
 def _versions(records: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """Versions of system and packages that some records were made with, those that differ side by side."""
+    """Return the versions of system and packages in some records, with all of them if they differ."""
     versions: dict[str, set[str]] = {}
     for record in records:
         for part in record.get("environments", ()):
@@ -215,7 +215,7 @@ def _versions(records: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _reproduced(tables: Sequence[TableContent]) -> dict[str, Any]:
-    """Return how many figures of the paper got which outcome, and what of its claims can be judged."""
+    """Return the counts of outcomes of the paper's figures, and the outcomes of its claims."""
     figures = reproduced_figures(tables).dropna(subset="ours")
     by_table = figures.groupby(["table", "input"], sort=False)["outcome"]
     counts = {place: Counter(outcomes) for place, outcomes in by_table}
@@ -229,7 +229,7 @@ def _reproduced(tables: Sequence[TableContent]) -> dict[str, Any]:
 
 
 def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[Latex, TableContent]]:
-    """Name and content of the tables of intervals, one for each input; spreads stand in the tables themselves."""
+    """Return names and contents of the tables of intervals, one for each input."""
     for table in tables:
         caption = f"{table.table.caption}, with intervals"
         for input_ in table.inputs:

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 #: Measure on the axis of scores.
 MEASURE = "DCG"
 
-#: Colour and mark of each family of methods; of the others that of "extended".
+#: Colour and mark of each family of methods; other families use those of "extended".
 _FAMILIES = {"paper": ("#2f6fb7", "o"), "extended": ("#2a9d8f", "D"), CONTROL: ("#b0772e", "s")}
 
-#: Mark of an input among costs, and the same as a character.
+#: Mark of each input in the chart of costs, and the same as a character.
 _INPUT_MARKS: dict[Input, tuple[str, str]] = {"mesh": ("o", "\u25cf"), "view": ("x", "\u00d7")}
 
-#: Inches of a panel of costs without its names; of a line of scores, of what is around them, of the tallest figure.
+#: Inches: of a panel of costs without names; of a row of scores, of the margins around them, of the tallest figure.
 _COST = (3.5, 2.4)
 _LINE, _FRAME, _TALLEST = 0.165, 0.75, 8.4
 
@@ -47,14 +47,14 @@ _SIZE = 7
 _TEXT: Mapping[str, Any] = {"parse_math": False}
 _MARKERS = "os^vD<>p*hXP"
 
-#: Panels of confusions, and beside each other; curves beside each other; classes whose names can be read.
+#: Most panels of confusions, and most side by side; most curves side by side; most classes with legible names.
 _MOST_PANELS, _PANELS, _CURVES, _MOST_NAMES = 12, 4, 4, 40
 
 
 def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
-    """Draw a panel for each input of a table: seconds a shape, all phases, against a measure with its interval.
+    """Draw a panel for each input of a table: total seconds per shape against a measure with its interval.
 
-    Controls are drawn, and take no part in the front.
+    Controls are drawn, but excluded from the front.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
 
 
 def _points(table: TableContent, input_: Input, measure: str) -> dict[str, tuple[float, float]]:
-    """Seconds and score of each row that has both, by method."""
+    """Return seconds and score of each row that has both, by method."""
     return {
         line.method: (line.seconds, millionths(line.scores[measure]))
         for line in table.lines
@@ -99,7 +99,7 @@ def _cost_panel(
             lows.append(judged.low)
         edge = "black" if name in front else "none"
         place.plot(cost, score, mark, color=colour, markersize=8, mec=edge, mew=0.9, zorder=3)
-    # The points are numbered, and the numbers named below: names beside the points would cover each other.
+    # Names next to the points would overlap, so points are numbered, with a legend below.
     names = []
     for order, name in enumerate(sorted(points, key=lambda name: (points[name], name)), 1):
         place.annotate(str(order), points[name], fontsize=4.8, color="white", ha="center", va="center", zorder=4)
@@ -120,18 +120,18 @@ def _cost_panel(
 
 
 def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> Figure | None:
-    """Draw a panel for each input of a table, and one of seconds a shape; None for a table without scores.
+    """Draw a panel for each input of a table, and one of seconds per shape; None for a table without scores.
 
-    Filled are the best row and those that cannot be told from it.
+    Markers of the best row, and of rows that do not differ from it significantly, are filled.
 
     Parameters
     ----------
     table
         The table.
     width
-        Inches.
+        Width in inches.
     measure
-        What is shown.
+        The measure.
     """
     scored = {line.method for line in table.lines if line.scores}
     rows = [row for row in table.rows if row.method in scored]
@@ -192,7 +192,7 @@ def draw_curves(frames: Sequence[DataFrame], folder: Path) -> list[Path]:
 
 
 def curves_figure(frame: DataFrame) -> Figure:
-    """NN over the strength of each perturbation, from clean on the left."""
+    """Draw NN over the strength of each perturbation, starting from clean data."""
     n_curves = frame["perturbation"].nunique()
     columns = min(_CURVES, n_curves + 1)
     rows = -(-(n_curves + 1) // columns)
@@ -281,7 +281,7 @@ def classes_figure(table: TableContent, artefacts: ArtefactReader, measure: str 
 
 
 def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
-    """Draw a panel for each method: the classes of queries downwards, those of their nearest matches across.
+    """Draw a panel for each method: classes of queries as rows, those of their nearest matches as columns.
 
     Raises
     ------
@@ -314,7 +314,7 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
 
 
 def _inputs(cells: Iterable[RankedCell]) -> list[Input]:
-    """Inputs of some rows; raises ``ConfigurationError`` if there are none."""
+    """Return the inputs of some rows; raise ``ConfigurationError`` if there are none."""
     inputs = list(dict.fromkeys(cell.line.input for cell in cells))
     if not inputs:
         raise ConfigurationError("no distances of the table are stored here", "run its methods here")
@@ -322,7 +322,7 @@ def _inputs(cells: Iterable[RankedCell]) -> list[Input]:
 
 
 def _heat_map(place: Axes, values: Any, columns: Sequence[str], rows: Sequence[str]) -> Any:
-    """Draw shares from 0 to 1; names are left out where nobody could read them."""
+    """Draw shares from 0 to 1, without names if they would be illegible."""
     image = place.imshow(values, vmin=0, vmax=1, cmap="YlGnBu", aspect="auto", interpolation="nearest")
     for axis, names in ((place.xaxis, columns), (place.yaxis, rows)):
         shown = [_shortened(clean(name), 34) for name in names] if len(names) <= _MOST_NAMES else []
@@ -333,7 +333,7 @@ def _heat_map(place: Axes, values: Any, columns: Sequence[str], rows: Sequence[s
 
 
 def _looks() -> Iterator[dict[str, Any]]:
-    """Colours and marks of lines, without end."""
+    """Return an infinite iterator over colours and marks of lines."""
     colours = mpl.colormaps["tab20"].colors  # type: ignore[attr-defined]
     for order in count():
         yield {"color": colours[order % len(colours)], "marker": _MARKERS[order % len(_MARKERS)]}
@@ -354,6 +354,6 @@ def _plain_frame(place: Axes, *hidden: str) -> None:
 
 
 def _shortened(title: str, most: int) -> str:
-    """Cut a long title; parameters go without their names first."""
+    """Shorten a long title, first by omitting names of parameters."""
     title = title if len(title) <= most else re.sub(r"[\w-]+=", "", title)
     return title if len(title) <= most else f"{title[: most - 1]}\u2026"

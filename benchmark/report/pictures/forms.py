@@ -1,4 +1,4 @@
-"""Figures of forms for papers and pages: what methods make of a few shapes."""
+"""Figures of canonical forms for papers and pages."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from benchmark.text import clean
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Shapes of a subject that a figure shows.
+#: Number of shapes of a subject in a figure.
 POSES = 3
 
-#: Inches of a figure, the text of a two-column paper; of the widest column; of a picture of an effect.
+#: Widths in inches: of a figure, as the text of a two-column paper; of the widest column; of a picture of an effect.
 WIDTH, _COLUMN, _SIDE = 7.16, 1.25, 1.5
 
-#: Methods whose stored forms have room beside each other.
+#: Most methods side by side.
 _MOST = 8
 
 #: Pixels per side of a picture.
@@ -41,19 +41,19 @@ _PIXELS = 280
 #: Height of the titles in inches.
 _TITLES = 0.28
 
-#: Width of a picture beyond what the largest form of its row takes.
+#: Width of a picture, relative to the largest form of its row.
 _MARGIN = 1.03
 
 
 @dataclass
 class Column:
-    """Title of a method, and its forms of some shapes, turned for the eye; or why there is none."""
+    """Title of a method with its oriented forms of some shapes, or the reasons why there are none."""
 
     title: str
     meshes: Sequence[Mesh | str]
 
     def draw(self, place: Any, number: int) -> None:
-        """Draw one of the forms, or the reason why there is none, into its axes."""
+        """Draw one of the forms, or the reason why there is none, in its axes."""
         mesh = self.meshes[number]
         if isinstance(mesh, str):
             place.set_aspect("equal")
@@ -75,26 +75,26 @@ def forms_figure(
     shapes: Sequence[str] = (),
     limit: float | None = None,
 ) -> Figure:
-    """Draw one subject in a few poses, and beside each the forms of all methods; as wide as a page.
+    """Draw one subject in a few poses, each with the forms of all methods; as wide as a page.
 
     Parameters
     ----------
     jobs
-        Jobs of one gallery under one input. Missing forms are made in a process of their own, but not those of a job
-        that has failed.
+        Jobs of one gallery under one input. Missing forms are computed in a separate process, unless their job has
+        failed.
     artefacts
-        Where the forms are.
+        Reads the forms.
     subject
-        Which subject to show; the first one by default.
+        The subject, by default the first.
     shapes
-        Which shapes to show, in place of some poses of a subject.
+        The shapes, instead of some poses of a subject.
     limit
-        Seconds that making the missing forms of one method may take; None for no limit.
+        Longest time in seconds to compute the missing forms of one method; None for no limit.
 
     Raises
     ------
     ConfigurationError
-        If there is no such subject or shape, or none of the methods makes forms.
+        If there is no such subject or shape, or no method computes forms.
     """
     records = _records(jobs)
     entries = _chosen(jobs[0].gallery, _entries(records, artefacts), subject, shapes)
@@ -108,16 +108,16 @@ def effect_figure(
     shapes: Sequence[str] = (),
     limit: float | None = None,
 ) -> Figure:
-    """Draw some subjects in a few poses on the left, and on the right what the first method makes of them.
+    """Draw some subjects in a few poses on the left, and their forms by the first method on the right.
 
     Parameters
     ----------
     jobs, artefacts, limit
-        As of :func:`forms_figure`.
+        See :func:`forms_figure`.
     subjects
-        Which subjects to show, one in each row; those of the shapes, or the first two, by default.
+        The subjects, one per row; by default those of the shapes, or the first two.
     shapes
-        Which shapes to show of them, in place of some poses of each.
+        Their shapes, instead of some poses of each.
     """
     jobs, gallery, records = jobs[:1], jobs[0].gallery, _records(jobs[:1])
     entries = _entries(records, artefacts)
@@ -148,7 +148,7 @@ def effect_figure(
 
 
 def stored_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figure | None:
-    """Draw the first subject of a table in a few poses, and the stored forms of its methods; None without any."""
+    """Draw the first subject of a table in a few poses with the stored forms of its methods; None without forms."""
     for input_ in table.inputs:
         lines = [line for line in table.lines if line.input == input_ and line.family != CONTROL and line.records]
         records = {line.method: dict(line.records[0]) for line in lines}
@@ -156,7 +156,7 @@ def stored_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figur
             continue
         try:
             columns = _columns(records, artefacts, _chosen("", _entries(records, artefacts)), {})
-        except BenchmarkError:  # the data set is not here
+        except BenchmarkError:  # the data set is missing
             continue
         stored = [column for column in columns if any(isinstance(mesh, Mesh) for mesh in column.meshes)][: _MOST + 1]
         if len(stored) > 1:
@@ -165,7 +165,7 @@ def stored_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figur
 
 
 def _drawn(columns: Sequence[Column], width: float = WIDTH) -> Figure:
-    """Draw a column for the shapes and for each method, together of a width in inches."""
+    """Draw a column for the shapes and for each method, with a total width in inches."""
     n_rows, side = len(columns[0].meshes), width / len(columns)
     height = side * n_rows + _TITLES
     figure, axes = _grid(width, height, n_rows, [1] * len(columns), 1 - _TITLES / height, max(300, _PIXELS / side))
@@ -181,7 +181,7 @@ def _drawn(columns: Sequence[Column], width: float = WIDTH) -> Figure:
 def _grid(
     width: float, height: float, n_rows: int, widths: Sequence[float], top: float, dpi: float = _PIXELS / 2
 ) -> tuple[Figure, Any]:
-    """A figure of so many inches, and its axes without frames or gaps, up to a share of the height."""
+    """Return a figure, in inches, with axes without frames and gaps up to a share of the height."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=dpi)
@@ -193,7 +193,7 @@ def _grid(
 
 
 def _records(jobs: Sequence[Job]) -> dict[str, Record]:
-    """What a record says about each job that makes forms, before it has run."""
+    """Return the records that jobs with forms would have, as far as known before they run."""
     if all(job.method.describes for job in jobs):
         raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
     return {
@@ -208,14 +208,14 @@ def _records(jobs: Sequence[Job]) -> dict[str, Record]:
 
 
 def _entries(records: Mapping[str, Record], artefacts: ArtefactReader) -> list[Entry]:
-    """Shapes of the gallery of some records; raises ``BenchmarkError`` if the data set is not here."""
+    """Return the shapes of the gallery of some records; raise ``BenchmarkError`` if the data set is missing."""
     record = next(iter(records.values()))
     entries = {entry.identifier: entry for entry in artefacts.dataset(record).entries}
     return [entries[identifier] for identifier in record["shapes"]]
 
 
 def _chosen(gallery: str, entries: Sequence[Entry], subject: str = "", shapes: Sequence[str] = ()) -> list[Entry]:
-    """The named shapes, else some of a subject, else of the first one."""
+    """Return the named shapes, or some of a subject, by default the first."""
     if shapes:
         known = {entry.identifier: entry for entry in entries}
         unknown = next((name for name in shapes if name not in known), None)
@@ -236,7 +236,7 @@ def _make(
     entries: Sequence[Entry],
     limit: float | None,
 ) -> dict[str, str]:
-    """Make the forms that are not stored, and return by method why they cannot be made."""
+    """Compute the missing forms, and return by method why they cannot be computed."""
     reasons = {}
     for job in (job for job in jobs if job.method.name in records):
         name = job.method.name
@@ -256,7 +256,7 @@ def _make(
 def _columns(
     records: Mapping[str, Record], artefacts: ArtefactReader, entries: Sequence[Entry], reasons: Mapping[str, str]
 ) -> list[Column]:
-    """The shapes themselves, then the forms of each method that makes forms, all poses turned alike."""
+    """Return the shapes, then the forms of each method that has some, all poses in one orientation."""
     record, models = next(iter(records.values())), dict[str, Points]()
     forms = [posed(entry, record, records, artefacts, models) for entry in entries]
     columns = [Column("input", [of_shape[SHAPE] for of_shape in forms])]

@@ -1,6 +1,6 @@
-"""Pictures of surfaces and depth images without OpenGL: the scorer's own rasteriser and a lamp.
+"""Render surfaces and depth images without OpenGL, by the scorer's rasteriser and simple shading.
 
-Where a surface is coloured, the colour of a place says how far out on the body it is.
+On coloured surfaces, the colour shows how far a point is from the centre of the body.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from benchmark.geometry.rasterise import depth_buffer
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Depth images are drawn this many times finer and averaged, so that outlines are smooth.
+#: Supersampling factor of depth images, for smooth outlines.
 SUPERSAMPLING = 3
 
-#: Towards the lamp, in image coordinates: right, up, towards the viewer.
+#: Direction of the light in image coordinates: right, up, towards the viewer.
 _LAMP = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])
 
-#: From the trunk to the tips of the limbs; distinct on white and on black, and without seeing colours, by lightness.
+#: Colours from the trunk to the tips of the limbs; distinct on white and black, and by lightness alone.
 _PALETTE = (
     np.array([[74, 98, 176], [58, 130, 190], [74, 172, 168], [150, 208, 136], [244, 210, 100], [246, 158, 92]]) / 255
 )
@@ -41,25 +41,25 @@ _PLAIN = np.array([0.60, 0.68, 0.77])
 _SOURCES = 48
 _FINER = 2
 
-#: What each figure says about its origin, so that no figure of ours takes the place of another file.
+#: Origin stated in each figure, so that figures only replace figures of this suite.
 SIGNATURE = "canonical-forms benchmark"
 
-#: Metadata by the ending of a figure's file: without it, they would name the time and the version of matplotlib.
+#: Metadata by file extension; the defaults would include the time and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
     ".png": {"Software": SIGNATURE},
     ".pdf": {"CreationDate": None, "Producer": None, "Creator": SIGNATURE},
     ".svg": {"Date": None, "Creator": SIGNATURE},
 }
 
-#: Endings of the files that a figure can be written to.
+#: File extensions of figures.
 ENDINGS = tuple(_UNDATED)
 
 
 def outwardness(mesh: Mesh) -> NDArray[np.float64]:
-    """Return how far out on its surface each vertex lies, shape (n,): 0 in the middle, 1 at the farthest tip.
+    """Return how far each vertex is from the centre of its surface, shape (n,): 0 at the centre, 1 at the farthest tip.
 
-    That is the mean distance along the surface to places all over it, which hardly changes when a limb is bent: the
-    same part of a body has the same colour in every pose.
+    This is the mean distance along the surface to samples all over it. It hardly changes when a limb bends, so each
+    part of a body has the same colour in every pose.
     """
     edges = edges_of(mesh.faces).ends
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
@@ -70,26 +70,26 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     far = np.nan_to_num(np.nanmean(along, axis=0))
     share = (far - far.min()) / max(float(np.ptp(far)), 1e-12)
     rank = np.argsort(np.argsort(far, kind="stable"), kind="stable") / max(len(far) - 1, 1)
-    return np.asarray((share + rank) / 2)  # most of a body is trunk: by its share alone it would have one colour
+    return np.asarray((share + rank) / 2)  # most of a body is trunk, which would have a single colour without this step
 
 
 def painted(
     points: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None, size: int, half: float
 ) -> Image.Image:
-    """Picture of a surface as seen along its third axis, transparent where there is nothing.
+    """Render a surface as seen along its third axis, on a transparent background.
 
     Parameters
     ----------
     points
-        Vertices: to the right, up, towards the viewer; the origin is in the middle of the picture.
+        Vertices (right, up, towards the viewer) with the origin at the centre of the picture.
     faces
         Triangles.
     values
-        Of the vertices, from 0 to 1, shown as colours; None for one plain colour.
+        Values of the vertices from 0 to 1, shown as colours; None for one colour.
     size
         Pixels per side.
     half
-        Half the width of the picture, in units of the points.
+        Half the width of the picture in units of the points.
     """
     fine = size * _FINER
     scaled = points / half
@@ -107,7 +107,7 @@ def painted(
 
 
 def shaded(mesh: Mesh, camera: Camera = FRONT, size: int = 200) -> Image.Image:
-    """Picture of a mesh on white, in one colour, that fills the image."""
+    """Render a mesh in one colour on white, filling the image."""
     points = mesh.vertices @ camera.rotation.T
     low, high = points.min(axis=0), points.max(axis=0)
     half = max(float((high - low)[:2].max()) / 2, 1e-12) / 0.94
@@ -117,7 +117,7 @@ def shaded(mesh: Mesh, camera: Camera = FRONT, size: int = 200) -> Image.Image:
 
 
 def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
-    """Picture of a depth image that is larger, shape (h, h): near is bright, background is white."""
+    """Return the picture, shape (h, h), of a larger depth image: near points are bright, the background is white."""
     seen = depth > 0
     low, high = (float(depth[seen].min()), float(depth[seen].max())) if seen.any() else (0.0, 0.0)
     grey = np.where(seen, 0.15 + 0.75 * (depth - low) / max(high - low, 1e-9), 1.0)
@@ -126,7 +126,7 @@ def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
 
 
 def save_png(image: Image.Image, path: Path) -> None:
-    """Write a PNG without date; raises ``ConfigurationError`` if it has another name or cannot be written."""
+    """Write a PNG without date; raise ``ConfigurationError`` for another extension or if writing fails."""
     if path.suffix.lower() != ".png":
         raise ConfigurationError(f"{path} is not the name of a PNG file", "let it end in .png")
     try:
@@ -138,20 +138,20 @@ def save_png(image: Image.Image, path: Path) -> None:
 
 
 def as_file(figure: Figure, ending: str) -> bytes:
-    """Return a figure as a file of the kind that has this ending, without dates: the same figure is the same file."""
+    """Return a figure as file content for an extension, without dates, so that equal figures give equal files."""
     import matplotlib as mpl
 
     stream = io.BytesIO()
     settings = {"svg.hashsalt": "figure", "pdf.fonttype": 42}  # publishers refuse the default, Type 3
     with mpl.rc_context(settings), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # a box is drawn in its place
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # replaced by a box
         options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
         figure.savefig(stream, format=ending[1:], **options)
     return stream.getvalue()
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure; the ending of its name chooses the kind."""
+    """Write a figure in the format of the file extension."""
     data = as_file(figure, path.suffix.lower())
     try:
         write_atomically(path, lambda file: file.write(data))
@@ -167,10 +167,10 @@ def _colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _draw_edges(
     rgba: NDArray[np.float64], pixels: Points, faces: NDArray[np.int32], values: NDArray[np.float64] | None
 ) -> None:
-    """Lay the edges below the surface, so that what is thinner than a pixel does not vanish."""
+    """Draw the edges below the surface, so that parts thinner than a pixel do not vanish."""
     edges = edges_of(faces).ends
     first, last = np.clip(pixels[edges, :2], -len(rgba), 2 * len(rgba)).swapaxes(0, 1)
-    counts = np.ceil(np.abs(last - first).max(axis=1)).astype(np.int64) + 1  # a point for each pixel
+    counts = np.ceil(np.abs(last - first).max(axis=1)).astype(np.int64) + 1  # one point per pixel
     edge = np.repeat(np.arange(len(edges)), counts)
     along = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)) / np.maximum(counts - 1, 1)[edge]
     places = np.floor(first[edge] + along[:, None] * (last - first)[edge]).astype(np.int64)
@@ -196,7 +196,7 @@ def _surface_colours(
 
 
 def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_], pixel: float) -> NDArray[np.float64]:
-    """Return how bright each pixel of the surface is: a lamp, some light from everywhere, and a dark rim."""
+    """Return the brightness of each pixel of the surface: directional and ambient light, and a dark rim."""
     filled = np.where(seen, depth, np.max(depth, where=seen, initial=-np.inf))
     down, right = np.gradient(filled, pixel)
     normal = np.stack([right[seen], -down[seen], np.ones(int(seen.sum()))], axis=-1)

@@ -1,4 +1,4 @@
-"""Choice of the shapes that a picture shows, and their orientation: head up, as the shape stands, all poses alike."""
+"""Select the shapes for a picture and orient their forms: upright like the shape, and alike in all poses."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ T = TypeVar("T")
 #: Name of the shape itself among its forms.
 SHAPE = ""
 
-#: Share of all classes in all poses that a data set must hold for the names of its poses to mean the same pose.
+#: Smallest share of all combinations of class and pose in a data set whose names of poses are comparable.
 _SAME_POSES = 0.9
 
-#: Largest difference between a form and its shape, as a share of their size, at which the form is the shape turned.
+#: Largest relative difference at which a form counts as the rotated shape.
 _SAME = 1e-3
 
-#: Points of a form that are compared; more say no more about its orientation.
+#: Points of a form that are compared, enough for its orientation.
 _COMPARED = 300
 
 _ROUNDS = 10
 
-#: Ratio of distances up to which two orientations fit the model alike.
+#: Ratio of distances up to which two orientations fit equally well.
 _ALIKE = 1.6
 
-#: Share of the vertices that a picture may cut off on each side: forms with a few far points are no specks.
+#: Share of the vertices that may be cut off on each side, so that outliers do not shrink a form.
 _CUT_OFF = 0.002
 
 
 def spread(values: Sequence[T], most: int) -> list[T]:
-    """Return so many of the values, evenly spread, the first and the last among them."""
+    """Return a number of evenly spread values, including the first and the last."""
     places = np.unique(np.linspace(0, max(len(values) - 1, 0), min(most, len(values))).astype(int))
     return [values[place] for place in places.tolist()]
 
@@ -47,23 +47,23 @@ def spread(values: Sequence[T], most: int) -> list[T]:
 def select(
     dataset: Dataset, entries: Iterable[Entry], n_subjects: int | None = None, n_poses: int = 8
 ) -> list[list[Entry]]:
-    """Choose shapes spread over the subjects, and over the poses of each.
+    """Select shapes spread over the subjects and over the poses of each.
 
     Parameters
     ----------
     dataset
-        Names canonical poses, if it has any.
+        Data set, with the names of canonical poses, if any.
     entries
-        The shapes to choose from.
+        The available shapes.
     n_subjects
-        Subjects; None for all.
+        Number of subjects; None for all.
     n_poses
-        Shapes of each subject.
+        Number of shapes of each subject.
 
     Returns
     -------
     list of list of Entry
-        A row for each subject, in the order of the entries; the canonical pose leads.
+        A row for each subject in the order of the entries, with the canonical pose first.
     """
     canonical = getattr(dataset, "canonical_poses", {})
     subjects: dict[str, list[Entry]] = {}
@@ -76,31 +76,31 @@ def select(
 
 
 def have_same_poses(entries: Sequence[Entry]) -> bool:
-    """Return whether the classes take the same poses: merely numbered ones differ in number from class to class."""
+    """Return whether all classes have the same poses; poses that are only numbered differ between classes."""
     poses, subjects = {entry.pose for entry in entries}, {entry.subject for entry in entries}
     return len(entries) >= _SAME_POSES * len(poses) * len(subjects)
 
 
 def centred(points: Points) -> Points:
-    """The points around the middle of their extent, a few far ones aside; shape (n, 3)."""
+    """Centre points on the middle of their extent, ignoring outliers; shape (n, 3)."""
     low, high = np.quantile(points, [_CUT_OFF, 1 - _CUT_OFF], axis=0)
     return np.asarray(points - (low + high) / 2)
 
 
 def reach(points: Points) -> float:
-    """Half the width of a picture that shows centred points, a few far ones aside."""
+    """Return half the width of a picture of centred points, ignoring outliers."""
     return max(float(np.quantile(np.abs(points[:, :2]), 1 - _CUT_OFF, axis=0).max()), 1e-12)
 
 
 def turn_onto(points: Points, target: Points) -> tuple[NDArray[np.float64], float]:
-    """Turn points, reflected if need be, onto others of the same number [Schönemann 1966].
+    """Rotate, and reflect if necessary, points onto corresponding ones [Schönemann 1966].
 
     Returns
     -------
     numpy.ndarray
-        Shape (3, 3), orthogonal; turned points are ``points @ turn``.
+        Orthogonal matrix, shape (3, 3); the rotated points are ``points @ turn``.
     float
-        What remains between them when both have one size, as a share of that size.
+        Remaining distance after scaling to the same size, relative to that size.
     """
     here, there = points - points.mean(axis=0), target - target.mean(axis=0)
     here, there = here / max(np.linalg.norm(here), 1e-12), there / max(np.linalg.norm(there), 1e-12)
@@ -110,20 +110,20 @@ def turn_onto(points: Points, target: Points) -> tuple[NDArray[np.float64], floa
 
 
 def upright(form: Mesh, surface: Mesh, seen: Points, model: Points | None) -> Points:
-    """Vertices of a form as they are shown beside its shape.
+    """Return the vertices of a form, oriented for display next to its shape.
 
     Parameters
     ----------
     form, surface
-        The form, and the shape that it was made of.
+        The form, and its shape.
     seen
-        Vertices of the shape as its camera sees them: to the right, up, towards the viewer.
+        Vertices of the shape in camera coordinates: right, up, towards the viewer.
     model
-        A form by the same method of another pose of the same subject, as it is shown; None if there is none yet.
+        An oriented form of another pose of the same subject by the same method; None if there is none yet.
     """
     points = form.vertices
     if not np.array_equal(form.faces, surface.faces):
-        return points  # a surface of its own, made as a camera sees it
+        return points  # a new surface, already in camera coordinates
     turn, remainder = turn_onto(points, seen)
     if model is not None and remainder >= _SAME:
         turn = _turn_like(_sample(points), _sample(model), turn)
@@ -137,20 +137,20 @@ def posed(
     artefacts: ArtefactReader,
     models: dict[str, Points],
 ) -> dict[str, Mesh | str]:
-    """Return a shape as its camera sees it, by the name "", and its form by each method, or why there is none.
+    """Return a shape in camera coordinates under the name "", and its form by each method, or why there is none.
 
     Parameters
     ----------
     entry
         The shape.
     record
-        A record of its gallery under one input.
+        A record of its gallery under the input.
     records
-        Those of the methods whose forms are wanted.
+        Records of the methods whose forms are shown.
     artefacts
-        Where surfaces and forms are.
+        Reads surfaces and forms.
     models
-        The first form of each method, by which those of other poses are turned; filled here.
+        The first form of each method, to which those of other poses are aligned; filled here.
     """
     surface = artefacts.surface(record, entry)
     forms = {method: artefacts.form(each, entry, surface) for method, each in records.items()}
@@ -168,10 +168,10 @@ def posed(
 
 
 def _turn_like(points: Points, model: Points, hint: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn a form so that it looks like another of the same subject.
+    """Rotate a form so that it looks like another one of the same subject.
 
-    Their principal axes are laid onto each other in all ways. A body is nearly its own mirror image, so several may fit
-    nearly alike: the one closest to the hint, which its shape gives, is improved by closest points.
+    All alignments of the principal axes are tried. Since a body is nearly mirror-symmetric, several may fit almost
+    equally well; the one closest to a hint, which comes from the shape, is refined by iterative closest points.
     """
     tree = cKDTree(model)
 
@@ -190,7 +190,7 @@ def _turn_like(points: Points, model: Points, hint: NDArray[np.float64]) -> NDAr
 
 
 def _sample(points: Points) -> Points:
-    """Some of the points, around their mean and of one size."""
+    """Return some of the points, centred and scaled to a fixed size."""
     chosen = points[spread(range(len(points)), _COMPARED)]
     around = chosen - chosen.mean(axis=0)
     return np.asarray(around / max(np.sqrt((around**2).sum(axis=1).mean()), 1e-12))

@@ -1,4 +1,4 @@
-"""Pictures of several pictures: a data set at a glance, a depth image on its way to a form, and retrieved shapes."""
+"""Sheets of pictures: a data set at a glance, the steps from a depth image to a form, and retrieved shapes."""
 
 from __future__ import annotations
 
@@ -21,50 +21,50 @@ from benchmark.pipeline.recipes import sensor_of
 from benchmark.report.pictures.painting import SUPERSAMPLING, depth_picture, shaded
 from benchmark.report.pictures.posing import select
 
-#: Poses of each subject of a data set, unless the caller chooses; pixels that its sheet is wide at most.
+#: Default number of poses of each subject, and largest width of a sheet in pixels.
 POSES, WIDTH = 8, 1600
 
-#: Pixels per side of a picture on it; the three-quarter view joins in where all have at least as many as the second.
+#: Pixels per side of a picture, and the fewest at which three-quarter views are added.
 _SMALLEST, _ROOMY, _LARGEST = 40, 84, 160
 
 _NEAR, _GAP, _MARGIN, _LINE = 3, 12, 8, 18
 _INK, _FAINT = (0, 0, 0), (110, 110, 110)
 
-#: Two ramps of shades against white need no larger palette, and the file shrinks to a third.
+#: Size of the palette, enough for two ramps of shades; it reduces files to a third.
 _COLOURS = 128
 
-#: Pixels of the height of a picture of a depth image, and of the side of a retrieved form.
+#: Height of the picture of a depth image, and side of that of a retrieved form, in pixels.
 _HEIGHT, _SIDE = 300, 180
 _OBJECT = np.array([0.95, 0.55, 0.2])
 
 
 @dataclass(frozen=True)
 class ContactSheet:
-    """Picture of a data set, with a palette, and a line for each shape that cannot be drawn and is crossed out."""
+    """Picture of a data set with a palette, and a line for each shape that cannot be drawn and is crossed out."""
 
     image: Image.Image
     problems: tuple[str, ...]
 
 
 def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int = POSES) -> ContactSheet:
-    """Draw some poses of some subjects, each as the shaded surface beside the depth image.
+    """Draw some poses of some subjects, each as a shaded surface and as a depth image.
 
-    The surface fills its picture, and where there is room it is shown from aside as well. The depth images share the
-    scale of the data set, so they show how large the shapes are.
+    The surface fills its picture and, if there is room, is also shown from the side. The depth images have the scale of
+    the data set, so they show the sizes of the shapes.
 
     Parameters
     ----------
     dataset
         The data set.
     n_subjects
-        Rows; None shows all subjects.
+        Number of rows; None shows all subjects.
     n_poses
-        Columns; a subject with fewer poses has a shorter row.
+        Number of columns; a subject with fewer poses has a shorter row.
 
     Raises
     ------
     ConfigurationError
-        If a number is not positive, or so many poses do not fit the width.
+        If a number is not positive, or the poses do not fit the width.
     DatasetError
         If the data set is empty.
     """
@@ -83,27 +83,27 @@ def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int 
     n_all = len({entry.subject for entry in dataset.entries})
     shown = f"{sum(map(len, rows))} of {len(dataset.entries)} shapes"
     sheet = _sheet(rows, pictures, f"{dataset.title}: {len(rows)} of {n_all} subjects, {shown}")
-    # Maximum coverage changes no shade by more than a few levels; the default method spoils rare ones, such as labels.
+    # Maximum coverage changes shades by a few levels at most; the default method spoils rare ones, such as labels.
     few = sheet.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     return ContactSheet(few, tuple(problems))
 
 
 def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
-    """Draw depths, the object among them, and its canonical form, as a depth image and as a surface.
+    """Draw depths, the object in them, and its canonical form, as a depth image and as a surface.
 
     Parameters
     ----------
     depths
-        Shape (h, w), metres; 0 where nothing was seen.
+        Shape (h, w), metres; 0 for missing values.
     mask
         Pixels of the object, shape (h, w).
     form
-        Right, up, towards the viewer.
+        Vertices: right, up, towards the viewer.
     """
     seen = depths > 0
     near, far = np.percentile(depths[seen], (1, 99)) if seen.any() else (0.0, 1.0)
     shade = 0.9 - 0.75 * np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
-    grey = np.repeat(np.where(seen, shade, 1.0)[..., None], 3, axis=2)  # near is bright, what was not seen is white
+    grey = np.repeat(np.where(seen, shade, 1.0)[..., None], 3, axis=2)  # near points are bright, missing values white
     marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
     canonical = render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), _HEIGHT * SUPERSAMPLING)
     scaled = []
@@ -116,19 +116,19 @@ def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
 
 
 def retrieved_picture(panels: Sequence[tuple[str, Mesh | None]]) -> Image.Image:
-    """Draw forms side by side, each below its lines of text.
+    """Draw forms side by side, each below its text.
 
     Parameters
     ----------
     panels
-        Text, of lines, and form: right, up, towards the viewer; the query comes first. Nothing is drawn for None.
+        Lines of text, and a form (right, up, towards the viewer) or None for no picture; the query comes first.
     """
     blank = Image.new("RGB", (_SIDE, _SIDE), "white")
     return _beside([text for text, _ in panels], [shaded(m, UPRIGHT, _SIDE) if m else blank for _, m in panels], 12)
 
 
 def _beside(texts: Sequence[str], pictures: Sequence[Image.Image], font_size: int) -> Image.Image:
-    """Pictures of one height, side by side, each below its lines of text."""
+    """Combine pictures of one height side by side, each below its text."""
     head = max(text.count("\n") + 1 for text in texts) * (font_size + 6) + _NEAR
     width = sum(picture.width for picture in pictures) + _GAP * (len(pictures) + 1)
     sheet = Image.new("RGB", (width, head + pictures[0].height + _GAP), "white")
@@ -141,18 +141,18 @@ def _beside(texts: Sequence[str], pictures: Sequence[Image.Image], font_size: in
 
 
 def _pictures(dataset: Dataset, entry: Entry, half_width: float) -> list[Image.Image]:
-    """The surface, the surface from aside, and its depth image: centred squares."""
+    """Return the surface, its side view, and its depth image as centred squares."""
     mesh, camera, sensor = clean(dataset.load(entry))[0], dataset.camera(entry), sensor_of(dataset, entry)
     image = render_depth(mesh, camera, half_width, _LARGEST * SUPERSAMPLING)
     right, up, backwards = camera.rotation
-    x, y, z = -backwards - 0.8 * right - 0.25 * up  # an animal seen from the side has its head to the right
+    x, y, z = -backwards - 0.8 * right - 0.25 * up  # an animal in side view faces right
     surfaces = [shaded(mesh, each, _LARGEST) for each in (camera, Camera((x, y, z), camera.up))]
     return [*surfaces, depth_picture(image if sensor is None else sensor.perturbed(image), _LARGEST)]
 
 
 def _sheet(rows: Sequence[Sequence[Entry]], pictures: Mapping[str, list[Image.Image]], heading: str) -> Image.Image:
     n_columns = max(map(len, rows))
-    extents = np.full((len(rows), n_columns, 3, 2), _LARGEST / 10)  # a cross needs some room, too
+    extents = np.full((len(rows), n_columns, 3, 2), _LARGEST / 10)  # room for a cross
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
             if entry.identifier in pictures:
@@ -193,20 +193,20 @@ def _sheet(rows: Sequence[Sequence[Entry]], pictures: Mapping[str, list[Image.Im
 
 
 def _extent(picture: Image.Image) -> tuple[int, int]:
-    """Width and height of what is not white, when the middle stays where it is."""
+    """Return width and height of the non-white part, for a crop about the centre."""
     box = ImageChops.invert(picture).getbbox() or (0, 0, 0, 0)
     middle = picture.width / 2
     return tuple(int(2 * max(middle - box[k], box[k + 2] - middle)) for k in (0, 1))  # type: ignore[return-value]
 
 
 def _cropped(picture: Image.Image, width: int, height: int, scale: float) -> Image.Image:
-    """The middle of a square picture, made smaller."""
+    """Return the centre of a square picture, reduced in size."""
     x, y, middle = width / scale / 2, height / scale / 2, picture.width / 2
     box = (max(middle - x, 0), max(middle - y, 0), min(middle + x, picture.width), min(middle + y, picture.height))
     return picture.resize((width, height), Image.Resampling.LANCZOS, box)
 
 
-# Pillow carries this one along, so a sheet looks the same wherever it is drawn.
+# Bundled with Pillow, so sheets look the same on every machine.
 _FONT = ImageFont.load_default(12)
 
 
