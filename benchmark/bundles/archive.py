@@ -70,7 +70,7 @@ class BundleError(BenchmarkError):
         self,
         name: str,
         problem: str,
-        hint: str = "ask its author for the file that 'submit' wrote",
+        hint: str = "ask its author for the original file written by 'submit'",
         status: Status = "unreadable",
     ) -> None:
         super().__init__(problem, hint)
@@ -88,7 +88,7 @@ class Plugin(msgspec.Struct, frozen=True):
         if self.file not in self.digests or not self.attribute.isidentifier():
             raise ValueError("its plugin is not among its files")
         if not all(name.startswith("plugin/") for name in self.digests):
-            raise ValueError("a file of its plugin lies elsewhere")
+            raise ValueError("a file of its plugin is in another folder")
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -150,7 +150,7 @@ class Archive:
         if count > 1:
             raise BundleError("name-twice", f"two files in it are called '{name}'")
         if len(parts) > MOST_FILES or sum(part.file_size for part in parts) > LARGEST_TOTAL:
-            raise BundleError("too-large", f"it unpacks to more than {LARGEST_TOTAL:,} bytes, or many files")
+            raise BundleError("too-large", f"it would unpack to over {LARGEST_TOTAL:,} bytes, or to too many files")
         self.sizes = {part.filename: part.file_size for part in parts}
 
     def read(self, name: str, largest: int = LARGEST_FILE) -> bytes:
@@ -158,7 +158,7 @@ class Archive:
         if name not in self.sizes:
             raise BundleError("file-missing", f"'{name}' is not in it")
         if (size := self.sizes[name]) > largest:
-            raise BundleError("too-large", f"'{name}' in it unpacks to more than {largest:,} bytes")
+            raise BundleError("too-large", f"'{name}' in it would unpack to more than {largest:,} bytes")
         try:
             with self.zip.open(name) as file:
                 content = file.read(size)  # at most the stated size, whatever the data unpack to
@@ -166,7 +166,7 @@ class Archive:
         except Exception as error:
             raise BundleError("damaged", f"'{name}' in it cannot be read") from error
         if not is_whole:
-            raise BundleError("too-large", f"'{name}' in it has another size than it announces")
+            raise BundleError("too-large", f"'{name}' in it does not have the stated size")
         return content
 
     def json(self, name: str) -> Any:
@@ -184,15 +184,15 @@ class Archive:
         except UnsafeArrays as error:
             raise BundleError(error.name, f"'{name}' {error}") from error
         except Exception as error:
-            raise BundleError("no-arrays", f"'{name}' holds no arrays, or those of another record") from error
+            raise BundleError("no-arrays", f"'{name}' contains no arrays, or those of another record") from error
 
     def manifest(self) -> Manifest:
         """Return the description of the bundle."""
         try:
             return msgspec.convert(self.json(MANIFEST), Manifest)
         except msgspec.ValidationError as error:
-            problem = f"{MANIFEST} lacks a part, or holds something else in it ({clean(error)[:80]})"
-            raise BundleError("no-bundle", problem, "make it with 'submit', and edit nothing") from error
+            problem = f"{MANIFEST} has a missing or invalid part ({clean(error)[:80]})"
+            raise BundleError("no-bundle", problem, "create it with 'submit', and do not edit it") from error
 
     def require_files_of(self, manifest: Manifest) -> None:
         """Raise :class:`BundleError` unless the files are exactly those that the manifest names."""
@@ -216,7 +216,7 @@ def _check_part(part: zipfile.ZipInfo) -> None:
         (stat.S_IFMT(part.external_attr >> 16) not in (0, stat.S_IFREG), "link", "in it is a link or a device"),
         (is_outside, "path-outside", "points outside the bundle"),
         (not NAMES.fullmatch(name) or name != part.filename, "unknown-file", "does not belong in a bundle"),
-        (part.flag_bits & 1 or part.compress_type not in PACKED, "no-zip", "is encrypted, or packed in an unusual way"),
+        (part.flag_bits & 1 or part.compress_type not in PACKED, "no-zip", "is encrypted or oddly compressed"),
         (part.file_size > LARGEST_FILE, "too-large", f"unpacks to {part.file_size:,} bytes"),
     )
     for is_wrong, fault, problem in checks:
@@ -248,7 +248,7 @@ def check_arrays(holds: Holds, name: str, arrays: Arrays, scorer: ScorerSpec | N
     except (KeyError, TypeError):
         is_fine = False
     if not is_fine:
-        raise BundleError("no-arrays", f"the arrays of '{name}' are no {holds}", "ask its author")
+        raise BundleError("no-arrays", f"the arrays of '{name}' are not {holds}", "ask its author")
 
 
 def _is_finite(array: NDArray[Any], dtype: type) -> bool:

@@ -16,7 +16,7 @@ from benchmark.pipeline.storage.record_schema import read_json
 from benchmark.report.escaping import number
 from retrieval.measures import PRINTED
 
-_COMPARED = {"data": "labels and inputs compared with the data", "records": "labels and inputs as in records"}
+_COMPARED = {"data": "labels and inputs compared with the data", "records": "labels and inputs compared with records"}
 
 
 class RowOutcome(msgspec.Struct, frozen=True, kw_only=True):
@@ -135,7 +135,7 @@ def keep(outcome: Outcome, results: Path) -> None:
         If the bundle is false or cannot be read.
     """
     if outcome.status not in ("verified", "claimed"):
-        raise ConfigurationError(f"the bundle is {outcome.status}: no report shows it", "omit --into")
+        raise ConfigurationError(f"the bundle is {outcome.status}, so reports do not show it", "omit --into")
     write_text(results / "bundles" / f"{outcome.digest}.json", json.dumps(outcome.to_plain(), sort_keys=True) + "\n")
 
 
@@ -156,7 +156,7 @@ def _read(results: Path) -> Iterator[Outcome]:
         try:
             yield msgspec.convert(read_json(path.read_bytes()), Outcome)
         except (OSError, ValueError) as error:
-            raise ConfigurationError(f"{path} is no outcome of a bundle", "remove it, and verify again") from error
+            raise ConfigurationError(f"{path} is not the outcome of a bundle", "remove it, and verify again") from error
 
 
 def _heading(row: RowOutcome) -> str:
@@ -182,5 +182,5 @@ def _evidence(row: RowOutcome) -> str:
     """Return where the scores of a row come from, or why they cannot be checked."""
     if row.faults:
         return "; ".join(f"{fault.name}: {fault.problem}" for fault in row.faults)
-    again = f"{len(row.again) or 'none'} made again"
-    return f"from {row.holds}; {again}; {_COMPARED.get(row.compared, 'labels and inputs as told')}"
+    again = f"{len(row.again) or 'none'} recomputed"
+    return f"from {row.holds}; {again}; {_COMPARED.get(row.compared, 'labels and inputs not checked')}"

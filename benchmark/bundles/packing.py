@@ -116,7 +116,7 @@ def _packed(record: Record, artefacts: ArtefactReader, *, with_forms: bool) -> t
         raise StorageError(f"it has no scores ({record['status']})", "only finished jobs can be shared")
     scorer = scorer_of(scorer_name(record) or DEFAULT, scorers())
     if scorer.base_name not in BUILT_IN:
-        raise ConfigurationError(f"scorer '{scorer.name}' is not in the suite", "nobody else could compare its scores")
+        raise ConfigurationError(f"scorer '{scorer.name}' is not in the suite", "others could not compare its scores")
     run = replace(artefacts.method_run(record), scorer_spec=scorer)
     dataset = run.preparation.dataset
     shapes = {entry.identifier: entry for entry in dataset.entries if entry.identifier in record["shapes"]}
@@ -144,7 +144,7 @@ def _form(run: MethodRun, entry: Shape, *, has_form: bool) -> tuple[Arrays, str]
     shape = run.store.find(run.preparation.recipe(entry), wanted=["vertices", "faces"].__contains__)
     answer = run.store.find(run.recipe(entry))
     if shape is None or answer is None:
-        raise StorageError("its forms are not stored here, as today's code makes them", _AGAIN)
+        raise StorageError("its forms by the current code are not stored here", _AGAIN)
     arrays = require_arrays(answer)
     if run.describes:
         return arrays, shape.digest
@@ -193,7 +193,7 @@ def _sources(spec: MethodSpec, records: Sequence[Record]) -> tuple[dict[str, byt
         if file.resolve().is_relative_to(folder) and file.is_file():
             paths.setdefault(f"plugin/{file.resolve().relative_to(folder).as_posix()}", file)
         else:
-            omitted.append(f"{file}: it does not lie beside the plugin")
+            omitted.append(f"{file}: it is not next to the plugin")
     for name, file in paths.items():
         if not NAMES.fullmatch(name):
             raise ConfigurationError(f"{file} is not a valid name in a bundle", "rename it: letters, digits and _")

@@ -91,7 +91,7 @@ def _method_run(
     reader = ArtefactReader(Store.open(folders[0]), known, data[1], folders[1])
     run = reader.method_run({**record, "data": record["data"] | {"source": data[0]}})
     if {model.training: model.digest for model in run.models.values()} != record["recipe"].get("models", {}):
-        raise ConfigurationError("its trained model is not here", "pass the results folder that has it as --results")
+        raise ConfigurationError("its trained model is missing", "pass the results folder that has it as --results")
     return replace(run, scorer_spec=scorer_of(scorer_name(record) or DEFAULT, scorers()))
 
 

@@ -151,8 +151,8 @@ class RowCheck:
         if not self._is_false and (again := self._remade()) is not None:
             scored = self._compare_scores([np.array(again)], matrices)
         if scored is None and not self.faults:
-            problem = "its distances are made by a package that is not of the suite"
-            self._claim("not-run", problem, "ask its author for a plugin of one file")
+            problem = "its distances come from a package outside the suite"
+            self._claim("not-run", problem, "ask its author for a plugin in one file")
         return scored
 
     def _compare_scores(self, computed: Sequence[Matrix], matrices: Sequence[Matrix]) -> Mapping[str, Any]:
@@ -203,7 +203,7 @@ class RowCheck:
             self._claim("gallery-unknown", problem, "pass --data-root, or --results with a record of it")
         sources = [(shape, label, self.entry.inputs[shape][0]) for shape, label in self.labels.items()]
         if not self._is_false and digest(sources) != recipe.get("gallery"):
-            self._refute("inputs-differ", "its labels and inputs are not those that its record was made from")
+            self._refute("inputs-differ", "its labels and inputs differ from those in its record")
 
     def _gallery_here(self) -> Gallery | None:
         """Return the gallery of the record; None if its data is missing. Paths in the record are ignored."""
@@ -229,13 +229,13 @@ class RowCheck:
 
     def _compare_labels(self, labels: Mapping[str, str], recipe: Mapping[str, Any]) -> None:
         """Compare labels and, if they agree, the meshes and cameras in the recipe."""
-        known_here = f"those of '{self.record['gallery']}' as they are known here"
+        known_here = f"those of '{self.record['gallery']}' as known here"
         wrong = next((shape for shape, label in self.labels.items() if labels.get(shape) != label), None)
         parts = {"gallery": "meshes", "view": "cameras"}
         others = [what for part, what in parts.items() if recipe.get(part) != self.record["recipe"].get(part)]
         if list(labels) != [*self.labels]:
             note = self._refute if catalogued(self.name) else self._claim
-            note("shapes-differ", f"its shapes are not {known_here}", "name the data that it was run on")
+            note("shapes-differ", f"its shapes are not {known_here}", "name the data on which it ran")
             self.gallery = None
         elif wrong is not None:
             self._refute("labels-differ", f"it calls '{wrong}' a '{self.labels[wrong]}', which is a '{labels[wrong]}'")
@@ -256,11 +256,11 @@ class RowCheck:
             return None
         component = f"scorer/{scorer.base_name}"
         if recipe.get("versions", {}).get(component) != versions_of([component])[component]:
-            problem = f"its record was made by another version of the scorer '{scorer.name}'"
+            problem = f"its record was scored by another version of '{scorer.name}'"
             self._claim("scorer-version", problem, "ask its author to run it again with this version")
             return None
         if plain(scorer_recipe(scorer)) != recipe.get("scorer"):
-            self._refute("scores-differ", f"its record was made by another scorer than '{scorer.name}'")
+            self._refute("scores-differ", f"its record was scored by another scorer than '{scorer.name}'")
         return scorer
 
     def _items(self, scorer: ScorerSpec | None) -> Sequence[Arrays]:
@@ -269,7 +269,7 @@ class RowCheck:
         items = self._unfolded(self.entry.files[1])
         if len(items) != len(names):
             problem = f"it has {holds} of {len(items)} shapes, and its record names {len(names)}"
-            self._refute(f"{holds}-missing", problem, "ask its author for the whole bundle")
+            self._refute(f"{holds}-missing", problem, "ask its author for the complete bundle")
             return []
         for name, arrays in zip(names, items, strict=True):
             check_arrays(holds, name, arrays, scorer)
@@ -286,14 +286,14 @@ class RowCheck:
         for matrix in matrices:
             is_fine = matrix.dtype.kind == "f" and np.isfinite(matrix).all()
             if not is_fine or (count and matrix.shape != (count, count)):
-                raise BundleError("no-arrays", f"'{file}' does not hold finite distances of {count} shapes", _ASK)
+                raise BundleError("no-arrays", f"'{file}' does not contain finite distances of {count} shapes", _ASK)
         return matrices
 
     def _unfolded(self, file: str) -> list[dict[str, Any]]:
         try:
             return list(unfolded(self.archive.arrays(file, self.entry.key)))
         except ValueError as error:
-            raise BundleError("no-arrays", f"'{file}' holds arrays that belong to no shape", _ASK) from error
+            raise BundleError("no-arrays", f"'{file}' contains arrays that belong to no shape", _ASK) from error
 
     def _compare_digest(self, stage: str, digests: Iterable[str], fault: str, what: str) -> None:
         if digest(list(digests))[:16] != self.record.get("digests", {}).get(stage):
@@ -326,11 +326,11 @@ class RowCheck:
         if (is_ours and self.gallery) or (self.plugin and self.may_run and (self.gallery or needs_code)):
             return self._remake()
         if is_ours and not any(_outcome(other) == _outcome(self.record) for other in self.request.records):
-            problem = f"it bears the suite's name '{base}', and neither data nor a record here tells"
+            problem = f"it uses the suite's name '{base}', which neither data nor a record here confirms"
             self._claim("not-made-again", problem, "pass --data-root, -d FOLDER, or --results with its record")
         elif needs_code:
-            problem = "its distances are made by its plugin, which was not run"
-            self._claim("not-run", problem, "pass --run where you may run a stranger's program")
+            problem = "its distances come from its plugin, which was not run"
+            self._claim("not-run", problem, "pass --run on a machine where you can run untrusted code")
         return None
 
     def _remake(self) -> list[list[float]] | None:
@@ -352,12 +352,12 @@ class RowCheck:
                 return None
         self.again, self.apart = chosen, remade["apart"]
         if self.apart > TOLERANCE[self.entry.holds]:
-            problem = f"forms made again are apart from those of the bundle, by {self.apart:.2g} of their size at most"
+            problem = f"recomputed forms differ from those of the bundle by up to {self.apart:.2g} of their size"
             if remade["is_same_code"]:
-                self._refute("not-made-again", problem, "take the forms for those of something else")
+                self._refute("not-made-again", problem, "the forms belong to something else")
             else:
-                problem += "; and the method is another one here than the one that made it"
-                self._claim("other-code", problem, "verify it by the version of the suite that made it")
+                problem += "; the method here is not the one that made it"
+                self._claim("other-code", problem, "verify it with the version of the suite that made it")
         return remade["distances"]  # type: ignore[no-any-return]
 
     def _unpack(self, plugin: Plugin, folder: Path) -> Path:

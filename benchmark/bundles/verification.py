@@ -35,9 +35,9 @@ def verify(request: Request, say: Callable[[str], None] = lambda line: None) -> 
         If the file cannot be read.
     """
     if not request.path.is_file():
-        raise BenchmarkError(f"{request.path} is no file", "name a bundle that 'submit' wrote")
+        raise BenchmarkError(f"{request.path} is not a file", "name a bundle that 'submit' wrote")
     patience = request.limit and 2 * request.limit  # recomputing forms has a shorter limit
-    guard = Guard(f"bundle {request.path.name}", "take it for damaged or hostile", patience, quiet=True)
+    guard = Guard(f"bundle {request.path.name}", "treat it as damaged or hostile", patience, quiet=True)
     try:
         return msgspec.convert(call_apart(verified, request, guard=guard, say=say), Outcome)
     except BrokenCall as error:
@@ -72,17 +72,17 @@ def verified(request: Request, say: Callable[[str], None]) -> dict[str, Any]:
 
 def _faults_of_plugin(archive: Archive, manifest: Manifest, records: Sequence[Record]) -> Iterator[Fault]:
     """Return the faults of the plugin in a bundle, without running it."""
-    plugin, hint = cast(Plugin, manifest.plugin), "take the source for another one"
+    plugin, hint = cast(Plugin, manifest.plugin), "treat the source as a different one"
     contents = {file: archive.read(file) for file in plugin.digests}
     if manifest.base_name in BUILT_IN:
         problem = f"its plugin calls itself '{manifest.base_name}', which is a method of the suite"
         yield Fault("name-taken", problem, "rename the method, run it and submit it again", "false")
     edited = [file for file, text in contents.items() if sha256(text).hexdigest() != plugin.digests[file]]
     for file in edited:
-        problem = f"'{file}' is not the source whose digest the bundle tells"
+        problem = f"'{file}' does not have the digest stated in the bundle"
         yield Fault("source-differs", problem, hint, "false")
     if not edited and not all(_is_source_of(record, plugin.file, contents) for record in records):
-        yield Fault("source-differs", f"'{plugin.file}' is not the source that made its records", hint, "false")
+        yield Fault("source-differs", f"'{plugin.file}' is not the source of its records", hint, "false")
 
 
 def _is_source_of(record: Record, plugin: str, contents: Mapping[str, bytes]) -> bool:
@@ -105,18 +105,18 @@ def _record(archive: Archive, manifest: Manifest, entry: Entry) -> Record:
     """Return a record; raise :class:`BundleError` if it is invalid, inconsistent, or of another method."""
     record, what = archive.json(entry.files[0]), f"record {entry.key[:12]}"
     if fault := fault_of(record):
-        raise BundleError("record-edited", f"{what}: {fault}", "take it for edited", "false")
+        raise BundleError("record-edited", f"{what}: {fault}", "treat it as edited", "false")
     if (record["key"], record["status"]) != (entry.key, "ok"):
-        raise BundleError("no-records", f"{what} is of another job, or has no scores", _ASK)
+        raise BundleError("no-records", f"{what} belongs to another job or has no scores", _ASK)
     texts = [*(record[part] for part in ("gallery", "method", "title")), record.get("scorer", "")]  # which are shown
     texts += [*(record["data"][part] for part in ("name", "title")), *(m["data"] for m in record.get("models", ()))]
     if any(len(text) > LONGEST for text in texts):
         raise BundleError("no-records", f"{what} has a name of more than {LONGEST} characters", _ASK)
     if [*entry.inputs] != record["shapes"]:
-        problem = f"{what} names a shape twice, or others than the bundle"
-        raise BundleError("name-twice", problem, "give each shape a name of its own", "false")
+        problem = f"{what} names a shape twice, or other shapes than the bundle"
+        raise BundleError("name-twice", problem, "give each shape a unique name", "false")
     name, base = record["method"], record["recipe"].get("method")
     is_named = (name, base) == (manifest.method, manifest.base_name)
     if not is_named or (split_name(name) or (name,))[0] != base or not is_name(base):
-        raise BundleError("other-method", f"{what} is of method '{name}'", _ASK, "false")
+        raise BundleError("other-method", f"{what} belongs to method '{name}'", _ASK, "false")
     return record  # type: ignore[no-any-return]

@@ -157,13 +157,13 @@ class DaskPool:
         if self.size:
             return ""
         asked = sum(not node.inventory.done() for node in self._nodes.values())
-        return f"{asked} workers of {self.url} say what they have" if asked else f"no worker at {self.url} yet"
+        return f"{asked} workers of {self.url} are being inspected" if asked else f"no worker at {self.url} yet"
 
     def begin(self, task: Task) -> Running:
         """Give a task to the worker with the most free threads."""
         node = max(self._nodes.values(), key=lambda node: node.free, default=None)
         if node is None or not node.free:
-            raise OSError(0, f"all workers of {self.url} are at work")
+            raise OSError(0, f"all workers of {self.url} are busy")
         name = f"{self._name}-{next(self._numbers)}"
         share = sum(other.threads for other in self._nodes.values() if other.host == node.host)
         answer = self._client.submit(
@@ -198,11 +198,11 @@ class DaskPool:
             self._useful = now
         elif refused and len(refused) == len(self._nodes):
             raise ConfigurationError(
-                f"no worker at {self.url} would do what this machine does: {refused[0].problem}", refused[0].hint
+                f"no worker at {self.url} matches this machine: {refused[0].problem}", refused[0].hint
             )
         elif now - self._useful > _NOBODY:
             raise BenchmarkError(
-                f"no worker came to {self.url} in {_NOBODY:g} s",
+                f"no worker joined {self.url} in {_NOBODY:g} s",
                 f"start some, of distributed {version('distributed')}, and run again; finished jobs are kept",
             )
 
@@ -272,7 +272,7 @@ class DaskPool:
 
     def _admit(self, node: WorkerNode) -> None:
         """Accept or refuse a worker by its inventory."""
-        hint = "install there the suite and the packages that are here"
+        hint = "install the same versions of the suite and its packages there"
         try:
             there = json.loads(node.inventory.result()[node.address])
             hint, problem = there.get("hint", hint), there.get("problem", "")

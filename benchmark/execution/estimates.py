@@ -46,10 +46,10 @@ class Estimate:
         lines = []
         if self.seconds or not self.unknown:
             shared = f", {_duration(self.seconds / workers)} with {workers} jobs at a time" if workers > 1 else ""
-            lines.append(f"at most about {_duration(self.seconds)} of work{shared}, by the costs of finished jobs")
+            lines.append(f"at most about {_duration(self.seconds)} of work{shared}, judging by finished jobs")
         if self.unknown:
             lines.append(f"{self.unknown} of them cannot be estimated: no job of their method has finished")
-        room = "unknown before the first job here" if self.mebibytes is None else f"about {self.mebibytes:.0f} MiB"
+        room = "unknown before the first job" if self.mebibytes is None else f"about {self.mebibytes:.0f} MiB"
         return [*lines, f"disk: {room}"]
 
 

@@ -204,7 +204,7 @@ class _Planning:
         if edit:
             return "stale", edit
         if job.key in self._published:
-            return "published", "finished elsewhere; a run makes it anew here"
+            return "published", "finished elsewhere; a run repeats it here"
         if older := self._before.get(place):
             return "stale", difference(older[-1]["recipe"], job.recipe)
         if not is_quick and (elsewhere := self._published_before.get(place)):

@@ -149,7 +149,7 @@ def _rank(job: Job, store: Store, task: Task, tell: Callable[[str], object]) -> 
     elif ranking.results:
         keep(job, store, ranking.content(job.split_size, begun))
     else:
-        reason = f"none of {len(job.identifiers)} shapes could be treated; first: {ranking.refused[0][1]}"
+        reason = f"none of {len(job.identifiers)} shapes could be processed; first: {ranking.refused[0][1]}"
         keep(job, store, failure("unsupported", reason) | {"unsupported": ranking.refused})
 
 

@@ -285,19 +285,19 @@ class Scheduler:
         self._failed_starts += 1
         if self._failed_starts >= _MAX_FAILED_STARTS:
             raise BenchmarkError(
-                f"{_MAX_FAILED_STARTS} processes in turn did not start, the last for {reason}",
-                "end what ends them and other programs, or run with --executor serial; finished jobs are kept",
+                f"{_MAX_FAILED_STARTS} consecutive processes did not start, the last because of {reason}",
+                "end other programs, or run with --executor serial; finished jobs are kept",
             )
 
     def _require_folder(self) -> None:
         if not self._store.progress.is_dir():
             raise StorageError(
                 f"{self._store.root} vanished during the run",
-                "bring it back or choose another --results DIR, and run again",
+                "restore it or choose another --results DIR, and run again",
             )
         if not os.access(self._store.progress, os.W_OK | os.X_OK):
             raise StorageError(
-                f"cannot write to {self._store.progress}", "change its rights or choose another --results DIR"
+                f"cannot write to {self._store.progress}", "change its permissions or choose another --results DIR"
             )
 
     def _look_at(self, running: Running) -> None:
@@ -330,10 +330,10 @@ class Scheduler:
             self._failed_start(ending(code))
             self._queue.put_back(running.task)
         elif code == LOST:
-            reason = f"the machine that it ran on was lost, for the {_MAX_LOSSES}th time; --retry it"
+            reason = f"its machine was lost for the {_MAX_LOSSES}th time; --retry it"
             self._killed(running, _MAX_LOSSES, reason)
         elif -code in BY_HAND:
-            reason = "the process was killed twice, by somebody or for its memory"
+            reason = "the process was killed twice, by a user or for its memory"
             self._killed(running, _MAX_DEATHS, f"{reason}; run it alone with -j 1, or --retry it")
         elif len(running.task.jobs) > 1 and job in self._queue.pending:  # another job may be the cause
             self._queue.put_back(running.task, running.status.steps, job, apart=True)
@@ -370,11 +370,11 @@ class Scheduler:
         if not self._running and self._pool.waits_for:
             names = [self._pool.waits_for]
         elif not self._running:
-            names = [f"another run is at {job.name}" for job in self._queue.elsewhere.values()]
+            names = [f"another run is working on {job.name}" for job in self._queue.elsewhere.values()]
         self._watch(names, shapes)
 
 
 def _why_stopped(running: Running, timeout: float) -> str:
     if running.status.is_starting:
         return f"importing the plugin does not end: stopped after {BIRTH + timeout:g} s; 'check' shows more"
-    return f"stopped after {timeout:g} s; pass a longer --timeout, what is done is kept"
+    return f"stopped after {timeout:g} s; pass a longer --timeout (finished work is kept)"

@@ -45,7 +45,7 @@ class Shard:
         hint = "write i/n with i from 1 to n, such as 2/3"
         numbers = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
         if not numbers:
-            raise ConfigurationError(f"'{text}' is no shard", hint)
+            raise ConfigurationError(f"'{text}' is not a shard", hint)
         shard = cls(int(numbers[1]), int(numbers[2]))
         if not 1 <= shard.number <= shard.count:
             raise ConfigurationError(f"there is no shard {shard}", hint)

@@ -52,7 +52,7 @@ class Labels:
             known = ", ".join(self.names[:3])
             raise ConfigurationError(
                 f"{what}: {len(unknown)} shapes have no label, the first is '{unknown[0]}'",
-                f"name the shapes as the labels do: {known} ..." if known else "name the labels",
+                f"use the names of the labels: {known} ..." if known else "name the labels",
             )
         return Labels(tuple(by_name[name] for name in names), tuple(names))
 
@@ -163,7 +163,7 @@ def read_distances(path: Path) -> DistanceMatrix:
     except ConfigurationError:
         raise
     except MemoryError as error:
-        raise ConfigurationError(f"{path} needs more memory than there is", "use a larger machine") from error
+        raise ConfigurationError(f"{path} needs more memory than available", "use a larger machine") from error
     except Exception as error:  # of any library, for a damaged file
         raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", _HINT) from error
 
@@ -212,7 +212,7 @@ def _only(sizes: Mapping[str, int], path: Path) -> str:
     names = [name for name in sizes if len(sizes) == 1 or name == "distances"]
     if not names:
         listed = ", ".join(sorted(sizes)) or "none"
-        raise ConfigurationError(f"{path} holds several matrices, or none: {listed}", "name the right one 'distances'")
+        raise ConfigurationError(f"{path} has several matrices, or none: {listed}", "name the right one 'distances'")
     if sizes[names[0]] > LARGEST:
         raise ConfigurationError(f"{path} expands to more than {LARGEST // 2**30} GiB", _HINT)
     return names[0]

@@ -145,7 +145,7 @@ def _beside(store: Store, dataset: str, input_: Input) -> Record | None:
     if len(galleries) > 1:
         raise ConfigurationError(
             f"the rows of '{dataset}' are of several galleries",
-            f"name one by --dataset: {', '.join(sorted(galleries))}",
+            f"choose one with --dataset: {', '.join(sorted(galleries))}",
         )
     return records[-1] if records else None
 
@@ -195,7 +195,7 @@ def score_forms(
     """
     if spec.is_foreign:
         raise ConfigurationError(
-            f"scorer '{spec.name}' is a plugin", "score forms of other programs by a scorer of the suite"
+            f"scorer '{spec.name}' is a plugin", "score forms of other programs with a scorer of the suite"
         )
     files = _files(gallery.entries, folder)
     digests = {name: file_digest(path) for name, path in files.items()}
@@ -210,7 +210,7 @@ def score_forms(
     for entry in watched(gallery.entries):
         name = entry.identifier
         if name not in files:
-            refused.append((name, f"{folder} has no form of it"))
+            refused.append((name, f"{folder} has no form of this shape"))
             continue
         recipe = {"stage": "features", EXTERNAL: digests[name], **common}
         compute = partial(attempted, partial(_signature, scorer, files[name]))
@@ -220,7 +220,7 @@ def score_forms(
         else:
             signatures[name] = arrays
     if not signatures:
-        raise ConfigurationError(f"no form in {folder} can be used: {refused[0][1]}", "correct the meshes")
+        raise ConfigurationError(f"no form in {folder} is usable: {refused[0][1]}", "correct the meshes")
     names, labels = ([getattr(e, part) for e in gallery.entries] for part in ("identifier", "subject"))
     answered = [place for place, name in enumerate(names) if name in signatures] if refused else None
     draws = (form_distances(scorer, list(signatures.values()), draw) for draw in range(spec.info.draws))
@@ -251,5 +251,5 @@ def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
             files[entry.identifier] = path
     if not files:
         first = next(iter(entries)).identifier
-        raise ConfigurationError(f"{folder} has no form of these shapes", f"name them as the shapes: {first}.off, ...")
+        raise ConfigurationError(f"{folder} has no form of these shapes", f"name them like the shapes: {first}.off")
     return files

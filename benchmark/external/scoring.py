@@ -80,7 +80,7 @@ class Task:
             raise ConfigurationError(
                 f"the distances have shape {distances.values.shape}, and the labels are of {shape[0]} queries and "
                 f"{shape[1]} shapes of the gallery",
-                "pass one label per row and column, and labels of the rows (--query-labels) where they are other ones",
+                "pass one label per row and column, and --query-labels if the rows have other labels",
             )
         task = cls(np.array(distances.values, dtype=np.float64), queries, gallery)
         task._check()
@@ -98,7 +98,7 @@ class Task:
             row, column = (int(place) for place in wrong[0])
             raise ConfigurationError(
                 f"{len(wrong)} distances are NaN or infinite, the first in row {row + 1}, column {column + 1}",
-                "write a distance larger than all others where a method has no result",
+                "use a distance larger than all others if a method has no result",
             )
         if values.min() < -ASYMMETRY * np.abs(values).max():
             raise ConfigurationError(

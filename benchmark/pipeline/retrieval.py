@@ -89,7 +89,8 @@ def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
     input_: Input = "view" if is_view or "mesh" not in spec.info.inputs else "mesh"
     if input_ not in spec.info.inputs:
         raise ConfigurationError(
-            f"method '{spec.name}' reads complete surfaces, and {query} meets views", "choose a method that reads views"
+            f"method '{spec.name}' needs complete surfaces, and {query} is compared with views",
+            "choose a method that accepts views",
         )
     return input_
 
@@ -121,7 +122,7 @@ def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -
         words = ["run", "-m", run.spec.name, "-d", source, "--input", run.preparation.input]
         raise ConfigurationError(
             f"no form of '{run.preparation.dataset.name}' by '{run.spec.name}' under the {run.preparation.input} input "
-            "is kept here, as this code makes it",
+            "by the current code is stored here",
             f"run `python -m benchmark {shlex.join(words)}`",
         )
     method: Any = run.method_for(entries[0])

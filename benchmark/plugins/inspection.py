@@ -58,7 +58,7 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
         if is_passed(file):
             continue
         require_file(file)
-        hint = "correct the file: importing it and making its methods must end at once"
+        hint = "fix the file: importing it and creating its methods must not take long"
         plugins = look(describe, file, made, what=f"plugin {path}", hint=hint)
         if made:
             _files[file] = plugins
@@ -123,11 +123,11 @@ def _unchanged(whose: str) -> Iterator[None]:
     before, streams = _relied_on(), _streams()
     yield
     if _streams() != streams:
-        raise ConfigurationError(f"{whose} closes or replaces a standard stream", "leave input and output open")
+        raise ConfigurationError(f"{whose} closes or replaces a standard stream", "keep input and output open")
     for (name, attribute), value in before.items():
         if vars(sys.modules.get(name, builtins)).get(attribute) is not value:
             raise ConfigurationError(
-                f"{whose} changes {name}.{attribute}, which the suite relies on", "leave other modules as they are"
+                f"{whose} changes {name}.{attribute}, on which the suite relies", "do not modify other modules"
             )
 
 
@@ -154,7 +154,7 @@ def _relied_on() -> dict[tuple[str, str], Any]:
 
 # Installed packages --------------------------------------------------------------------------------------------------
 
-_HINT = "correct the package, or uninstall it"
+_HINT = "fix the package, or uninstall it"
 
 #: Problem and hint of each unusable plugin of a package, by name; "" stands for all plugins.
 Faults = dict[str, tuple[str, str]]
@@ -242,7 +242,7 @@ def _look_at(
     except Exception as error:  # the metadata of the package are damaged
         return {}, {"": (f"its entry points cannot be read: {one_line(error)}", _HINT)}
     if targets and not is_child():  # other processes are already isolated
-        hint = f"{_HINT}: importing it and making its {kind.kind}s must end at once"
+        hint = f"{_HINT}: importing it and creating its {kind.kind}s must not take long"
         try:
             found, plugins = look(describe_package, package, kind.kind, targets, what=f"package {package}", hint=hint)
         except ConfigurationError as error:

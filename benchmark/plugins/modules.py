@@ -134,7 +134,7 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
     """
     if name.startswith("external-"):
         return ConfigurationError(
-            f"'{name}' is scored from files, not run", "make it by 'score --results' or 'run --forms'"
+            f"'{name}' is scored from files and cannot run", "create it with 'score --results' or 'run --forms'"
         )
     error = did_you_mean(kind, name, known)
     defines = re.compile(rf"""\bname\b[^=\n]*=\s*['"]{re.escape(name)}['"]""")
@@ -263,7 +263,7 @@ def _check_helpers(path: Path) -> None:
         if other.suffix == ".py" and (other.resolve() == file.resolve() or _are_copies(other, file)):
             continue
         raise ConfigurationError(
-            f"plugin {path} brings a module '{name}' ({file}), but that name is taken by {other}", "rename one of them"
+            f"plugin {path} brings a module '{name}' ({file}), but that name is used by {other}", "rename one of them"
         )
 
 

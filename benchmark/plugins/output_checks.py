@@ -62,7 +62,7 @@ def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
         note = np.asarray(value) if np.isscalar(value) else None  # a ragged list cannot become an array
         if note is None or note.dtype.kind not in "biufU":
             what = f"{type(value).__name__} as note '{name}'"
-            raise InvalidForm(f"{who} returned {what}", "note numbers and strings only")
+            raise InvalidForm(f"{who} returned {what}", "notes must be numbers or strings")
         notes[name] = note
     return mesh, notes
 
@@ -171,7 +171,7 @@ _FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "invariant": (_is_bool, "write True or False"),
     "draws": (
         lambda value: type(value) is int and 1 <= value <= _MOST_DRAWS,
-        f"write a whole number from 1 to {_MOST_DRAWS}",
+        f"write an integer from 1 to {_MOST_DRAWS}",
     ),
     "requires": (_are_words, "write a tuple of the import names of packages"),
     "files": (_are_words, "write a tuple of paths"),
@@ -185,13 +185,13 @@ def problems_of(info: Info) -> Problems:
         yield f"name '{info.name}' stands for several methods on the command line", "choose another name"
     if not is_name(info.name):
         problem = f"name {info.name!r:.80} is not lower-case words joined by hyphens"
-        yield problem, f"write it so, with {LONGEST_NAME} characters at most"
+        yield problem, f"use lower-case words joined by hyphens, with {LONGEST_NAME} characters at most"
     for name in ("title", "summary", "departs", "cite"):
         text = getattr(info, name, "")
         if not isinstance(text, str) or "\n" in text:
             yield f"{name} {text!r:.80} is not a text of one line", "write a text"
     if isinstance(info.title, str) and not info.title.strip():
-        yield "title is empty", "say what the tables shall print"
+        yield "title is empty", "write the text for the tables"
     for name, (fits, hint) in _FIELDS.items():
         if hasattr(info, name) and not fits(value := getattr(info, name)):
             yield f"{name} {'are' if name == 'inputs' else 'is'} {value!r:.80}", hint
@@ -200,11 +200,11 @@ def problems_of(info: Info) -> Problems:
 def problems_of_learner(learner: Any) -> Problems:
     """Return the problems in what a learner says about its models, with hints."""
     if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
-        yield f"model_name is {learner.model_name!r}", "return a text that can name a folder"
+        yield f"model_name is {learner.model_name!r}", "return a valid folder name"
     if learner.split not in get_args(Split):
         yield f"split is {learner.split!r}", f"choose one of {', '.join(get_args(Split))}"
     if not isinstance(getattr(learner, "shipped_models", None), Path):
-        yield "shipped_models is no path", "name a folder, which need not be there"
+        yield "shipped_models is not a path", "name a folder, which need not exist"
 
 
 def problems_of_entries(entries: Sequence[Any]) -> Problems:
@@ -226,4 +226,4 @@ def problems_of_entries(entries: Sequence[Any]) -> Problems:
             return
     for name, count in Counter(entry.identifier for entry in entries).most_common(1):
         if count > 1:
-            yield f"two shapes are called '{name}'", "give each shape an identifier of its own"
+            yield f"two shapes are called '{name}'", "give each shape a unique identifier"

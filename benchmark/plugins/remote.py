@@ -111,7 +111,7 @@ class Remote:
 
     def look(self, work: str, **facts: Any) -> Facts:
         """Send a request to a process that ends immediately afterwards."""
-        hint = "correct the plugin: importing it and making its methods must end at once"
+        hint = "fix the plugin: importing it and creating its methods must not take long"
         what = f"{self.kind} '{self.base_name}'"
         answer: Facts = look(_answer, self.serve, self._message(work, facts), what=what, hint=hint)
         return answer
@@ -217,7 +217,7 @@ class RemoteLearner(RemoteMethod):
 
     def train(self, *_: object) -> NoReturn:
         """Raise ``AssertionError``: training runs in the process that imports the plugin."""
-        raise AssertionError("a plugin is trained in a process of its own")
+        raise AssertionError("a plugin is trained in a separate process")
 
     def load(self, folder: Path) -> Self:
         """Return the same learner with a model."""

@@ -103,7 +103,7 @@ def _check_name(kind: str, name: str) -> None:
     known: dict[str, Callable[[], Container[str]]] = {"data set": lambda: CATALOGUE, "scorer": scorers}
     taken, names = (what, known[what]()) if what in known else ("method", methods())
     if name in names or name in RESERVED:
-        raise ConfigurationError(f"there is a {taken} '{name}' already", "choose another name")
+        raise ConfigurationError(f"there is already a {taken} '{name}'", "choose another name")
 
 
 def _check_python(name: str, plugin: str) -> None:
@@ -111,7 +111,7 @@ def _check_python(name: str, plugin: str) -> None:
     _, module, class_name, _ = _spellings(name)
     is_imported = re.search(rf"^(?:(?:from|import) .*\b{class_name}\b|    {class_name},$)", plugin, re.MULTILINE)
     if keyword.iskeyword(module) or keyword.iskeyword(class_name) or is_imported:
-        raise ConfigurationError(f"'{name}' has a meaning of its own in the file", f"choose another name: my-{name}")
+        raise ConfigurationError(f"'{name}' has another meaning in the file", f"choose another name: my-{name}")
     if module in sys.stdlib_module_names or module in _installed():
         raise ConfigurationError(
             f"{module}.py would hide the Python module '{module}'", f"choose another name: my-{name}"

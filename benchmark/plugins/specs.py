@@ -184,7 +184,7 @@ class PluginSpec(Generic[Info, Made]):
             parameters = plain({"chosen": self.parameters, "all_parameters": self.all_parameters})
         except (TypeError, ValueError) as error:
             raise ConfigurationError(
-                f"parameters of {self.module}, {self.name} do not fit into JSON ({error})",
+                f"parameters of {self.module}, {self.name} cannot be written as JSON ({error})",
                 "use numbers, strings and tuples of them",
             ) from error
         return {"kind": self.kind, "target": self.target, **msgspec.to_builtins(facts, enc_hook=str), **parameters}
@@ -194,7 +194,7 @@ class PluginSpec(Generic[Info, Made]):
         module = import_module(self.module, f"{self.kind} '{self.base_name}'")
         cls = getattr(module, attribute := self.target.rpartition(":")[2], None)
         if cls is None:
-            raise ConfigurationError(f"{self.module} has no '{attribute}'", "correct the entry point")
+            raise ConfigurationError(f"{self.module} has no '{attribute}'", "fix the entry point")
         if not isinstance(getattr(cls, "info", None), self.info_type):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
         return cast(type[Any], cls)
@@ -217,8 +217,8 @@ class PluginSpec(Generic[Info, Made]):
             raise
         except (Exception, SystemExit) as error:
             raise ConfigurationError(
-                f"{self.name} cannot be made: {one_line(error)}",
-                "choose other parameters" if self.parameters else "give every parameter a default that fits",
+                f"{self.name} cannot be created: {one_line(error)}",
+                "choose other parameters" if self.parameters else "give every parameter a valid default",
             ) from error
         if not isinstance(created, self.contracts):
             raise ConfigurationError(f"{self.target} {self.lacking}", self.hint)

@@ -92,8 +92,8 @@ class Gallery:
                 "drop --input mesh: there are no complete surfaces",
             )
         raise ConfigurationError(
-            f"data set '{self.dataset.name}' has no views: a camera sees the mesh of the file, not a decimated one",
-            "drop --input view, or name the set without its decimation",
+            f"data set '{self.dataset.name}' has no views: cameras see the original mesh, not the decimated one",
+            "drop --input view, or name the data set without decimation",
         )
 
     def jittered(self, number: int) -> Gallery:
@@ -232,7 +232,7 @@ def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> 
         absent = ", ".join(f"{name} ({CATALOGUE[name].folder}/)" for name in table.any_of)
         raise DatasetError(
             f"table {table.identifier} has no data: of its sets none is at {data_root or 'DATA_ROOT'}: {absent}",
-            "put one there and pass --data-root; 'data list --json' says where each is given out",
+            "put one there and pass --data-root; 'data list --json' shows where to get each",
         )
     return present
 

@@ -82,11 +82,11 @@ class Model:
         """
         shown, sampled = set_of_subjects(dataset) or "", TRAININGS[self.training].is_sampled
         if sampled and shown.startswith("humans["):
-            raise TooNear(f"the bodies of {shown} are drawn as those of training '{self.training}' are", _INSTEAD)
+            raise TooNear(f"the bodies of {shown} are drawn like those of training '{self.training}'", _INSTEAD)
         distance = self.card.get("clearance", {}).get(shown, 0.0 if sampled else CLEARANCE)
         if shown in TESTED and distance < CLEARANCE:
             raise TooNear(
-                f"training '{self.training}' did not stay {CLEARANCE} away from the subjects of {shown}", _INSTEAD
+                f"training '{self.training}' has bodies within {CLEARANCE} of the subjects of {shown}", _INSTEAD
             )
 
     def summary(self) -> dict[str, Any]:
@@ -235,7 +235,7 @@ def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], prov
         except ConfigurationError as error:
             if folder not in _PASSED_OVER:
                 _PASSED_OVER.add(folder)
-                say(f"passed over the model in {folder}: {error}", err=True)
+                say(f"skipped the model in {folder}: {error}", err=True)
     return _model(spec, training, last, proven)
 
 
@@ -247,7 +247,7 @@ def _model(spec: MethodSpec, training: str, folder: Path, proven: Collection[str
         card = read_card(folder)
         if card["data"] != training:
             raise ConfigurationError(
-                f"the model in {folder} was trained on '{card['data']}'", "put it into the folder of its training data"
+                f"the model in {folder} was trained on '{card['data']}'", "move it to the folder of its training data"
             )
         model = Model(training, folder, card)
         check = getattr(spec.create(), "check_card", None)

@@ -40,9 +40,8 @@ _SMALLEST = 5e-7
 _IN_FULL, _FIRST_SCREEN = 3, 20
 
 _LEGEND = (
-    "In brackets: 95 % of the differences when classes are drawn anew. p: of so large a difference if there were none "
-    "for other poses of these subjects (paired permutation test over queries); classes: the same for other subjects "
-    "(test over whole classes)."
+    "In brackets: 95 % intervals of the differences over resampled classes. p: for other poses of these subjects "
+    "(paired permutation test over queries); classes: for other subjects (test over whole classes)."
 )
 
 
@@ -178,8 +177,8 @@ def _in_full(pair: Difference, first: str, second: str) -> list[str]:
         )
     if (least := least_class_probability(pair.n_classes)) >= ALPHA:
         text.append(
-            f"  with {pair.n_classes} classes no p over classes is below {number(least, 4)}: of other subjects "
-            "nothing can be said"
+            f"  with {pair.n_classes} classes, no p over classes is below {number(least, 4)}, so they say "
+            "nothing about other subjects"
         )
     return text
 
@@ -195,7 +194,7 @@ def _overview(pairs: Sequence[Difference], first: str, second: str) -> list[str]
         ]
         figures = "".join(f"  {cell:<14}" for cell in cells).rstrip()
         text.append(f"{pair.where:<{width}}  {len(pair.gains):>7}{figures}")
-    legend = f"{first}, and how much {second} is above it; *: p < {ALPHA:.2f} for other poses of these subjects."
+    legend = f"{first}, and the difference to {second}; *: p < {ALPHA:.2f} for other poses of these subjects."
     return [*text, legend]
 
 

@@ -39,7 +39,7 @@ def notes(table: TableContent, *, reasons: bool = True, most: int | None = None)
     most
         Most notes, the last of which counts the omitted ones; None for all.
     """
-    lines = ["Quick run: some poses of each subject were left out."] if table.quick else []
+    lines = ["Quick run: some poses of each subject were omitted."] if table.quick else []
     lines += [_OF_MEANS] if table.n_galleries > 1 else []
     lines += [_MARKS] if any(judged.is_inseparable for judged in table.significance.values()) else []
     lines += [*_tied(table), *_preparations(table), *_refused(table), *_trainings(table), *_area(table)]

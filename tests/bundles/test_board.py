@@ -63,7 +63,7 @@ def test_what_is_false_or_no_outcome_is_refused(ran, tmp_path):
     assert not (tmp_path / "bundles").exists()
     (tmp_path / "bundles").mkdir()
     (tmp_path / "bundles" / "a.json").write_text(json.dumps({"rows": []}))
-    with pytest.raises(ConfigurationError, match="is no outcome of a bundle"):
+    with pytest.raises(ConfigurationError, match="is not the outcome of a bundle"):
         boards(tmp_path)
 
 

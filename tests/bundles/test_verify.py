@@ -421,7 +421,7 @@ def test_the_data_files_of_a_plugin_travel_and_count(ran, tmp_path):
     of_both = ("--plugin", plugin, "--results", tmp_path / "results")
     call("run", "-m", "scaled", *of_run, *of_both)
     made = call("submit", "scaled", "--scorer", SCORER, "--forms", "-o", tmp_path / "scaled.zip", *of_both)
-    assert f"omitted {elsewhere}: it does not lie beside the plugin" in made
+    assert f"omitted {elsewhere}: it is not next to the plugin" in made
     with zipfile.ZipFile(tmp_path / "scaled.zip") as archive:
         names = {name for name in archive.namelist() if name.startswith("plugin/")}
     assert names == {"plugin/scaled.py", "plugin/factors.csv", "plugin/data/one.txt"}

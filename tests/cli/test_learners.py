@@ -144,7 +144,7 @@ def test_a_missing_model_is_a_failure_only_where_its_method_was_named(root, tmp_
         ({"subjects": []}, "length >= 1 - at `$.subjects`"),
         ({"identifiers": ["dog0", 7]}, "at `$.identifiers[1]`"),
         ({"digest": "abc"}, "at `$.digest`"),
-        ({"data": "tosca-III "}, "was trained on 'tosca-III '; put it into the folder of its training data"),
+        ({"data": "tosca-III "}, "was trained on 'tosca-III '; move it to the folder of its training data"),
         ({"extra_data": "no"}, "at `$.extra_data`"),
         ({"note": float("nan")}, "is no card of a model: JSON is malformed"),
     ],
@@ -183,7 +183,7 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
     options = ("--results", tmp_path, "--data-root", root)
     told = call("plan", "-t", "III-held-out", "-m", "mean-target", "--input", "view", *options).splitlines()
     assert told[0].startswith(
-        f"passed over the model in {local}: {local / 'card.json'} is no card of a model: JSON is malformed"
+        f"skipped the model in {local}: {local / 'card.json'} is no card of a model: JSON is malformed"
     )
     assert told[1].startswith("missing      tosca held out view mean-target")
     train_one(

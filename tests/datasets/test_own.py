@@ -95,7 +95,7 @@ def test_meshes_of_files_need_no_load_and_are_known_by_their_content(plugin, tmp
         ({"entries": "return [Entry('a', 'b', 'c', '/x.off')]"}, "path of 'a' is str; pass a pathlib.Path"),
         ({"entries": "return 1 / 0"}, "Rods cannot be opened: ZeroDivisionError: .*correct the file"),
         ({"info": "name='My Rods', title='Rods'"}, "name 'My Rods' is not lower-case words"),
-        ({"info": "name='rods', title=''"}, "title is empty; say what the tables shall print"),
+        ({"info": "name='rods', title=''"}, "title is empty; write the text for the tables"),
         ({"info": "name='rods', title='Rods', half_width=-1"}, "half_width is -1; write a positive number"),
         ({"info": "name='humans', title='Humans'"}, "there is a data set 'humans' already; rename"),
     ],

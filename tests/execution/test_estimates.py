@@ -45,13 +45,13 @@ def test_what_never_finished_is_told_apart():
 @pytest.mark.parametrize(
     ("seconds", "workers", "told"),
     [
-        (30, 1, "at most about 30 s of work, by the costs of finished jobs"),
-        (7200, 2, "at most about 2.0 h of work, 60 min with 2 jobs at a time, by the costs of finished jobs"),
+        (30, 1, "at most about 30 s of work, judging by finished jobs"),
+        (7200, 2, "at most about 2.0 h of work, 60 min with 2 jobs at a time, judging by finished jobs"),
     ],
 )
 def test_it_is_told_in_words(seconds, workers, told):
     lines = Estimate(seconds, 0, None).lines(3, workers)
-    assert lines == [told, "disk: unknown before the first job here"]
+    assert lines == [told, "disk: unknown before the first job"]
     assert Estimate(0, 0, None).lines(0, workers) == []
     assert Estimate(0, 2, None).lines(3, workers)[0].startswith("2 of them cannot be estimated")
     assert Estimate(seconds, 3, np.float64(12.3)).lines(3, workers)[-1] == "disk: about 12 MiB"

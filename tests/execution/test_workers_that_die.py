@@ -115,7 +115,7 @@ def test_a_death_that_is_nobodys_fault_costs_nobody_anything(run, script):
 
 def test_workers_that_never_begin_end_the_run_and_leave_no_record(run, tmp_path):
     with pytest.raises(
-        BenchmarkError, match="6 processes in turn did not start, the last for SIGKILL; end what ends them"
+        BenchmarkError, match="6 consecutive processes did not start, the last because of SIGKILL; end other"
     ):
         run(*(BORN_DEAD,) * 6)
     assert list(Store.open(tmp_path).records.folder.iterdir()) == []

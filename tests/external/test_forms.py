@@ -31,7 +31,7 @@ def test_forms_are_a_row_and_are_scored_once(run):
     row = rows(run)["Mine"]
     assert (row["method"], row["status"], row["coverage"]) == ("external-mine", "ok", 1)
     assert "| Mine (external)" in call("tables", "-m", "external-mine", "--results", run / "results")
-    with pytest.raises(AssertionError, match="make it by 'score --results' or 'run --forms'"):
+    with pytest.raises(AssertionError, match="create it with 'score --results' or 'run --forms'"):
         call("run", "-d", run / "rods", "-m", "external-mine")
     assert row["NN"] > 0.6
     before = [record["finished"] for record in Store.open(run / "results").records]
@@ -64,5 +64,5 @@ def test_forms_that_take_too_long_are_stopped(run, tmp_path):
 
 
 def test_a_folder_without_these_shapes_is_refused(run, tmp_path):
-    with pytest.raises(AssertionError, match="name them as the shapes: thick0.off"):
+    with pytest.raises(AssertionError, match="name them like the shapes: thick0.off"):
         call("run", "-d", run / "rods", "--results", tmp_path, "--forms", f"Mine={tmp_path}")

@@ -121,7 +121,7 @@ def forms(table: str, input_: str) -> dict[str, dict[str, float]]:
 def test_the_classical_rows_of_tosca_come_out_again():
     outcomes = {
         name: sum(int(cell) for cell in line.split("|")[4:5])
-        for line in REPRODUCTION.partition("**Its claims.**")[0].splitlines()
+        for line in REPRODUCTION.partition("**The paper's claims.**")[0].splitlines()
         if (name := "|".join(line.split("|")[1:3]).strip()).startswith("III | mesh")
     }
     assert list(outcomes.values()) == [23]

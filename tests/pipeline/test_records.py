@@ -195,18 +195,18 @@ def test_what_is_no_record_is_passed_over(records):
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        ('{"a": 1}', "it is no record: Object missing required field `key`"),
+        ('{"a": 1}', "it is not a record: Object missing required field `key`"),
         ("", "it is not JSON"),
         ("[" * 100_000, "it is not JSON"),
         ('{"a": NaN}', "it is not JSON"),
         (
             json.dumps({**GOOD, "scores": {**GOOD["scores"], "FT": 1.5}}),
-            "it is no record: Expected `float` <= 1.000000001 - at `$.scores[...]`",
+            "it is not a record: Expected `float` <= 1.000000001 - at `$.scores[...]`",
         ),
         (json.dumps({**GOOD, "n_shapes": 400}), "'n_shapes' or 'n_classes' is not the number of its shapes or classes"),
         (
             json.dumps({**GOOD, "data": {**GOOD["data"], "quick": "yes"}}),
-            "it is no record: Expected `bool`, got `str` - at `$.data.quick`",
+            "it is not a record: Expected `bool`, got `str` - at `$.data.quick`",
         ),
     ],
 )
@@ -279,7 +279,7 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
 
 def test_a_failure_needs_no_scores_but_a_place():
     assert fault_of(failed()) == ""
-    assert fault_of(without(failed(), "data")) == "it is no record: Object missing required field `data`"
+    assert fault_of(without(failed(), "data")) == "it is not a record: Object missing required field `data`"
     assert fault_of({**failed(), "scores": GOOD["scores"]}) == "it has scores, and is not ok"
     assert "Expected `object`, got `str` - at `$.cost`" in fault_of({**failed(), "cost": "much"})
 

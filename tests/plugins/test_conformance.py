@@ -222,7 +222,7 @@ def test_a_fault_is_found_by_its_check(check, changes, message, findings, in_thi
 
 def test_a_parameter_without_default_cannot_be_made(findings, in_this_process):
     found = findings(field="factor: float")
-    assert "factor without default; give every parameter one" in found["class"].explanation
+    assert "factor without default; every parameter needs one" in found["class"].explanation
     assert failed(found) == ["class", "parameters", "answer"]
 
 
@@ -323,7 +323,7 @@ def test_a_method_of_depth_images_gets_one_and_may_have_vertices_of_its_own(find
     )
     found = findings(body=body, info="inputs=('view',)")
     assert failed(found) == []
-    assert found["relabelling"].explanation == "the form has vertices of its own"
+    assert found["relabelling"].explanation == "the form has its own vertices"
     assert found["rigid motion"].explanation == found["scale"].explanation == "the depth image has one camera"
     assert found["awkward shapes"].explanation == (
         "refuses a triangle, a tetrahedron, a flat sheet, two pieces, an open surface, each with a reason"

@@ -21,14 +21,14 @@ pytestmark = pytest.mark.usefixtures("forked_workers")
         ({"on_import": "import no_such_module"}, "install 'no_such_module', or put no_such_module.py beside the file"),
         (
             {"on_making": "raises"},
-            "tried cannot be made: ZeroDivisionError: .*give every parameter a default that fits",
+            "tried cannot be created: ZeroDivisionError: .*give every parameter a valid default",
         ),
-        ({"on_making": "sys-exits"}, "tried cannot be made: SystemExit: 0"),
-        ({"field": "needed: int"}, "tried cannot be made: TypeError: .*missing 1 required .*'needed'"),
+        ({"on_making": "sys-exits"}, "tried cannot be created: SystemExit: 0"),
+        ({"field": "needed: int"}, "tried cannot be created: TypeError: .*missing 1 required .*'needed'"),
         ({"field": "lock: Any = field(default_factory=threading.Lock)"}, "do not fit into JSON .lock"),
         (
             {"on_import": "import numpy; numpy.asarray = None"},
-            "changes numpy.asarray, .* leave other modules as they are",
+            "changes numpy.asarray, .* do not modify other modules",
         ),
         ({"on_making": "time.sleep = print"}, "changes time.sleep"),
         ({"name": 5}, "Tried: name 5 is not lower-case words joined by hyphens; write it so"),
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.usefixtures("forked_workers")
         ({"name": "a" * 61}, "60 characters at most"),
         ({"info": "title=None"}, "title None is not a text of one line; write a text"),
         ({"info": "title='Odd', departs='a\\nb'"}, "departs 'a.*b' is not a text of one line; write a text"),
-        ({"info": "title=''"}, "title is empty; say what the tables shall print"),
+        ({"info": "title=''"}, "title is empty; write the text for the tables"),
         ({"info": "title='T', inputs=('image',)"}, "inputs are .'image',.; name 'mesh', 'view' or both in a tuple"),
         ({"info": "title='T', inputs=5"}, "inputs are 5"),
         ({"info": "title='T', requires='numpy'"}, "requires is 'numpy'; write a tuple"),
@@ -60,8 +60,8 @@ def test_what_a_method_cannot_be_is_named_with_its_hint(faults, message, tmp_pat
         ({"on_import": "crashes"}, "ended its process (SIGSEGV); correct the file"),
         ({"on_making": "hangs"}, "does not end: stopped after 1 s; correct the file"),
         ({"on_import": "interrupts"}, "raises KeyboardInterrupt; correct the file"),
-        ({"on_import": "os.close(2)"}, "closes or replaces a standard stream; leave input and output open"),
-        ({"on_making": "sys.stdout = None"}, "closes or replaces a standard stream; leave input and output open"),
+        ({"on_import": "os.close(2)"}, "closes or replaces a standard stream; keep input and output open"),
+        ({"on_making": "sys.stdout = None"}, "closes or replaces a standard stream; keep input and output open"),
     ],
 )
 def test_a_plugin_that_would_end_or_hold_this_process_is_refused_from_outside(faults, said, tmp_path, monkeypatch):

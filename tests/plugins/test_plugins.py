@@ -109,7 +109,7 @@ def test_two_plugins_that_bring_other_modules_of_one_name_are_refused(tmp_path, 
     taken, own = tmp_path / "a" / "toy_helper.py", tmp_path / "b" / "toy_helper.py"
     assert (
         caught.value.problem
-        == f"plugin {second} brings a module 'toy_helper' ({own}), but that name is taken by {taken}"
+        == f"plugin {second} brings a module 'toy_helper' ({own}), but that name is used by {taken}"
     )
     assert caught.value.hint == "rename one of them"
 

@@ -127,5 +127,5 @@ def test_a_plugin_that_declares_nothing_keeps_its_own_checks(tmp_path):
     spec = registry.variant("plain[mode=fast,levels=12,factor=1.0]", known)
     assert spec.name == "plain[levels=(12),mode=fast]"
     assert registry.variant(spec.name, known) == spec
-    with pytest.raises(ConfigurationError, match="factor=-1.0. cannot be made: ValueError: factor is negative; choose"):
+    with pytest.raises(ConfigurationError, match="cannot be created: ValueError: factor is negative; choose"):
         registry.variant("plain[factor=-1]", known)

@@ -32,7 +32,7 @@ def test_a_right_scorer_passes(findings_in):
         ('{"shares": counts / weights.sum()}', '{"shares": counts * np.nan}', "signature", "finite numbers"),
         (RETURN, "return shares", "dissimilarities", "returned an array of shape (6, 64)"),
         (RETURN, "return np.triu(cdist(shares, shares))", "dissimilarities", "symmetric"),
-        ('"cityblock")', '"cityblock") * 0.0', "dissimilarities", "tells no two of 6 signatures apart"),
+        ('"cityblock")', '"cityblock") * 0.0', "dissimilarities", "does not distinguish any of 6 signatures"),
         (
             "counts / weights.sum()}",
             "counts / weights.sum() + next(CALLS)}",

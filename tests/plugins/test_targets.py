@@ -60,7 +60,7 @@ def test_methods_are_chosen_by_file_name_and_parameters(target, names, specs):
     ("target", "message"),
     [
         ({"name": "FILE[powr=2]"}, "unknown parameter of first 'powr'; did you mean power"),
-        ({"name": "FILE[power=2]", "methods": ("first",)}, "parameters are given with the file and with -m"),
+        ({"name": "FILE[power=2]", "methods": ("first",)}, "parameters were passed with the file and with -m"),
         ({"name": "FILE", "methods": ("gps",)}, "has no method 'gps'; choose from first, second"),
         ({"name": "frist", "plugins": ("FILE",)}, "unknown method 'frist'; did you mean first"),
     ],

@@ -83,9 +83,9 @@ def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name
 @pytest.mark.parametrize(
     ("dataset", "method", "said"),
     [
-        ("humans-random", "learned-streamed", "did not stay 0.25 away from the subjects of humans-random"),
-        ("humans-scanlike", "learned[training=humans-fold-1]", "did not stay 0.25 away from the subjects of humans-sc"),
-        (GENERATED, "deformation-field", "are drawn as those of training 'humans-varied' are"),
+        ("humans-random", "learned-streamed", "has bodies within 0.25 of the subjects of humans-random"),
+        ("humans-scanlike", "learned[training=humans-fold-1]", "has bodies within 0.25 of the subjects of humans-sc"),
+        (GENERATED, "deformation-field", "are drawn like those of training 'humans-varied'"),
     ],
 )
 def test_a_plan_says_why_a_model_is_refused(tmp_path: Path, dataset: str, method: str, said: str) -> None:

@@ -34,7 +34,7 @@ def test_changed_queries_are_counted():
     assert nn == "  NN   0.750 -> 1.000  +0.250  (+0.000 to +0.500)  p 1.0000  classes 1.0000"
     assert ft == "  FT   0.500 -> 0.500  +0.000  (+0.000 to +0.000)  p 1.0000  classes 1.0000"
     assert dcg == "  DCG  0.800 -> 0.800  +0.000  (-0.100 to +0.100)  p 1.0000  classes 1.0000"
-    assert few == "  with 2 classes no p over classes is below 0.5000: of other subjects nothing can be said"
+    assert few == "  with 2 classes, no p over classes is below 0.5000, so they say nothing about other subjects"
     assert equal == "0 of 1 pairs are equal"
     assert "classes are drawn anew" in legend
 

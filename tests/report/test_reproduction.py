@@ -168,7 +168,7 @@ def test_the_document_counts_every_figure_once() -> None:
     text, _ = document()
     counts = {
         tuple(cells[:2]): [int(cell) for cell in cells[2:]]
-        for line in text.split("**Its claims.**")[0].splitlines()
+        for line in text.split("**The paper's claims.**")[0].splitlines()
         if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 10 and cells[2].isdigit()
     }
     assert counts["III", "mesh"] == [32, 4, 0, 0, 0, 0, 4, 24]

@@ -182,8 +182,8 @@ def test_each_verb_names_each_alien_once_on_stderr(rods, store):
     other.parent.mkdir()
     other.symlink_to("/nowhere/at/all")
     told = [
-        f"skipped {other}: the link leads nowhere; remove it or move it elsewhere",
-        f"skipped {alien}: it is no record: Object missing required field `key`; remove it or move it elsewhere",
+        f"skipped {other}: the link is broken; remove it or move it elsewhere",
+        f"skipped {alien}: it is not a record: Object missing required field `key`; remove it or move it elsewhere",
     ]
     results = ("--results", store.root.parent)
     selection = ("-d", rods, *(word for method in METHODS for word in ("-m", method)), "--input", "mesh", *results)

@@ -61,7 +61,7 @@ def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
     assert mine[5] == "**0.74**"  # 0.7401 and 0.7449 both print as 0.74
     assert mine[9] == "--"
     assert "| *Chance*" in lines[7]
-    assert "- Quick run: some poses of each subject were left out." in lines
+    assert "- Quick run: some poses of each subject were omitted." in lines
     assert "- Classic MDS, view: 1 unsupported (cat1): two parts; join them" in lines
     assert "- 50 % of_mine, view: timeout: stopped" in lines
     assert len({len(line) for line in lines[2:8]}) == 1

@@ -75,7 +75,7 @@ def call_apart(
         process = Process(partial(_call, function, arguments, say is not None), memory=memory, quiet=guard.quiet)
     except OSError as error:
         raise BrokenCall(
-            f"{guard.what}: no process could be started ({error.strerror})", "end others, then try again"
+            f"{guard.what}: no process could be started ({error.strerror})", "end other processes, then try again"
         ) from error
     kind = BrokenCall
     try:

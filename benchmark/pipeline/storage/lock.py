@@ -65,7 +65,7 @@ def read_lock(path: Path = PATH) -> Lock:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}", "run make golden, which writes it anew") from error
+        raise ConfigurationError(f"{path} cannot be read: {error}", "run make golden, which rewrites it") from error
     return Lock(
         {name: Component(golden, tuple(folders)) for name, (golden, *folders) in content["components"].items()},
         {folder: Code(*digests) for folder, digests in content["code"].items()},

@@ -138,7 +138,7 @@ def fault_of(content: Any) -> str:
         msgspec.convert(content, _Record)
         return next(_faults(content), "")
     except msgspec.ValidationError as error:
-        return f"it is no record: {error}"
+        return f"it is not a record: {error}"
     except RecursionError:
         return "it is nested too deeply"
 
@@ -152,7 +152,7 @@ def _faults(record: Mapping[str, Any]) -> Iterator[str]:
         yield "it has the title of a scorer and no 'scorer'"
     for measure, quantiles in record.get("splits", {"quantiles": {}})["quantiles"].items():
         if list(quantiles) != sorted(quantiles):
-            yield f"'splits.quantiles.{measure}' do not rise"
+            yield f"'splits.quantiles.{measure}' do not increase"
     if record["status"] == "ok":
         yield from (f"it has no '{name}'" for name in _SCORED if name not in record)
         yield from _faults_of_shapes(record)
@@ -172,9 +172,9 @@ def _faults_of_names(record: Mapping[str, Any]) -> Iterator[str]:
     try:
         text.encode("utf-8", "surrogateescape")  # as Python reads file names that are no UTF-8
     except UnicodeEncodeError:
-        yield "a name in it is no Unicode text"
+        yield "a name in it is not valid Unicode"
     if "\0" in text:
-        yield "a name in it holds a NUL"
+        yield "a name in it contains NUL"
 
 
 def _faults_of_shapes(record: Mapping[str, Any]) -> Iterator[str]:
@@ -207,7 +207,7 @@ def _faults_of_scores(record: Mapping[str, Any]) -> Iterator[str]:
         if len(values) != len(labels):
             yield f"'per_query.{name}' has another length than 'shapes'"
         if (None in values or True in is_alone) and [value is None for value in values] != is_alone:
-            yield f"'per_query.{name}' has no value of a query"
+            yield f"'per_query.{name}' has an invalid value"
         known = [value for value in values if value is not None]
         if not known or not _agree(scores[name], sum(known) / len(known)):
             yield f"'scores.{name}' is not the mean of its queries"

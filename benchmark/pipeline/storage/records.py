@@ -198,7 +198,7 @@ class Records:
         self._gathered = None
         lines = self._all_lines()
         if unread := sorted(name for name in self.skipped if name.endswith(".jsonl")):
-            raise OSError(f"{self.folder / unread[0]} cannot be written anew: {self.skipped[unread[0]]}")
+            raise OSError(f"{self.folder / unread[0]} cannot be rewritten: {self.skipped[unread[0]]}")
         parts, before = SharedParts(), (lines[0].parts if lines else None) or SharedParts()
         tables: dict[str, dict[tuple[Any, ...], bytes]] = {path.name: {} for path in self.folder.glob("*.jsonl")}
         done = set(without)
@@ -235,10 +235,10 @@ class Records:
             status = path.stat()
             if stat.S_ISREG(status.st_mode) and status.st_size <= most:
                 return path.read_bytes()
-            self.skipped[path.name] = "it is too large" if stat.S_ISREG(status.st_mode) else "it is no file"
+            self.skipped[path.name] = "it is too large" if stat.S_ISREG(status.st_mode) else "it is not a file"
         except FileNotFoundError:
             if path.is_symlink():
-                self.skipped[path.name] = "the link leads nowhere"
+                self.skipped[path.name] = "the link is broken"
         except OSError as error:
             self.skipped[path.name] = f"it cannot be read: {error.strerror}"
         return None
@@ -263,7 +263,7 @@ def _parsed(source: _Source) -> tuple[Any, str]:
     try:
         record = content if source.parts is None else schema.unpacked(content, source.parts)
     except (LookupError, TypeError, AttributeError, ValueError):
-        return None, f"it names what is not in {_PARTS}"
+        return None, f"it refers to missing parts in {_PARTS}"
     fault = schema.fault_of(record)
     return record, fault or ("" if record["key"] == source.key else "it has the name of another job")
 

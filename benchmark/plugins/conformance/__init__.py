@@ -83,7 +83,7 @@ class Target:
         names = [spec.name for spec in plugin_methods(path)]
         brackets = self.name.strip().removeprefix(str(path)).strip()
         if brackets and self.methods:
-            raise ConfigurationError("parameters are given with the file and with -m", "give them with -m")
+            raise ConfigurationError("parameters were passed with the file and with -m", "pass them with -m")
         if brackets and not names:
             raise ConfigurationError(f"plugin {path} has no method that takes parameters", "leave them out")
         chosen = [spec for name in self.methods or names for spec in variants(name + brackets, known)]
@@ -173,7 +173,7 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
             findings.setdefault(name, []).append(Finding(check_name, *result))
 
     inspect([path for path in (target.file,) if path], made=False)
-    guard = Guard(f"checking {target.name}", "correct the file: what it cannot treat, it refuses", limit)
+    guard = Guard(f"checking {target.name}", "fix the file: it must refuse what it cannot process", limit)
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         while True:
             try:

@@ -209,7 +209,7 @@ class MethodCase(_Case):
         answer = self.answer(self.subject(mesh=change(mesh)))
         if order is not None and answer.ndim == 2:
             if len(self.reference) != mesh.n_vertices:
-                raise Skipped("the form has vertices of its own")
+                raise Skipped("the form has its own vertices")
             answer = answer[np.argsort(order)]
         return same(self.reference, answer, hint, factor=1.0)
 
@@ -253,7 +253,7 @@ class ScorerCase(_Case):
         itself = np.diag(distances[:count, count:]).max()
         if not itself <= _SHARE * between:
             raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
-        return f"{itself / between if between else 0.0:.1e} of the least difference of two forms"
+        return f"{itself / between if between else 0.0:.1e} of the smallest difference between two forms"
 
     @property
     def pairs(self) -> list[Mesh]:
@@ -313,7 +313,7 @@ def explain(error: BaseException) -> str:
         return "writes into its input; work on a copy"
     if isinstance(error, (Failed, BenchmarkError)):
         return message(error)
-    return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or correct the method"
+    return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or fix the method"
 
 
 def difference(expected: FloatArray, answer: FloatArray) -> float:

@@ -75,7 +75,7 @@ def _requirements(case: Any) -> str:
         folder = getattr(case.spec.create(), "model_folder", None)
         if isinstance(folder, Path) and not (folder / CARD).is_file():
             missing = f"there is no model in {folder.parent.name}/{folder.name}"
-            cure = f"'train {case.spec.base_name}', put it there; or have one trained for the check alone: -o epochs=1"
+            cure = f"'train {case.spec.base_name}', copy one there, or train one only for the check: -o epochs=1"
             raise Skipped(f"unavailable: {missing}; {cure}")
     return f"{', '.join(case.info.requires)} installed" if case.info.requires else "nothing beyond the core"
 
@@ -84,7 +84,7 @@ def _info(case: Any) -> str:
     info, name = case.info, case.spec.base_name
     problems = [f"{problem}; {hint}" for problem, hint in problems_of(info)]
     if info.name != name:
-        problems.append(f"info.name is '{info.name}' but the entry point is '{name}'; give both one name")
+        problems.append(f"info.name is '{info.name}' but the entry point is '{name}'; use one name for both")
     is_method = isinstance(info, MethodInfo)
     praise = f"{' and '.join(info.inputs)}, scale {info.scale}" if is_method else f"draws: {info.draws}"
     return _listed(problems, f"'{info.title}', {praise}")
@@ -94,14 +94,14 @@ def _class(case: Any) -> str:
     cls: type[Any] = case.spec.load()
     cure = "@dataclass(frozen=True, kw_only=True)"
     if not dataclasses.is_dataclass(cls):
-        raise Failed(f"{cls.__name__} is no dataclass; decorate it with {cure}")
+        raise Failed(f"{cls.__name__} is not a dataclass; decorate it with {cure}")
     problems = []
     if not getattr(cls, "__dataclass_params__").frozen:  # noqa: B009
         problems.append(f"parameters can be changed after creation; write {cure}")
     if not all(field.kw_only for field in dataclasses.fields(cls) if field.init):
         problems.append(f"parameters can be passed by position; write {cure}")
     for name, (_, default) in declared_parameters(cls).items():
-        problems += [f"{name} without default; give every parameter one"] if default is dataclasses.MISSING else []
+        problems += [f"{name} without default; every parameter needs one"] if default is dataclasses.MISSING else []
     return _listed(problems, "frozen, keyword-only, every parameter has a default")
 
 
@@ -112,7 +112,7 @@ def _parameters(case: Any) -> str:
     except (TypeError, ValueError) as error:
         raise Failed(f"parameters do not fit into JSON ({error}); use numbers, strings and tuples of them") from error
     if case.spec.load()(**parameters) != case.spec.create():
-        raise Failed("made again from its parameters it is another method; keep every setting in a field")
+        raise Failed("created again from its parameters, it is another method; store every setting in a field")
     return ", ".join(f"{name}={value!r}" for name, value in parameters.items()) or "none"
 
 
@@ -126,7 +126,7 @@ def _training(case: MethodCase) -> str:
     models = Path(tempfile.mkdtemp(dir=case.models))
     trained(case.spec, models, case.options)
     case.model = models / TRAINING / getattr(case.spec.create(), "model_name")  # noqa: B009
-    return "makes a model of a few images, leaves a finished one alone, and loads it"
+    return "trains a model on a few images, keeps a finished one, and loads it"
 
 
 def trained(spec: MethodSpec, folder: Path, options: Any = ()) -> Method:
@@ -148,19 +148,19 @@ def trained(spec: MethodSpec, folder: Path, options: Any = ()) -> Method:
     """
     learner = spec.create()
     if not isinstance(learner, Learner):
-        raise Failed("has 'train' but is no learner; see 'A learner' in docs/reference/plugins.md")
+        raise Failed("has 'train' but is not a learner; see 'A learner' in docs/reference/plugins.md")
     place, data, cards = folder / TRAINING / learner.model_name, training_data(), []
     for _ in range(2):
         learner.train(data, place, dict(options), lambda _: None)
         if not (place / CARD).is_file():
-            raise Failed(f"'train' ends without {CARD}; write it last, for it means that the model is finished")
+            raise Failed(f"'train' ends without {CARD}; write it last, to show that the model is finished")
         cards.append(read_card(place))
     card = cards[0]
     if cards[1] != card:
-        raise Failed("trains a finished model again; leave one alone whose card is there")
+        raise Failed("trains a finished model again; do nothing if its card exists")
     checked_weights(place)
     if card["data"] != data.name or set(card["identifiers"]) != set(data.identifiers):
-        raise Failed("the card does not name the training data and all its identifiers; copy them from what is passed")
+        raise Failed("the card does not name the training data with all identifiers; copy them from the argument")
     if hasattr(learner, "check_card"):
         learner.check_card(card, place)
     loaded: Method = learner.load(place)
@@ -177,7 +177,7 @@ def _answer(case: Any) -> str:
     if answer.ndim == 1:
         return f"{len(answer)} numbers, all finite"
     if not np.ptp(answer, axis=0).max() > 0:
-        raise Failed("all vertices of the form lie in one point; return positions that differ")
+        raise Failed("all vertices of the form are at one point; return different positions")
     return f"{len(answer)} vertices, all finite"
 
 
@@ -189,13 +189,13 @@ def _repeatable(case: Any) -> str:
         if difference(np.abs(first), np.abs(again)) <= REPEAT_TOLERANCE:
             cure = f"make the largest entry of each eigenvector positive, and {start}"
             raise Failed(f"two runs on one shape differ by signs; {cure}")
-        cure = f"draw from shape.random(), {start}, fix the signs of eigenvectors, keep nothing between shapes"
+        cure = f"draw from shape.random(), {start}, fix the signs of eigenvectors, keep no state between shapes"
         raise Failed(f"two runs on one shape differ by {size:.1e} of the largest number; {cure}")
     used, other = case.create(), case.subject(BENDS[1])
     before = case.answer(other, used)
-    same(first, case.answer(by=used), "after another shape the answer differs; keep nothing between shapes")
-    same(before, case.answer(other), "a second object answers differently; keep nothing in the class")
-    return "the same whatever was treated before"
+    same(first, case.answer(by=used), "the answer differs after another shape; keep no state between shapes")
+    same(before, case.answer(other), "a second object answers differently; keep no state in the class")
+    return "the same whatever was processed before"
 
 
 def _input_untouched(case: MethodCase) -> str:
@@ -220,7 +220,7 @@ def _input_untouched(case: MethodCase) -> str:
     changed += ["attributes"] if attributes() != attributes_before else []
     if changed:
         raise Failed(f"changes the {', '.join(changed)} of the shape; work on a copy")
-    return "mesh, geodesics and Laplacian are as before"
+    return "mesh, geodesics and Laplacian are unchanged"
 
 
 def _seed(case: MethodCase) -> str:
@@ -243,21 +243,21 @@ def _fresh_process(case: Any) -> str:
     # This process has done other work before, so only two fresh processes can be expected to agree bit by bit.
     again = case.reference if np.array_equal(answer, case.reference) else _elsewhere(case)
     if np.array_equal(answer, again):
-        return "every fresh process answers the same to the last bit"
+        return "every new process gives the same answer, bit by bit"
     cure = "give iterative solvers a fixed start (v0=...), draw from shape.random()"
     raise Warned(f"two processes differ by {difference(answer, again):.1e} of the largest number; {cure}")
 
 
 def _other_processor(case: Any) -> str:
     if platform.machine().lower() not in ("x86_64", "amd64"):
-        raise Skipped("the kernel of another processor can be chosen on x86-64 only")
+        raise Skipped("the kernel of another processor can be selected only on x86-64")
     kernel = "" if os.environ.get(KERNEL) == OLD_KERNEL else OLD_KERNEL
     size = difference(case.reference, _elsewhere(case, kernel=kernel))
     changes = f"the BLAS kernel {kernel or 'of the processor'} changes"
     if size > REPEAT_TOLERANCE:
-        cure = "break ties by geometry, leave thresholds a margin"
+        cure = "break ties by geometry, and give thresholds a margin"
         raise Warned(f"{changes} {size:.1e} of the largest number, so scores will differ between machines; {cure}")
-    return f"{changes} {size:.1e} of the largest number, too little to be seen" if size else f"{changes} no bit"
+    return f"{changes} {size:.1e} of the largest number, too little to matter" if size else f"{changes} no bit"
 
 
 def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
@@ -270,7 +270,7 @@ def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
             numbers = call_apart(_answer_here, case.spec, case.model, guard=Guard("the method", "find the crash"))
         except BrokenCall as error:
             cure = "find the crash, or guard your script by if __name__ == '__main__'"
-            raise Failed(f"the process ended before it answered; {cure}") from error
+            raise Failed(f"the process ended without an answer; {cure}") from error
     return np.array(numbers, dtype=np.float64)
 
 
@@ -295,7 +295,7 @@ def hide_data() -> None:
         if event in ("open", "os.listdir", "os.scandir") and isinstance(arguments[0], (str, bytes, os.PathLike)):
             path = Path(os.fsdecode(arguments[0])).resolve()
             if path.is_relative_to(hidden):
-                raise FileNotFoundError(f"{path}: the data folder is hidden, for a method gets all it may know")
+                raise FileNotFoundError(f"{path}: the data folder is hidden, since methods get all they may use")
 
     sys.addaudithook(refuse)
 
@@ -317,22 +317,22 @@ def _relabelling(case: Any) -> str:
 
 
 def _motion(case: Any) -> str:
-    factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that turns with it"
+    factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that rotates with it"
     if isinstance(case, ScorerCase):
         factor = _SCALE
-        hint = "depends on position or size of the form; measure in a frame of its own, or declare invariant=False"
+        hint = "depends on position or size of the form; use a frame fixed to the form, or declare invariant=False"
         if not case.info.invariant:
-            raise Skipped("declares that it undoes motions only where a pose is well defined")
+            raise Skipped("declares that it undoes motions only if a pose is well defined")
     moved = lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])  # noqa: E731
     return str(case.unchanged_by(moved, hint))
 
 
 def _mirror(case: MethodCase) -> str:
     if case.reference.ndim == 1:
-        return "a descriptor may tell a shape from its mirror image, or not"
+        return "a descriptor may or may not distinguish mirror images"
     if case.spec.learns:
         raise Skipped("a learned form may lean to one side")
-    mirrored, hint = set(), "makes another form of a mirrored shape than of the shape; break ties by geometry"
+    mirrored, hint = set(), "gives a mirrored shape another form; break ties by geometry"
     for bend in BENDS:
         shape = case.subject(bend)
         image = Mesh(shape.mesh.vertices * [-1.0, 1.0, 1.0], shape.mesh.faces[:, ::-1])
@@ -340,15 +340,15 @@ def _mirror(case: MethodCase) -> str:
         found = same(before, after, hint, factor=1.0)
         mirrored.add(is_mirrored(before, after))
     if len(mirrored) > 1:
-        cure = "let the form decide which of the two it is (baselines._kernels.orientation), or keep the handedness"
-        raise Failed(f"keeps the mirror image of some shapes and not of others; {cure}")
+        cure = "let the form determine its handedness (baselines._kernels.orientation), or keep that of the shape"
+        raise Failed(f"mirrors some shapes and not others; {cure}")
     return f"{'the mirrored form' if True in mirrored else 'the same form'}, {found}"
 
 
 def _scale(case: MethodCase) -> str:
     is_equivariant = case.info.scale == "equivariant"
     other = "invariant" if is_equivariant else "equivariant"
-    hint = f"does not keep info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
+    hint = f"breaks info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
     meshes = {bend: case.subject(bend).mesh for bend in BENDS}
     large = {bend: mesh.with_vertices(_SCALE * mesh.vertices) for bend, mesh in meshes.items()}
     scaled = [case.subject(bend, mesh=mesh, scale=_SCALE) for bend, mesh in large.items()]
@@ -356,7 +356,7 @@ def _scale(case: MethodCase) -> str:
         return same(case.reference, case.answer(scaled[0]), hint, factor=_SCALE if is_equivariant else 1.0)
     before, after = case.dissimilarities(case.pairs), case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):
-        raise Failed("tells no two poses of the figure apart, so scale cannot be checked; declare scale='invariant'")
+        raise Failed("does not distinguish poses of the figure, so scale cannot be checked; declare scale='invariant'")
     return same(before.ravel() / before.max(), after.ravel() / after.max(), hint, factor=1.0)
 
 
@@ -368,10 +368,10 @@ def _dissimilarities(case: Any) -> str:
         if distances.min() < 0:
             raise Failed(f"dissimilarities of {len(pairs)} {case.compared} are negative; return numbers >= 0")
         if not largest > 0:
-            raise Failed(f"tells no two of {len(pairs)} {case.compared} apart; compare what differs")
+            raise Failed(f"does not distinguish any of {len(pairs)} {case.compared}; compare properties that differ")
         if np.abs(distances - distances.T).max() > 1e-9 * largest or np.abs(np.diag(distances)).max() > 1e-6 * largest:
             raise Failed("dissimilarities are not symmetric with a zero diagonal; make them so")
-    again, hint = case.dissimilarities(pairs, draws - 1), "dissimilarities differ when asked for again; seed by 'draw'"
+    again, hint = case.dissimilarities(pairs, draws - 1), "dissimilarities differ between calls; seed by 'draw'"
     same(distances, again, hint)
     if draws == 1:
         # Rotated by one, because distances between positions, |i - j|, are the same in reverse order.
@@ -400,7 +400,7 @@ def _entries(case: DatasetCase) -> str:
     entries = case.dataset.entries
     check_retrievable(case.dataset)
     if DatasetCase(case.spec).dataset.entries != entries:
-        raise Failed("'entries' lists other shapes when it is asked again; always list the same ones in one order")
+        raise Failed("'entries' lists other shapes the second time; always list the same ones in the same order")
     return f"{len(entries)} shapes, {len({entry.subject for entry in entries})} classes, always the same"
 
 
@@ -410,14 +410,14 @@ def _meshes(case: DatasetCase) -> str:
     further = f" and {len(anomalies) - _MOST_ANOMALIES} more" if len(anomalies) > _MOST_ANOMALIES else ""
     if anomalies:
         raise (Warned if report.usable else Failed)(" | ".join(anomalies[:_MOST_ANOMALIES]) + further)
-    return "every mesh can be made and is sound"
+    return "every mesh can be generated and is valid"
 
 
 def _same_meshes(case: DatasetCase) -> str:
     again = DatasetCase(case.spec).digests(backwards=True)
     for name, digest in case.digests().items():
         if again[name] != digest:
-            raise Failed(f"the mesh of '{name}' changes from time to time; keep nothing between shapes")
+            raise Failed(f"the mesh of '{name}' changes between calls; keep no state between shapes")
     return "the same whatever was loaded before"
 
 
@@ -427,8 +427,8 @@ def _same_elsewhere(case: DatasetCase) -> str:
     except BrokenCall as error:
         raise Failed(str(error)) from error
     if elsewhere != _description(case.spec.target):
-        raise Failed("another process finds other shapes; do not depend on hashes, globals, the clock or the folder")
-    return "another process finds the same shapes, recipes, cameras and meshes"
+        raise Failed("another process gets other shapes; do not depend on hashes, globals, the clock or the folder")
+    return "another process gets the same shapes, recipes, cameras and meshes"
 
 
 def _description(target: str) -> list[list[str]]:
@@ -465,7 +465,7 @@ def _is_trained_here(case: Any) -> bool:
 
 
 def _drawn(case: Any) -> str:
-    return "" if getattr(case.info, "deterministic", True) else "the answer is drawn at random"
+    return "" if getattr(case.info, "deterministic", True) else "the answer is random"
 
 
 def _seen(case: Any) -> str:

@@ -148,6 +148,6 @@ def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
     )
     if both:
         raise ConfigurationError(
-            f"training '{data.name}' would show what its models are tested on: {', '.join(both[:5])}",
+            f"training '{data.name}' would include test shapes of its models: {', '.join(both[:5])}",
             "keep the subjects of the data set apart",
         )

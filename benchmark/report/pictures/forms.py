@@ -195,7 +195,7 @@ def _grid(
 def _records(jobs: Sequence[Job]) -> dict[str, Record]:
     """Return the records that jobs with forms would have, as far as known before they run."""
     if all(job.method.describes for job in jobs):
-        raise ConfigurationError("none of the methods makes forms", "name one that does with -m; see 'list methods'")
+        raise ConfigurationError("none of the methods computes forms", "name one that does with -m; see 'list methods'")
     return {
         job.method.name: {
             **job.facts, "key": job.name, "method": job.method.name, "title": job.method.title, "input": job.input,
@@ -244,7 +244,7 @@ def _make(
         if job.state in ("unavailable", "unsupported", "failed"):
             reasons[name] = job.reason
         elif missing:
-            reasons[name] = "it cannot be kept"
+            reasons[name] = "it cannot be stored"
             try:
                 guard = Guard(job.name, "run it to see more", limit)
                 call_apart(make_forms, to_json(job), missing, guard=guard, say=lambda _: None)

@@ -128,7 +128,7 @@ def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
 def save_png(image: Image.Image, path: Path) -> None:
     """Write a PNG without date; raise ``ConfigurationError`` for another extension or if writing fails."""
     if path.suffix.lower() != ".png":
-        raise ConfigurationError(f"{path} is not the name of a PNG file", "let it end in .png")
+        raise ConfigurationError(f"{path} is not the name of a PNG file", "use the extension .png")
     try:
         write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))
     except OSError as error:

@@ -39,11 +39,11 @@ def test_every_job_is_in_exactly_one_shard_and_the_shards_are_even(described, co
         ("0/3", "there is no shard 0/3; write i/n"),
         ("4/3", "there is no shard 4/3; write i/n"),
         ("1/0", "there is no shard 1/0; write i/n"),
-        ("a/b", "'a/b' is no shard; write i/n"),
-        ("-1/3", "'-1/3' is no shard; write i/n"),
-        ("1/2/3", "'1/2/3' is no shard; write i/n"),
-        ("²/3", "'²/3' is no shard; write i/n"),
-        ("", "'' is no shard; write i/n"),
+        ("a/b", "'a/b' is not a shard; write i/n"),
+        ("-1/3", "'-1/3' is not a shard; write i/n"),
+        ("1/2/3", "'1/2/3' is not a shard; write i/n"),
+        ("²/3", "'²/3' is not a shard; write i/n"),
+        ("", "'' is not a shard; write i/n"),
     ],
 )
 @pytest.mark.parametrize("verb", ["run", "plan"])

@@ -67,7 +67,7 @@ def test_figures_of_forms_make_what_they_lack_and_name_what_is_not_there(tmp_pat
         assert isinstance(done.exception, ConfigurationError)
         assert said in str(done.exception)
     alone = [*asked[:5], "-m", "shape-dna", *asked[9:]]
-    assert "none of the methods makes forms" in str(CliRunner().invoke(cli, alone).exception)
+    assert "none of the methods computes forms" in str(CliRunner().invoke(cli, alone).exception)
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@
 
   const EMPTY = {
     cost: "No row has both scores and a cost under this input.",
-    precision: "It takes the distances of a job, and none are kept here.",
-    classes: "There are no scores, or more classes than one could read.",
-    attraction: "It takes distances, and a data set whose classes take the same poses.",
-    confusion: "It takes distances, and not more classes than one could read.",
+    precision: "This chart needs distances, and none are stored here.",
+    classes: "There are no scores, or too many classes to show.",
+    attraction: "This chart needs distances, and a data set whose classes have the same poses.",
+    confusion: "This chart needs distances, and not too many classes.",
   };
 
   document.addEventListener("DOMContentLoaded", async () => {
@@ -104,7 +104,7 @@
       });
     });
     return { traces, layout: {
-      height: 500, xaxis: { type: "log", range: withMargins(rows.map((row) => Math.log10(row.seconds))), title: { text: "seconds a shape" }, tickvals: ticks, ticktext: ticks.map(String) }, yaxis: { title: { text: measure } },
+      height: 500, xaxis: { type: "log", range: withMargins(rows.map((row) => Math.log10(row.seconds))), title: { text: "seconds per shape" }, tickvals: ticks, ticktext: ticks.map(String) }, yaxis: { title: { text: measure } },
       shapes: [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: data.chance[measure], y1: data.chance[measure], line: { dash: "dash", width: 1, color: colour("faint") } }],
       annotations: [{ xref: "paper", x: 1, y: data.chance[measure], text: "chance", showarrow: false, yshift: 9, xanchor: "right", font: { color: colour("faint"), size: 11 } }],
       legend: { orientation: "h", y: 1.1 }, hovermode: "closest",

@@ -50,7 +50,7 @@
 
   function tile(input, shape, row, method, title, state, count) {
     if (state) return make("span", { class: "none", text: state });
-    const button = make("button", { type: "button", class: "tile", title: `${title}, ${shape}: turn it` });
+    const button = make("button", { type: "button", class: "tile", title: `${title}, ${shape}: rotate it` });
     button.setAttribute("aria-label", `${title}, ${shape}`);
     button.style.backgroundImage = `url("parts/pictures/forms-${gallery.stem}-${input}-${gallery.files[shape]}.webp")`;
     button.style.backgroundSize = `100% ${100 * (count + 1)}%`;

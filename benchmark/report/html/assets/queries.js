@@ -111,7 +111,7 @@
   function show(isChosen = false) {
     const isTwo = byId("query-view").value === "two";
     document.querySelectorAll("[data-view]").forEach((each) => { each.hidden = each.dataset.view !== byId("query-view").value; });
-    byId("query-none").textContent = kept.length ? "" : "No query is of this class and this pose.";
+    byId("query-none").textContent = kept.length ? "" : "No query has this class and pose.";
     byId("matches").replaceChildren();
     if (!kept.length) byId("query").replaceChildren();
     else if (isTwo) differences();
@@ -140,7 +140,7 @@
     byId("matches").replaceChildren(
       ...methods().map((method) => {
         const scores = data[method.name]?.scores[within];
-        const text = scores ? all.measures.map((m, n) => `${m} ${scores[n] === null ? "–" : number(scores[n])}`).join("   ") : "left out";
+        const text = scores ? all.measures.map((m, n) => `${m} ${scores[n] === null ? "–" : number(scores[n])}`).join("   ") : "omitted";
         const nearest = data[method.name]?.nearest?.[within];
         const isStored = nearest || missing(method, k) !== NOT_STORED;
         return make("div", { class: "row" }, isStored ? side(method, k, nearest, text) : heading(method.title, text));
