@@ -58,7 +58,7 @@ def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
         if is_passed(file):
             continue
         require_file(file)
-        hint = "fix the file: importing it and creating its methods must not take long"
+        hint = "correct the file: importing it and creating its methods must not take long"
         plugins = look(describe, file, made, what=f"plugin {path}", hint=hint)
         if made:
             _files[file] = plugins
@@ -154,7 +154,7 @@ def _relied_on() -> dict[tuple[str, str], Any]:
 
 # Installed packages --------------------------------------------------------------------------------------------------
 
-_HINT = "fix the package, or uninstall it"
+_HINT = "correct the package, or uninstall it"
 
 #: Problem and hint of each unusable plugin of a package, by name; "" stands for all plugins.
 Faults = dict[str, tuple[str, str]]

@@ -111,7 +111,7 @@ class Remote:
 
     def look(self, work: str, **facts: Any) -> Facts:
         """Send a request to a process that ends immediately afterwards."""
-        hint = "fix the plugin: importing it and creating its methods must not take long"
+        hint = "correct the plugin: importing it and creating its methods must not take long"
         what = f"{self.kind} '{self.base_name}'"
         answer: Facts = look(_answer, self.serve, self._message(work, facts), what=what, hint=hint)
         return answer

@@ -194,7 +194,7 @@ class PluginSpec(Generic[Info, Made]):
         module = import_module(self.module, f"{self.kind} '{self.base_name}'")
         cls = getattr(module, attribute := self.target.rpartition(":")[2], None)
         if cls is None:
-            raise ConfigurationError(f"{self.module} has no '{attribute}'", "fix the entry point")
+            raise ConfigurationError(f"{self.module} has no '{attribute}'", "correct the entry point")
         if not isinstance(getattr(cls, "info", None), self.info_type):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
         return cast(type[Any], cls)

@@ -118,7 +118,7 @@ def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(instal
         ),
         ({"on_making": "raises"}, "odd: odd cannot be created: ZeroDivisionError: .*give every parameter a valid"),
         ({"info": "title=5"}, "odd: title 5 is not a text of one line"),
-        ({"points": "odd = odd:Absent"}, "odd: odd has no 'Absent'; fix the entry point"),
+        ({"points": "odd = odd:Absent"}, "odd: odd has no 'Absent'; correct the entry point"),
         ({"points": "odd = odd"}, "odd: 'odd' is not 'module:class'"),
         ({"points": "Odd Name = odd:Tried"}, "Odd Name: that is not lower-case words joined by hyphens"),
         ({"points": "gps = odd:Tried"}, "gps: another method has this name"),
@@ -165,7 +165,7 @@ def test_a_package_whose_scorer_ends_or_prints_at_import_costs_itself_alone(inst
     assert [line for line in listed.err.splitlines() if line != "hello"] == [
         "installed package ends-it, ends-it: package ends-it ended its process (exit code 0); correct the package, or "
         "uninstall it: importing it and creating its scorers must not take long",
-        "installed package takes-it, cm-bof: another scorer has this name; fix the package, or uninstall it",
+        "installed package takes-it, cm-bof: another scorer has this name; correct the package, or uninstall it",
     ]
     plain = call("plan", "-d", "rods", "-m", "identity", "--input", "mesh")
     assert (plain.out.count("missing"), plain.err) == (1, "")

@@ -117,7 +117,7 @@ def test_two_plugins_that_bring_other_modules_of_one_name_are_refused(tmp_path, 
 @pytest.mark.parametrize("name", ["json", "click", "math"])
 def test_a_module_named_like_one_that_is_installed_is_refused(tmp_path, name):
     path = write(tmp_path, before=f"import {name}", factor="1", **{name: ""})
-    with pytest.raises(ConfigurationError, match=f"brings a module '{name}' .* name is taken by .*; rename one"):
+    with pytest.raises(ConfigurationError, match=f"brings a module '{name}' .* name is used by .*; rename one"):
         registry.methods([path])
 
 

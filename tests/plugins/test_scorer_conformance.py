@@ -33,12 +33,7 @@ def test_a_right_scorer_passes(findings_in):
         (RETURN, "return shares", "dissimilarities", "returned an array of shape (6, 64)"),
         (RETURN, "return np.triu(cdist(shares, shares))", "dissimilarities", "symmetric"),
         ('"cityblock")', '"cityblock") * 0.0', "dissimilarities", "does not distinguish any of 6 signatures"),
-        (
-            "counts / weights.sum()}",
-            "counts / weights.sum() + next(CALLS)}",
-            "repeatable",
-            "differ by",
-        ),
+        ("counts / weights.sum()}", "counts / weights.sum() + next(CALLS)}", "repeatable", "differ by"),
         ("distances / mean", "distances", "motion", "depends on position or size"),
         ("counts / weights.sum()}", "counts / weights.sum() + abs(form.vertices[0, 0])}", "relabelling", "numbering"),
         ("if not mean > 0:", "if 1 / mean < 0:", "awkward forms", "a point"),

@@ -18,7 +18,7 @@ from benchmark.plugins.registry import methods, variant
             "'train' ends without card.json; write it last",
         ),
         ('"subjects": data.subjects,', "", "training", "missing required field `subjects`"),
-        ('"identifiers": data.identifiers,', '"identifiers": ["me"],', "training", "all its identifiers"),
+        ('"identifiers": data.identifiers,', '"identifiers": ["me"],', "training", "all identifiers"),
         ("return loaded", "return None", "training", "'load' returns NoneType"),
         ("hexdigest()", "hexdigest()[::-1]", "training", "has digest"),
     ],

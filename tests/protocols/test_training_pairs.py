@@ -120,7 +120,7 @@ def test_the_digest_names_the_shapes_and_their_recipes(monkeypatch, store):
 
 
 def test_training_on_what_is_tested_is_refused(monkeypatch, store):
-    with pytest.raises(ConfigurationError, match="would show what its models are tested on: s9, 9-0"):
+    with pytest.raises(ConfigurationError, match="would include test shapes of its models: s9, 9-0"):
         made(monkeypatch, store, "humans-fold-2", trained=Part((8, 9), (0,)), tested=Part((9, 10), (0,)))
     with pytest.raises(ConfigurationError, match="'humans-fold-2' has no pairs"):
         made(monkeypatch, store, "humans-fold-2", trained=Part((77,)))

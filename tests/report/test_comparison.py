@@ -36,7 +36,7 @@ def test_changed_queries_are_counted():
     assert dcg == "  DCG  0.800 -> 0.800  +0.000  (-0.100 to +0.100)  p 1.0000  classes 1.0000"
     assert few == "  with 2 classes, no p over classes is below 0.5000, so they say nothing about other subjects"
     assert equal == "0 of 1 pairs are equal"
-    assert "classes are drawn anew" in legend
+    assert "resampled classes" in legend
 
 
 def test_a_record_equals_itself_and_its_like():

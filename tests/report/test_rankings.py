@@ -5,12 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.report.rankings import (
-    RECALLS,
-    confusion,
-    pareto_front,
-    ranking,
-)
+from benchmark.report.rankings import RECALLS, confusion, pareto_front, ranking
 from retrieval.metrics import evaluate
 
 LABELS = ["a", "a", "a", "b", "b", "c"]

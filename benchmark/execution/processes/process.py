@@ -241,7 +241,7 @@ class Process:
         except (ProcessEnded, ForeignError) as error:
             if not is_child():
                 verb = "ended its process:" if isinstance(error, ProcessEnded) else "raises"
-                raise BenchmarkError(f"a plugin {verb} {error}", "fix it; 'check' shows more") from error
+                raise BenchmarkError(f"a plugin {verb} {error}", "correct it; 'check' shows more") from error
             if isinstance(error, ForeignError):
                 raise
             end_like(error.code)

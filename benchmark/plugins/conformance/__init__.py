@@ -173,7 +173,7 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
             findings.setdefault(name, []).append(Finding(check_name, *result))
 
     inspect([path for path in (target.file,) if path], made=False)
-    guard = Guard(f"checking {target.name}", "fix the file: it must refuse what it cannot process", limit)
+    guard = Guard(f"checking {target.name}", "correct the file: it must refuse what it cannot process", limit)
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         while True:
             try:

@@ -313,7 +313,7 @@ def explain(error: BaseException) -> str:
         return "writes into its input; work on a copy"
     if isinstance(error, (Failed, BenchmarkError)):
         return message(error)
-    return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or fix the method"
+    return f"raises {one_line(error)}; raise UnsupportedShape with the reason, or correct the method"
 
 
 def difference(expected: FloatArray, answer: FloatArray) -> float:
