@@ -6,12 +6,12 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
+from benchmark.api.learning import MeasuresFit
 from benchmark.depth.errors import InvalidIntrinsics
 from benchmark.depth.frame import ObservedObject, Up, observe
 from benchmark.depth.intrinsics import Intrinsics, parse_intrinsics
@@ -151,15 +151,15 @@ def form_of_object(
     area = view.surface.area
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
+    return DepthForm(observed, shape, form_with_fit(maker, shape, observed.notes))
+
+
+def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
+    """Return the form of a shape, whose notes are the first ones, those of the method, and those on its fit."""
     form, notes = form_of(maker, shape)
-    return DepthForm(
-        observed, shape, CanonicalForm(form.vertices, form.faces, {**observed.notes, **plain_notes(notes)})
-    )
-
-
-def plain_notes(notes: Mapping[str, NDArray[Any]]) -> dict[str, float | str]:
-    """Return the notes of a method as strings and floats."""
-    return {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
+    plain = {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
+    fit = maker.fit(shape) if isinstance(maker, MeasuresFit) else {}
+    return CanonicalForm(form.vertices, form.faces, {**first, **plain, **fit})
 
 
 def _camera(value: Intrinsics | ArrayLike | Sequence[float]) -> Intrinsics:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from copy import copy
@@ -23,6 +24,8 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from benchmark.geometry.depth import DepthImage
 
 LARGEST_SEED = 2**63 - 1
@@ -119,6 +122,28 @@ class StreamLearner(TrainedMethod):
 @dataclass(frozen=True, kw_only=True)
 class DepthImageLearner(TrainedMethod):
     """Canonical form of a depth image by a trained network; see :class:`TrainedMethod` for its parameters."""
+
+    usual_blur: ClassVar[float] = math.inf
+    """Width of the outline, in pixels, that 90 % of validation images of the shipped model do not exceed, if known."""
+
+    @abstractmethod
+    def mask(self, depth: DepthImage) -> Tensor:
+        """Predicted mask, shape (r, r), from 0 to 1."""
+
+    def fit(self, shape: Shape) -> dict[str, float | str]:
+        """Return the width of the predicted outline in pixels, and a doubt if it is unusual.
+
+        See :class:`benchmark.api.learning.MeasuresFit` and :func:`learned.images.outline_blur`.
+        """
+        from learned.images import outline_blur
+
+        if shape.depth is None:
+            return {}
+        notes: dict[str, float | str] = {"outline_blur": (blur := outline_blur(self.mask(shape.depth)))}
+        if blur > self.usual_blur and self.model_folder.is_relative_to(self.shipped_models):
+            usual = f"90 % of validation images have at most {self.usual_blur:g}"
+            notes["doubt"] = f"the predicted outline is {blur:.2f} pixels wide ({usual}), so the form may not fit"
+        return notes
 
     @abstractmethod
     def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:

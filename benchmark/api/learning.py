@@ -27,6 +27,7 @@ __all__ = [
     "ChecksOptions",
     "Learner",
     "MakesPairs",
+    "MeasuresFit",
     "Split",
     "TrainingData",
     "TrainingPair",
@@ -166,6 +167,15 @@ class ChecksOptions(Protocol):
 
     def check_options(self, options: Mapping[str, Any]) -> None:
         """Raise ``ConfigurationError`` if an option does not fit, or this machine lacks what it asks for."""
+        ...
+
+
+@runtime_checkable
+class MeasuresFit(Protocol):
+    """A learner that can tell how well its form fits a depth image; ``canonicalise`` shows the result."""
+
+    def fit(self, shape: Shape) -> Mapping[str, float | str]:
+        """Return notes on the fit; one called ``"doubt"`` is a warning."""
         ...
 
 

@@ -24,7 +24,7 @@ from benchmark.datasets.folder import folder_dataset
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import READERS, is_depth_file
-from benchmark.depth_forms import form_of_object, method_of_depth, plain_notes
+from benchmark.depth_forms import form_of_object, form_with_fit, method_of_depth
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.execution.processes.calls import Guard, call_apart
 from benchmark.geometry.camera import FRONT
@@ -37,7 +37,6 @@ from benchmark.pipeline.retrieval import Found, input_for, search
 from benchmark.pipeline.stages.complete import N_VERTICES, complete
 from benchmark.pipeline.stages.view import half_width_of, seen
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.output_checks import form_of
 from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models, with_model
@@ -130,7 +129,8 @@ def write_form(target: Path, mesh: Mesh) -> None:
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
-    return [f"{name} {note:.4g}" if isinstance(note, float) else f"{name} {note}" for name, note in notes.items()]
+    values = {name: f"{note:.4g}" if isinstance(note, float) else note for name, note in notes.items()}
+    return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
 
 
 def plain_form(source: Path, options: Canonicalise) -> Plain:
@@ -169,19 +169,15 @@ def plain_form(source: Path, options: Canonicalise) -> Plain:
         form = _with_vertices(maker, mesh, source.stem, options.seed, vertices)
     else:
         arrays = complete(mesh) if reads_meshes else seen(mesh, FRONT, half_width_of(mesh, FRONT))
-        form = _form(maker, shape_of(arrays, source.stem, options.seed))
+        form = form_with_fit(maker, shape_of(arrays, source.stem, options.seed), {})
     return form.vertices.tolist(), form.faces.tolist(), form.notes
-
-
-def _form(maker: Method, shape: Shape) -> CanonicalForm:
-    mesh, notes = form_of(maker, shape)
-    return CanonicalForm(mesh.vertices, mesh.faces, plain_notes(notes))
 
 
 def _with_vertices(maker: Method, mesh: Mesh, name: str, seed: int, vertices: int | str) -> CanonicalForm:
     """Return the form of a mesh with a number of vertices, or at the vertices of the mesh."""
     prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
-    form = _form(maker, Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed))
+    shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
+    form = form_with_fit(maker, shape, {})
     if vertices != "all":
         return form
     if not np.array_equal(form.faces, prepared.mesh.faces):
@@ -270,7 +266,8 @@ def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callabl
         write_form(job.target, result.form.mesh)
         if job.picture:
             save_png(frame_picture(result.observed.depths, result.observed.mask, result.form.mesh), job.picture)
-        facts = _facts(result.form.notes) if len(jobs) == 1 else []
+        notes = result.form.notes
+        facts = _facts(notes if len(jobs) == 1 else {name: notes[name] for name in ("doubt",) if name in notes})
         report(", ".join([f"{place}{job.target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
     return failures
 

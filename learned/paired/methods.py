@@ -14,6 +14,8 @@ from learned.learner import DepthImageLearner
 from learned.paired.configuration import CONFIGURATIONS
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from benchmark.geometry.depth import DepthImage
 
 ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
@@ -90,6 +92,12 @@ class Learned(DepthImageLearner):
         from learned.paired.model import load_model
 
         load_model(folder)
+
+    def mask(self, depth: DepthImage) -> Tensor:
+        """See :meth:`learned.learner.DepthImageLearner.mask`."""
+        from learned.paired.model import prediction
+
+        return prediction(self.model_folder, depth)[-1]
 
     def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
         """See :meth:`learned.learner.DepthImageLearner.predict`."""

@@ -68,10 +68,15 @@ def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> 
     ConfigurationError
         If the model does not fit its card.
     """
+    return enlarge(smooth(prediction(folder, depth), smoothing))
+
+
+def prediction(folder: Path, depth: DepthImage) -> Tensor:
+    """Depth and mask, shape (2, r, r), that a model predicts from a depth image; see :func:`canonical_depth`."""
     network, card = load_model(folder)
     crop = network_of(card, folder).configuration.crop
     image = seen_by(depth, int(card["schedule"]["resolution"]), crop)[:1]
-    return enlarge(smooth(predict(network, torch.from_numpy(image)), smoothing))
+    return predict(network, torch.from_numpy(image))
 
 
 def canonical_surface(

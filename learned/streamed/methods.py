@@ -14,6 +14,8 @@ from learned.learner import DepthImageLearner, StreamLearner
 from learned.streamed.configuration import STREAMED
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from benchmark.geometry.depth import DepthImage
 
 
@@ -43,6 +45,7 @@ class StreamedLearner(StreamLearner, DepthImageLearner):
         scale="invariant",
     )
     kind: ClassVar[str] = "streamed"
+    usual_blur: ClassVar[float] = 2.29
 
     configuration: Annotated[str, OneOf(STREAMED.keys())] = "people"
 
@@ -69,6 +72,12 @@ class StreamedLearner(StreamLearner, DepthImageLearner):
         from learned.streamed.model import load_streamed
 
         load_streamed(folder)
+
+    def mask(self, depth: DepthImage) -> Tensor:
+        """See :meth:`learned.learner.DepthImageLearner.mask`."""
+        from learned.streamed.model import load_streamed, predicted
+
+        return predicted(*load_streamed(self.model_folder), depth)[-1]
 
     def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
         """See :meth:`learned.learner.DepthImageLearner.predict`."""

@@ -8,7 +8,7 @@ import torch
 
 from benchmark.api.learning import TrainingPair
 from benchmark.errors import InvalidMesh
-from learned.images import checked_image, enlarge, shrink
+from learned.images import checked_image, enlarge, outline_blur, shrink
 from learned.paired.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
@@ -31,6 +31,12 @@ def test_a_value_that_is_no_depth_is_refused(value: float) -> None:
     image[250, 250] = value
     with pytest.raises(InvalidMesh, match=r"NaN or values outside \[0, 1\]"):
         checked_image(image)
+
+
+def test_the_blur_of_an_outline_is_its_width_in_pixels() -> None:
+    ramp = torch.tensor([0.0, 0.25, 0.75, 1.0]).repeat(5, 1)
+    assert outline_blur(ramp) == 1.5
+    assert outline_blur(ramp.round()) == outline_blur(ramp * 0) == 0.0
 
 
 def pair(identifier: str, target_identifier: str, image: Image, target: Image) -> TrainingPair:

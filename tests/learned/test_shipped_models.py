@@ -24,12 +24,14 @@ from benchmark.datasets.humans import CANONICAL_POSE, Humans
 from benchmark.datasets.varied.bodies import AWAY_FROM, varied_body
 from benchmark.datasets.varied_animals import SPECIES_IN_TURN
 from benchmark.datasets.varied_animals.proportions import drawn_species
+from benchmark.pipeline.method_run import Preparation
 from benchmark.pipeline.storage.store import Store
 from benchmark.protocols.pairs import synthetic
 from benchmark.protocols.trainings import find_training
 from learned.field.model import load_field
 from learned.paired.methods import Learned
 from learned.paired.model import load_model
+from learned.streamed.methods import StreamedLearner
 from learned.streamed.model import load_streamed
 from learned.weights import n_parameters
 
@@ -165,3 +167,13 @@ def test_table_one_needs_no_training(tmp_path: Path) -> None:
     # Three poses of five subjects: random order finds a shape of the subject first in a seventh of the queries.
     assert record["scores"]["NN"] > 2 * record["chance"]["NN"]
     assert "128 x 128 pixels, 60 epochs" in done.stdout
+
+
+def test_a_cat_is_doubted_by_the_network_of_people_and_a_person_is_not() -> None:
+    fits = []
+    for dataset in (Animals(), Humans()):
+        preparation = Preparation(dataset, "view", None)
+        fits.append(StreamedLearner().fit(preparation.shape(dataset.entries[0])))
+    cat, person = fits
+    assert cat["outline_blur"] > StreamedLearner.usual_blur > person["outline_blur"]
+    assert ("doubt" in cat, "doubt" in person) == (True, False)
