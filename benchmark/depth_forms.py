@@ -158,7 +158,7 @@ def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str])
     """Return the form of a shape, whose notes are the first ones, those of the method, and those on its fit."""
     form, notes = form_of(maker, shape)
     plain = {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
-    fit = maker.fit(shape) if isinstance(maker, MeasuresFit) else {}
+    fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
     return CanonicalForm(form.vertices, form.faces, {**first, **plain, **fit})
 
 

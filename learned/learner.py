@@ -130,7 +130,7 @@ class DepthImageLearner(TrainedMethod):
     def mask(self, depth: DepthImage) -> Tensor:
         """Predicted mask, shape (r, r), from 0 to 1."""
 
-    def fit(self, shape: Shape) -> dict[str, float | str]:
+    def measure_fit(self, shape: Shape) -> dict[str, float | str]:
         """Return the width of the predicted outline in pixels, and a doubt if it is unusual.
 
         See :class:`benchmark.api.learning.MeasuresFit` and :func:`learned.images.outline_blur`.

@@ -174,7 +174,7 @@ class ChecksOptions(Protocol):
 class MeasuresFit(Protocol):
     """A learner that can tell how well its form fits a depth image; ``canonicalise`` shows the result."""
 
-    def fit(self, shape: Shape) -> Mapping[str, float | str]:
+    def measure_fit(self, shape: Shape) -> Mapping[str, float | str]:
         """Return notes on the fit; one called ``"doubt"`` is a warning."""
         ...
 

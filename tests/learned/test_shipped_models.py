@@ -173,7 +173,7 @@ def test_a_cat_is_doubted_by_the_network_of_people_and_a_person_is_not() -> None
     fits = []
     for dataset in (Animals(), Humans()):
         preparation = Preparation(dataset, "view", None)
-        fits.append(StreamedLearner().fit(preparation.shape(dataset.entries[0])))
+        fits.append(StreamedLearner().measure_fit(preparation.shape(dataset.entries[0])))
     cat, person = fits
     assert cat["outline_blur"] > StreamedLearner.usual_blur > person["outline_blur"]
     assert ("doubt" in cat, "doubt" in person) == (True, False)
