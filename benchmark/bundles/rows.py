@@ -256,7 +256,7 @@ class RowCheck:
             return None
         component = f"scorer/{scorer.base_name}"
         if recipe.get("versions", {}).get(component) != versions_of([component])[component]:
-            problem = f"its record was scored by another version of '{scorer.name}'"
+            problem = f"its record was scored by another version of the scorer '{scorer.name}'"
             self._claim("scorer-version", problem, "ask its author to run it again with this version")
             return None
         if plain(scorer_recipe(scorer)) != recipe.get("scorer"):

@@ -146,6 +146,7 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
         fine &= not to_run or _carry_out(to_run, store, options, claims)
         if claims.is_last():
             store.drop_scratch()
+            sweep_leftovers(store)  # of workers that a killed run left alive for a moment
     return fine
 
 

@@ -8,6 +8,7 @@ import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -154,7 +155,7 @@ def is_imported(path: str) -> bool:
 
 def _module_name(place: str) -> str:
     path = Path(place)
-    return f"plugin_{path.stem}_{hashlib.sha256(place.encode()).hexdigest()[:8]}" if path.is_absolute() else place
+    return f"plugin_{path.stem}_{hashlib.sha256(os.fsencode(place)).hexdigest()[:8]}" if path.is_absolute() else place
 
 
 def helpers_of(path: Path) -> dict[str, Path]:

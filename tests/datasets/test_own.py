@@ -142,18 +142,18 @@ def test_a_file_that_hangs_while_it_lists_its_shapes_is_refused_from_outside(plu
         (
             {"entries": "e = eval(ORIGINAL); random.SystemRandom().shuffle(e); return e"},
             "entries",
-            "lists other shapes when it is asked again",
+            "lists other shapes the second time",
         ),
         ({"load": "return Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])"}, "meshes", "thin0"),
         (
             {"load": "m = rod(0.1, 1.0, 12, 8); return m.with_vertices(m.vertices * random.SystemRandom().random())"},
             "repeatable",
-            "changes from time to time",
+            "changes between calls",
         ),
         (
             {"load": "m = rod(0.1, 1.0, 12, 8); return m.with_vertices(m.vertices * (1 + os.getpid()))"},
             "fresh process",
-            "another process finds other shapes",
+            "another process gets other shapes",
         ),
     ],
 )

@@ -114,15 +114,13 @@ def test_a_death_that_is_nobodys_fault_costs_nobody_anything(run, script):
 
 
 def test_workers_that_never_begin_end_the_run_and_leave_no_record(run, tmp_path):
-    with pytest.raises(
-        BenchmarkError, match="6 consecutive processes did not start, the last because of SIGKILL; end other"
-    ):
+    with pytest.raises(BenchmarkError, match="6 consecutive processes did not start, the last because of SIGKILL; end"):
         run(*(BORN_DEAD,) * 6)
     assert list(Store.open(tmp_path).records.folder.iterdir()) == []
 
 
 def test_a_system_that_starts_no_process_is_told_of_and_not_waited_for(run, tmp_path):
-    with pytest.raises(BenchmarkError, match="did not start, the last for Resource temporarily unavailable; end"):
+    with pytest.raises(BenchmarkError, match="the last because of Resource temporarily unavailable; end"):
         run(*(OSError(11, "Resource temporarily unavailable"),) * 6)
     assert list(Store.open(tmp_path).records.folder.iterdir()) == []
 
@@ -226,5 +224,5 @@ def test_the_import_of_a_plugin_is_no_time_of_its_job_unless_it_does_not_end(run
 
 def test_a_folder_in_which_no_worker_can_tell_how_far_it_is_is_named_before_one_is_started(run, tmp_path, monkeypatch):
     monkeypatch.setattr("os.access", lambda path, mode: path != tmp_path / "runs" / "progress")
-    with pytest.raises(StorageError, match=f"cannot write to {tmp_path}/runs/progress; change its rights"):
+    with pytest.raises(StorageError, match=f"cannot write to {tmp_path}/runs/progress; change its permissions"):
         run(OSError("a worker was started"))

@@ -101,7 +101,7 @@ def test_processes_whose_folder_vanished_end_the_run_with_its_name(rods, tmp_pat
     monkeypatch.setattr(run_module, "make_pool", vanishing)
     done = run(rods, tmp_path, "--executor", "processes", "-j", "1")
     assert isinstance(done.exception, StorageError)
-    assert "vanished during the run; bring it back or choose another --results DIR" in str(done.exception)
+    assert "vanished during the run; restore it or choose another --results DIR" in str(done.exception)
 
 
 def test_what_a_killed_merge_left_is_swept_by_the_next_run(rods, tmp_path):

@@ -132,3 +132,7 @@ print(spec.create().canonicalise(SimpleNamespace(mesh=SimpleNamespace(vertices=1
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.stdout.strip() == "3.0", done.stderr
+
+
+def test_a_path_that_is_no_unicode_is_that_of_a_plugin(tmp_path):
+    assert form(write(tmp_path / "\udcff", before="FACTOR = 2", factor="FACTOR")) == 2.0
