@@ -91,7 +91,7 @@ CPP, OCTAVE = ("graph-stress", "graph_stress"), ("principal-axes", "principal_ax
     [
         (CPP, "", "failed", "./graph_stress cannot be started: build or install it first"),
         (CPP, "#!/bin/sh\nkill -SEGV $$", "failed", "graph-stress ended with exit code -11"),
-        (CPP, "#!/bin/sh\necho too flat >&2; exit 2", "unsupported", "could be treated; first: too flat"),
+        (CPP, "#!/bin/sh\necho too flat >&2; exit 2", "unsupported", "could be processed; first: too flat"),
         (CPP, "#!/bin/sh\nsleep 613 & sleep 613", "timeout", ""),
         (CPP, "#!/bin/sh\ntest $(ulimit -d) = unlimited || exit 3", "failed", "graph-stress ended with exit code 3"),
         (OCTAVE, "error('too flat')", "failed", "principal-axes ended with exit code 1: error: too flat"),

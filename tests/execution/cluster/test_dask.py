@@ -236,7 +236,7 @@ def test_workers_with_other_code_or_none_are_refused_by_name(place, cluster, tmp
     with (other / "baselines" / "surface_area.py").open("a") as file:
         file.write("\nCHANGED = True\n")
     cluster.worker(other)
-    with pytest.raises(ConfigurationError, match="worker tcp.*: code changed: baselines .*; install there"):
+    with pytest.raises(ConfigurationError, match="worker tcp.*: code changed: baselines .*; install the same"):
         run(*selection(place, "results"), *on(cluster))
     (tmp_path / "nowhere").mkdir()  # what an interpreter says that has none, for this one may have it installed
     (tmp_path / "nowhere" / "benchmark.py").write_text("raise ModuleNotFoundError(\"No module named 'benchmark'\")")
