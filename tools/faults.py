@@ -557,8 +557,8 @@ def try_damage(case: Case, expression: str) -> None:
                   ["merge", case.results, "--results", case.folder / "merged"]):  # fmt: skip
         case.run(*words)
     case.run_all(codes=(OK,))
-    lost = [name for name in before if damaged.get(name) == before[name] != case.record_files().get(name)]
-    case.require(not lost, f"lost: whole records: {lost}")
+    lost = (before.items() & damaged.items()) - case.record_files().items()
+    case.require(not lost, f"lost: records that were whole: {lost}")
     case.check_scores(*METHODS, names=set(before))
     case.run("prune", *at, codes=(OK,))
 

@@ -266,8 +266,7 @@ def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callabl
         write_form(job.target, result.form.mesh)
         if job.picture:
             save_png(frame_picture(result.observed.depths, result.observed.mask, result.form.mesh), job.picture)
-        notes = result.form.notes
-        facts = _facts(notes if len(jobs) == 1 else {name: notes[name] for name in ("doubt",) if name in notes})
+        facts = [fact for fact in _facts(result.form.notes) if len(jobs) == 1 or fact.startswith("doubt")]
         report(", ".join([f"{place}{job.target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
     return failures
 
