@@ -121,7 +121,8 @@ class TablePages:
         table, name = self.table, str(self.table.data["name"])
         source = name if is_own(str(table.data["source"])) else str(table.data["source"])
         known = table.has_paper or table.table.identifier != name
-        chosen = ["-t", table.table.part_of or table.identifier] if known else ["-d", source]
+        chosen = ["-t", table.table.part_of or table.identifier] if known else []
+        chosen += ["-d", source] if not known or table.table.stand_in else []  # official data may be there as well
         chosen += ["--quick"] * table.quick
         chosen += ["--scorer", table.scorer] if table.scorer else []
         chosen += ["--seed", str(table.seed)] if table.seed else []
@@ -260,15 +261,19 @@ def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Boar
         for part in record.get("environments", ()):
             environments[in_words(part.get("environment", ""))] += int(part.get("artefacts", 0))
     dates = sorted(str(record["finished"]) for record in records.values() if record.get("finished"))
-    by_size = sorted(tables, key=lambda pages: pages.table.data["n_shapes"])  # the largest gallery counts
-    data = {p.table.data_title: [p.table.data[key] for key in ("name", "n_shapes", "n_classes")] for p in by_size}
+    data: dict[str, list[Any]] = {}
+    for table in (pages.table for pages in tables):  # several tables may show parts of the same data
+        galleries = [record for line in table.lines for record in line.records]
+        counts = (len({name for gallery in galleries for name in gallery[part]}) for part in ("shapes", "labels"))
+        row = [table.data["name"], *map(max, counts, (table.data["n_shapes"], table.data["n_classes"]))]
+        data[table.data_title] = max(data.get(table.data_title, row), row, key=lambda row: row[1])
     return _page(
         "index.html",
         tables,
         boards=boards,
         failures=failures,
         left_out=left_out[:_MOST_LEFT_OUT],
-        data_sets=[[str(name), title, *counts] for title, (name, *counts) in data.items()],
+        data_sets=[[str(name), title, *sizes] for title, (name, *sizes) in data.items()],
         environments=sorted(environments.items()),
         commands=[*dict.fromkeys(pages.run for pages in tables if pages.run), command],
         facts={"Jobs with scores": str(len(records))} | ({"Finished": f"{dates[0]} to {dates[-1]}"} if dates else {}),

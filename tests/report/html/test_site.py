@@ -228,11 +228,12 @@ def test_classes_and_the_front_are_those_of_the_records(artefacts):
 
 def test_commands_can_be_pasted(artefacts, tmp_path):
     """They name plugins and folders, and no row that no command makes or whose plugin was not given."""
-    rows = (record("gps"), record("theirs", family="external"), record("of-a-plugin"))
+    rows = (record("gps"), record("theirs", family="external"), record("of-a-plugin"), record("gps", gallery="animals"))
     tables = contents([Result(row) for row in rows])
     options = ("--plugin", "my file.py", "--data-root", "/data")
     write_report(tables, artefacts, tmp_path, "python -m benchmark report", options=options)
-    command = "python -m benchmark run -d rods -m gps --plugin &#x27;my file.py&#x27; --data-root /data"
-    assert f">{command}\n" in (tmp_path / "index.html").read_text()
+    commands = re.findall(r"python -m benchmark (run .*)\n", (tmp_path / "index.html").read_text())
+    ours = "-m gps --plugin &#x27;my file.py&#x27; --data-root /data"
+    assert commands == [f"run -t III -d animals {ours}", f"run -d rods {ours}"]
     write_report(tables, replace(artefacts, known={}), tmp_path, "report", force=True)
     assert "benchmark run" not in (tmp_path / "index.html").read_text()
