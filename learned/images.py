@@ -67,10 +67,10 @@ def shrink(image: Floats, resolution: int) -> Floats:
     numpy.ndarray
         Shape (2, resolution, resolution), float32: depth, and the mask of zeros and ones.
     """
-    fine = torch.from_numpy(np.stack([image, (image > 0).astype(np.float32)]))[None]
+    fine = torch.from_numpy(np.stack([image, image > 0]).astype(np.float64))[None]
     depth, cover = functional.adaptive_avg_pool2d(fine, resolution)[0]
-    mask = (cover >= COVERED).float()
-    depth = torch.where(mask > 0, depth / cover.clamp(min=COVERED), torch.zeros(()))
+    mask = (cover >= COVERED).double()
+    depth = torch.where(mask > 0, depth / cover.clamp(min=COVERED), 0.0)
     return np.asarray(torch.stack([depth, mask]).numpy(), dtype=np.float32)
 
 
@@ -91,10 +91,10 @@ def smooth(prediction: Tensor, deviation: float) -> Tensor:
     """
     if deviation == 0:
         return prediction
-    depth, mask = prediction.float()
-    inside = (mask > COVERED).float()
+    depth, mask = prediction.double()
+    inside = (mask > COVERED).double()
     reach = math.ceil(3 * deviation)
-    bell = torch.exp(-torch.arange(-reach, reach + 1, dtype=torch.float32).square() / (2 * deviation**2))
+    bell = torch.exp(-torch.arange(-reach, reach + 1, dtype=torch.float64).square() / (2 * deviation**2))
     blurred = torch.stack([depth * inside, inside])[:, None]
     for kernel, padding in ((bell[None, None, :, None], (reach, 0)), (bell[None, None, None, :], (0, reach))):
         blurred = functional.conv2d(blurred, kernel, padding=padding)
@@ -118,13 +118,13 @@ def enlarge(prediction: Tensor) -> Floats:
     numpy.ndarray
         Shape (500, 500), float32; 0 where the mask is at most a half.
     """
-    depth, mask = prediction.float()
-    inside = (mask > COVERED).float()
+    depth, mask = prediction.double()
+    inside = (mask > COVERED).double()
     coarse = torch.stack([depth * inside, inside, mask])[None]
     depth, weight, mask = functional.interpolate(coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0]
     # Where the finer mask exceeds a half, so does one of the coarse pixels around; rounding errors know no such rule.
     seen = (mask > COVERED) & (weight > 0)
-    result = torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), torch.zeros(()))
+    result = torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0)
     return np.asarray(result.numpy(), dtype=np.float32)
 
 

@@ -31,7 +31,9 @@ def stored(network: nn.Module) -> bytes:
 
 
 def with_weights(network: Network, folder: Path, name: str) -> Network:
-    """Fill a network with the weights in a folder.
+    """Fill a network with the weights in a folder, in double precision.
+
+    The last bits of sums in single precision depend on the processor, and would decide pixels of a mask.
 
     Parameters
     ----------
@@ -53,7 +55,7 @@ def with_weights(network: Network, folder: Path, name: str) -> Network:
         If the weights are not those that the card describes, or belong to another configuration.
     """
     try:
-        tensors = {key: tensor.float() for key, tensor in load(checked_weights(folder)).items()}
+        tensors = {key: tensor.double() for key, tensor in load(checked_weights(folder)).items()}
     except (KeyError, TypeError, SafetensorError) as error:
         raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error
     if {key: tensor.shape for key, tensor in tensors.items()} != {
@@ -62,8 +64,8 @@ def with_weights(network: Network, folder: Path, name: str) -> Network:
         raise ConfigurationError(
             f"the weights in {folder} belong to another configuration than '{name}'", "train the model again"
         )
+    network.to(dtype=torch.float64, memory_format=torch.channels_last)
     network.load_state_dict(tensors)
-    network.to(memory_format=torch.channels_last)
     network.eval()
     return network
 

@@ -75,7 +75,7 @@ def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
     """
 
     def row(array: FloatArray) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))[None]
+        return torch.from_numpy(np.array(array, dtype=np.float64))[None]
 
     samples = even_samples(mesh, network.n_points)
     tokens = network.encoded(row(samples.points), row(samples.normals))
@@ -85,8 +85,8 @@ def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
     for first in range(0, mesh.n_vertices, _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
         found = network.decoded(tokens, row(mesh.vertices[some]), row(normals[some]))
-        positions.append(found.positions[0].double().numpy())
-        rotations.append(found.rotations[0].double().numpy())
+        positions.append(found.positions[0].numpy())
+        rotations.append(found.rotations[0].numpy())
     return np.concatenate(positions), np.concatenate(rotations)
 
 

@@ -161,7 +161,8 @@ class FieldNetwork(nn.Module):
         features = self.asking(self._written(positions, normals))
         for layer in self.decoder:
             features = layer(features, tokens.features, squares)
-        raw = self.head(features).float()
+        raw = self.head(features)
+        raw = raw.to(torch.promote_types(raw.dtype, torch.float32))  # training computes in bfloat16
         return Unbent(raw[..., :3], rotations_of(raw[..., 3:]))
 
     def forward(self, points: Tensor, normals: Tensor, positions: Tensor, position_normals: Tensor) -> Unbent:

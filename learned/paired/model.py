@@ -40,6 +40,7 @@ def _load(folder: Path, _digest: str) -> tuple[nn.Module, dict[str, Any]]:
 @torch.inference_mode()
 def predict(network: nn.Module, image: Tensor) -> Tensor:
     """Depth and mask, shape (2, r, r), from one depth image, shape (1, r, r)."""
+    image = image.to(next(network.parameters()).dtype)
     prediction: Tensor = network(image[None].contiguous(memory_format=torch.channels_last))[0]
     return prediction
 

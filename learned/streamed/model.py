@@ -63,7 +63,7 @@ def predicted(network: StreamedNetwork, configuration: Streamed, depth: DepthIma
     InvalidMesh, UnsupportedShape
         If the image does not fit, or shows nothing.
     """
-    image = torch.from_numpy(seen_by(configuration, checked_image(depth)[None]))[None]
+    image = torch.from_numpy(seen_by(configuration, checked_image(depth)[None]))[None].double()
     prediction: Tensor = network(image.contiguous(memory_format=torch.channels_last))[0]
     return prediction
 

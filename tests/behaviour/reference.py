@@ -19,8 +19,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
-from torch.backends.cpu import get_cpu_capability
-
 from benchmark.datasets.base import Entry, thinned
 from benchmark.protocols import galleries
 from benchmark.results import open_results
@@ -44,13 +42,6 @@ FURTHER_ROWS = ("learned-wide-extra[training=animals-sampled]",)
 
 #: Methods of another library, which hold ours to account, and which take as long as all others together.
 OTHER_LIBRARY = "scikit-learn-"
-
-#: Networks whose last bits follow the vector instructions of the processor; a pixel of a mask more or less then moves
-#: all distances, so that their rows are compared only under the instructions that made the reference.
-BY_PROCESSOR = ("deformation-field", "learned-streamed", "learned-wide-extra")
-
-#: The row that names these instructions.
-PROCESSOR = "processor"
 
 #: Subjects and poses of each that are ranked there, evenly spread.
 SUBJECTS, POSES = 2, 2
@@ -174,35 +165,20 @@ def main() -> int:
     with TemporaryDirectory() as folder:
         now = make(Path(folder), Path(root) if root else None, sets, given.methods)
     print(f"made {len(now)} rows in {time.monotonic() - start:.0f} s")
-    now[PROCESSOR] = {"vectors": [get_cpu_capability()]}
     known: Rows = json.loads(REFERENCE.read_text(encoding="utf-8")) if REFERENCE.exists() else {}
     if given.accept:
-        kept = {PROCESSOR} if given.methods else set()
-        now |= {row: known[row] for row in known if row in kept or not _is_made(row, sets, given.methods)}
+        now |= {row: known[row] for row in known if not _is_made(row, sets, given.methods)}
         lines = (f"{json.dumps(row, ensure_ascii=False)}: {json.dumps(now[row])}" for row in sorted(now))
         REFERENCE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
         return 0
     known = {row: values for row, values in known.items() if _is_made(row, sets, given.methods)}
-    known, now = comparable(known, now)
     differing = compare(known, now)
     print(*differing, summary(differing, len(now)), sep="\n")
     return 1 if differing else 0
 
 
-def comparable(known: Rows, now: Rows) -> tuple[Rows, Rows]:
-    """Leave out the rows of :data:`BY_PROCESSOR`, and say so, where both were made under other vector instructions."""
-    if known.get(PROCESSOR) == now.get(PROCESSOR):
-        return known, now
-    print(f"rows of {', '.join(BY_PROCESSOR)} are not compared: made under other instructions of the processor")
-    of_rows = {row: [*row.split(", "), "", "", ""][3].partition("[")[0] for row in known | now if row != PROCESSOR}
-    kept = [row for row, method in of_rows.items() if method not in BY_PROCESSOR]
-    return {row: known[row] for row in kept if row in known}, {row: now[row] for row in kept if row in now}
-
-
 def _is_made(row: str, sets: Sequence[str], methods: Sequence[str]) -> bool:
     """Return whether a row belongs to a selection."""
-    if row == PROCESSOR:
-        return True
     part, gallery, *rest = row.split(", ")
     is_of_methods = not methods or (part == "every" and (not rest or rest[1] in methods))
     return is_of_methods and gallery.partition(" ")[0] in sets

@@ -5,7 +5,7 @@ from copy import deepcopy
 
 import pytest
 
-from tests.behaviour.reference import MEASURES, PROCESSOR, REFERENCE, comparable, compare, make, summary
+from tests.behaviour.reference import MEASURES, REFERENCE, compare, make, summary
 
 ROW = "every, animals (quick), mesh, gps, cm-bof"
 SHAPES = "every, animals (quick)"
@@ -46,15 +46,6 @@ def test_equal_values_differ_in_nothing():
 )
 def test_what_changed_is_named(rows, line):
     assert compare(ROWS, rows) == [line]
-
-
-def test_networks_are_compared_under_the_same_instructions_of_the_processor_alone(capsys):
-    network = "every, animals (quick), view, learned-wide-extra[training=animals-sampled], cm-bof"
-    known, now = (
-        ROWS | {PROCESSOR: {"vectors": [name]}, network: {"NN": [nn]}} for name, nn in (("AVX2", 1), ("AVX512", 0))
-    )
-    assert comparable(known, known) == (known, known) and not capsys.readouterr().out
-    assert comparable(known, now) == (ROWS, ROWS) and "learned-wide-extra are not compared" in capsys.readouterr().out
 
 
 def test_the_summary_names_methods_and_scorers():

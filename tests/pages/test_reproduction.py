@@ -78,13 +78,12 @@ def test_the_scores_of_each_seed_are_those_of_the_records(ablation: pd.DataFrame
     assert not printed
 
 
-def test_either_seed_without_long_range_features_is_below_either_of_the_whole_network(ablation: pd.DataFrame) -> None:
-    assert (ablation.loc["learned-without-lrf"].max() < ablation.loc["learned"].min()).all()
-
-
-def test_what_short_range_features_bring_is_less_than_what_two_seeds_differ_by(ablation: pd.DataFrame) -> None:
-    whole, without = ablation.loc["learned"], ablation.loc["learned-without-srf"]
-    assert (whole.mean() - without.mean() < whole.max() - whole.min()).all()
+def test_each_part_of_the_network_helps_in_the_mean_of_two_seeds_by_at_most_what_the_page_says(
+    ablation: pd.DataFrame,
+) -> None:
+    means = ablation.groupby("network").mean()
+    leads = means.loc["learned"] - means.drop("learned")
+    assert (leads > 0).all(axis=None) and leads.max(axis=None) < 0.04
 
 
 def test_people_drawn_at_random_are_harder_and_the_network_leads_there_too() -> None:

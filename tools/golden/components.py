@@ -23,7 +23,7 @@ from tools.golden import inputs, stages
 FORMS = 1e-8
 #: Equal distances have equal disparities there: which are equal in single precision is a decision that rounding takes.
 NON_METRIC = 2e-4
-#: Networks compute in single precision, whose sums depend on the kernels of the processor.
+#: Networks were trained, and their golden results made, in single precision.
 NETWORKS = 1e-5
 #: Distances, measures, and meshes of generators: sums of doubles that cancel nowhere.
 DOUBLES = 1e-9

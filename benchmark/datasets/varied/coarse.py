@@ -112,7 +112,8 @@ def coarse_model(triangles: int) -> CoarseModel:
     Garland and Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997.
     """
     fine = body_model()
-    template = fine.model.template_vertices.numpy()[fine.rows]
+    # The last bits depend on the processor, and would decide which of two equal errors is the smaller one.
+    template = np.round(fine.model.template_vertices.numpy()[fine.rows], _DECIMALS)
     coarse = filtered(
         Mesh(template, fine.faces),
         "meshing_decimation_quadric_edge_collapse",
