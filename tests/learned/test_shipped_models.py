@@ -109,7 +109,7 @@ def test_neither_cat_nor_horse_is_seen_by_a_model_of_table_3(of_data: list[Card]
         assert not {"cat", "horse"} & set(card["subjects"])
 
 
-@pytest.mark.parametrize("of_data", ["humans-varied"], indirect=True)
+@pytest.mark.parametrize("of_data", ["humans-(sampled|varied)"], indirect=True)
 def test_streams_are_none_of_the_data_sets(of_data: list[Card]) -> None:
     for card in of_data:
         assert not set(card["subjects"]) & {*SUBJECTS, *adults()}
@@ -148,6 +148,8 @@ def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one(cards: di
             assert card["clearance"] == clearances(bodies), card["data"]
         if card["data"] in ("humans-varied", "animals-sampled"):
             assert card["clearance"] == dict.fromkeys(AWAY_FROM, 0.25)
+        if card["data"] == "humans-sampled":
+            assert card["clearance"] == dict.fromkeys(human_subjects.TESTED, 0.25)
     drawn = [varied_body(np.random.default_rng([0, number, 0])).subject for number in range(1500)]
     assert min(clearance(subject, AWAY_FROM) for subject in drawn) >= 0.25
 
