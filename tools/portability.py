@@ -1,6 +1,6 @@
 """``make portability``: golden results under the kernels of other processors, two variants side by side.
 
-Environment variables set which kernels BLAS, numba and numpy choose.
+Environment variables set which kernels BLAS, numba, numpy and torch choose.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CPUINFO = Path("/proc/cpuinfo")
 
 
 class Variant(NamedTuple):
-    """Kernels of BLAS, if the processor has the flags, and instructions for numba and numpy of 2008 if asked."""
+    """Kernels of BLAS, if the processor has the flags, and instructions of 2008 for numba, numpy and torch if asked."""
 
     name: str
     blas: str = ""
@@ -38,7 +38,8 @@ class Variant(NamedTuple):
         cache = str((FOLDER / "numba-generic").resolve()) if self.numba else ""
         values = {
             "OPENBLAS_CORETYPE": self.blas, "NUMBA_CPU_NAME": self.numba, "NUMBA_CACHE_DIR": cache,
-            "NPY_DISABLE_CPU_FEATURES": self.numpy,
+            "NPY_DISABLE_CPU_FEATURES": self.numpy, "MKL_CBWR": cache and "COMPATIBLE",
+            "ATEN_CPU_CAPABILITY": cache and "default", "ONEDNN_MAX_CPU_ISA": cache and "SSE41",
         }  # fmt: skip
         return {name: value for name, value in values.items() if value}
 
@@ -53,7 +54,7 @@ class Variant(NamedTuple):
 
 AVX512 = "avx512f avx512cd avx512bw avx512dq avx512vl"
 DISPATCHED = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
-#: The instructions of 2008 in all three libraries.
+#: The instructions of 2008 in all libraries.
 OLDEST = Variant("oldest", "Nehalem", numba="generic", numpy=DISPATCHED)
 #: Without Zen, whose kernels differ from those of Haswell only in block sizes.
 VARIANTS = (OLDEST, Variant("Haswell", "Haswell", "avx2 fma"), Variant("SkylakeX", "SkylakeX", AVX512))
@@ -64,8 +65,7 @@ def passes(variant: Variant) -> bool:
     start, log = time.perf_counter(), FOLDER / f"{variant.name}.log"
     command, settings = [sys.executable, "-m", "tools.golden"], variant.settings()
     with log.open("w") as output:
-        environment = {**os.environ, **settings}
-        code = subprocess.run(command, env=environment, stdout=output, stderr=output, check=False).returncode
+        code = subprocess.run(command, env={**os.environ, **settings}, stdout=output, stderr=output).returncode
     text, ending = log.read_text(), "FAILED" if code else "passed"
     summary = (text.strip().splitlines() or ["no output"])[-1].strip()
     print(f"{variant.name:<10} {ending} in {time.perf_counter() - start:.0f} s: {summary}", flush=True)
