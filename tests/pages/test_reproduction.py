@@ -84,6 +84,13 @@ def test_each_part_of_the_network_helps_in_the_mean_of_two_seeds_by_at_most_what
     means = ablation.groupby("network").mean()
     leads = means.loc["learned"] - means.drop("learned")
     assert (leads > 0).all(axis=None) and leads.max(axis=None) < 0.04
+    seeds = ablation.loc["learned"]
+    assert 0.04 < (seeds.max() - seeds.min()).max() < 0.05
+
+
+def test_what_short_range_features_bring_is_less_than_what_two_seeds_differ_by(ablation: pd.DataFrame) -> None:
+    whole, without = ablation.loc["learned"], ablation.loc["learned-without-srf"]
+    assert (whole.mean() - without.mean() < whole.max() - whole.min()).all()
 
 
 def test_people_drawn_at_random_are_harder_and_the_network_leads_there_too() -> None:
