@@ -41,6 +41,8 @@ def refused(model: Model, name: str) -> bool:
 
 def refused_on(training: str) -> set[str]:
     """Sets that the models of a training must not be tested on."""
+    if training == "humans-sampled":  # apart from humans-random, too
+        return {name for name in SETS if name.startswith(GENERATED)}
     if training in ("humans-varied", "animals-sampled"):
         return {name for name in SETS if name.startswith(("humans-random", GENERATED))}
     if training.startswith(("humans-fold-1", "humans-fold-2", "humans-strict-1", "humans-strict-2")):
