@@ -102,5 +102,5 @@ class EuclideanDistance(CheckedParameters):
         from baselines._kernels.conformal import tips
         from baselines._kernels.sampling import farthest_points
 
-        found = tips(shape, self.count, APART) if self.points == "local" else []
-        return found if len(found) > 1 else farthest_points(shape, self.count)
+        points = tips(shape, self.count, APART) if self.points == "local" else []
+        return points if len(points) > 1 else farthest_points(shape, self.count)

@@ -83,9 +83,9 @@ class FastMDS(CheckedParameters):
             first, second = self._pivots(rows, points, start)
             to_first = rows.residual(first, points)
             to_second = rows.residual(second, points)
-            apart = to_first[second]
-            if apart > 0.0:
-                points[:, axis] = (to_first + apart - to_second) / (2 * np.sqrt(apart))
+            squared = to_first[second]
+            if squared > 0.0:
+                points[:, axis] = (to_first + squared - to_second) / (2 * np.sqrt(squared))
         points -= points.mean(axis=0)
         points = oriented(shape.mesh, points, side=self.side)
         known = list(rows.known)

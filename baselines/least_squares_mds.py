@@ -163,7 +163,7 @@ def least_squares_scaling(
     def scale(
         distances: FloatArray, start: FloatArray, grain: float
     ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-        return scaled(distances, start, rtol / 10, grain)[0], lambda found: found
+        return scaled(distances, start, rtol / 10, grain)[0], lambda form: form
 
     points, course = scaled(distances, coarse_start(distances, start, vertices, scale), rtol)
     return Scaling(points, tuple(course))

@@ -99,8 +99,8 @@ class Skeleton(CheckedParameters):
         mesh = _relabelled(shape.mesh, order)
         frame = principal_frame(mesh)
         mesh = on_grid(mesh, frame)
-        again = order_by_coordinates(mesh.vertices, 1.0)
-        order, mesh = order[again], _relabelled(mesh, again)
+        reordered = order_by_coordinates(mesh.vertices, 1.0)
+        order, mesh = order[reordered], _relabelled(mesh, reordered)
         skeleton, kind, reason = self._skeleton(shape, mesh, order)
         if not len(skeleton.bones):
             raise UnsupportedShape(

@@ -120,15 +120,15 @@ class SubspaceMDS(CheckedParameters):
         span, sizes, mixture = np.linalg.svd(seen, full_matrices=False)
         kept = sizes > NEGLIGIBLE * sizes[0]
         span, mixture = span[:, kept], mixture[kept].T / sizes[kept]
-        found = np.ascontiguousarray(start.T)
-        sums = attractions(found, distances)
-        course = [problem.stress(found, sums)]
+        form = np.ascontiguousarray(start.T)
+        sums = attractions(form, distances)
+        course = [problem.stress(form, sums)]
         amounts = np.zeros((span.shape[1], 3))
         for _ in range(self.max_iterations):
             amounts = span.T @ (problem.solve(sums).T - start)
-            found = np.ascontiguousarray((start + span @ amounts).T)
-            sums = attractions(found, distances)
-            course.append(problem.stress(found, sums))
+            form = np.ascontiguousarray((start + span @ amounts).T)
+            sums = attractions(form, distances)
+            course.append(problem.stress(form, sums))
             if course[-2] - course[-1] <= self.rtol * course[-2]:
                 break
         return basis @ (mixture @ amounts), len(course) - 1

@@ -75,12 +75,12 @@ def digest_of(arrays: Arrays) -> str:
 
     Metadata, whose names begin with :data:`ABOUT`, are left out.
     """
-    found = hashlib.sha256()
+    hasher = hashlib.sha256()
     for name in sorted(name for name in arrays if not name.startswith(ABOUT)):
         array = np.asanyarray(arrays[name])
-        found.update(json.dumps([name, *_kind(array)]).encode())
-        found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()[:16]
+        hasher.update(json.dumps([name, *_kind(array)]).encode())
+        hasher.update(np.ascontiguousarray(array).data)
+    return hasher.hexdigest()[:16]
 
 
 def load_arrays(
@@ -183,5 +183,5 @@ def read_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
         raise UnsafeArrays("pickle", "holds Python objects, which may be programs")
     if stream.tell() + math.prod(shape) * dtype.itemsize != len(content):
         raise ValueError("an array has another size than its header says")
-    found: NDArray[Any] = np.ndarray(shape, dtype, content, stream.tell(), order="F" if is_fortran else "C")
-    return found.copy(order="K")
+    array: NDArray[Any] = np.ndarray(shape, dtype, content, stream.tell(), order="F" if is_fortran else "C")
+    return array.copy(order="K")

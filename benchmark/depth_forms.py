@@ -100,8 +100,8 @@ def canonical_form_of_depth(
         If there is no such method, or it computes no forms from views.
     """
     maker = method_of_depth(method)
-    given = None if mask is None else np.asarray(mask)
-    observed = observe(in_metres(np.asarray(depth), scale), _camera(intrinsics), given, up, half_width)
+    mask_image = None if mask is None else np.asarray(mask)
+    observed = observe(in_metres(np.asarray(depth), scale), _camera(intrinsics), mask_image, up, half_width)
     return form_of_object(observed, maker, half_width=half_width, seed=seed).form
 
 

@@ -64,7 +64,7 @@ class UnsupportedShape(ShapeError):
 
 def as_facts(error: BenchmarkError) -> dict[str, str]:
     """Return an error as strings from which another process can rebuild it; see :func:`from_facts`."""
-    kinds = (each for each in type(error).__mro__ if globals().get(each.__name__) is each)
+    kinds = (kind for kind in type(error).__mro__ if globals().get(kind.__name__) is kind)
     return {"kind": next(kinds).__name__, "problem": error.problem, "hint": error.hint}
 
 
@@ -86,8 +86,8 @@ def message(error: BaseException) -> str:
 
 def one_line(error: BaseException) -> str:
     """Return class and message of an exception on one line."""
-    said = " ".join(message(error).split())
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+    text = " ".join(message(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 #: Number of names in an error if a command lists them all, and that command by kind of name.

@@ -77,25 +77,25 @@ def _sources(root: Path) -> Iterator[Path]:
 
 def _compiled_together(source: Path, callees: Callable[[Path], set[Path]]) -> set[Path]:
     """Return a module and all those whose kernels and constants may be compiled into its own kernels."""
-    found, pending = {source}, [source]
+    reached, pending = {source}, [source]
     while pending:
-        new = callees(pending.pop()) - found
-        found |= new
+        new = callees(pending.pop()) - reached
+        reached |= new
         pending += new
-    return found
+    return reached
 
 
 def _callees(source: Path, known: Mapping[str, Path]) -> set[Path]:
     """Return the modules from which a module imports kernels or constants."""
-    found = set()
+    files = set()
     for node in ast.walk(ast.parse(source.read_bytes())):
         if isinstance(node, ast.ImportFrom) and node.module:
             names = {alias.name for alias in node.names}
-            found |= {known[name] for each in names if (name := f"{node.module}.{each}") in known}
+            files |= {known[name] for attribute in names if (name := f"{node.module}.{attribute}") in known}
             path = known.get(node.module)
             if path and (any(name.isupper() for name in names) or b"njit" in path.read_bytes()):
-                found.add(path)
-    return found
+                files.add(path)
+    return files
 
 
 #: Environment variable with the folder where numba stores compiled kernels.
@@ -124,5 +124,5 @@ def choose_kernel_cache() -> None:
 
 def _can_be_made(folder: Path) -> bool:
     """Return whether a folder is writable or can be created."""
-    there = next(place for place in (folder, *folder.parents) if place.exists())
-    return folder.is_absolute() and os.access(there, os.W_OK | os.X_OK)
+    existing = next(place for place in (folder, *folder.parents) if place.exists())
+    return folder.is_absolute() and os.access(existing, os.W_OK | os.X_OK)

@@ -145,10 +145,10 @@ class ResultsFolder:
     def distance_matrices(self, key: str) -> NDArray[np.float64]:
         """The same before the mean: shape (k, N, N), one matrix for each of the k codebooks, in no order."""
         record = self._scored(key)
-        found = list(self._artefacts.distances(record))
-        if not found:
+        matrices = list(self._artefacts.distances(record))
+        if not matrices:
             raise self._absent(record, "distances")
-        return np.stack(found).astype(np.float64)
+        return np.stack(matrices).astype(np.float64)
 
     def forms(self, key: str) -> dict[str, Mesh]:
         """Canonical forms of the shapes with a result, in the order of the distance matrix.
@@ -164,7 +164,7 @@ class ResultsFolder:
         method_run = self._artefacts.method_run(record)
         if method_run.describes:
             raise ConfigurationError(f"{record['method']} makes no forms", "ask for its descriptors")
-        return self._of_shapes(record, "forms", method_run.found_form)
+        return self._of_shapes(record, "forms", method_run.stored_form)
 
     def descriptors(self, key: str) -> DataFrame:
         """Descriptors, one row for each shape; errors as of :meth:`forms`."""
@@ -223,8 +223,8 @@ class ResultsFolder:
 
     def _absent(self, record: Record, what: str) -> StorageError:
         changed = self._results[record["key"]].outdated
-        why = f"made before the last change ({changed})" if changed else "made elsewhere, or freed"
-        return StorageError(f"the {what} of {job_name(record)} are not in {self.folder}: {why}", "run it again here")
+        reason = f"made before the last change ({changed})" if changed else "made elsewhere, or freed"
+        return StorageError(f"the {what} of {job_name(record)} are not in {self.folder}: {reason}", "run it again here")
 
 
 def open_results(

@@ -47,17 +47,17 @@ def clean(text: object) -> str:
     text
         Anything; ``str`` is applied to it.
     """
-    told = str(text)
-    if told.isprintable():
-        return told
-    told = _BLANKS.sub(_without_breaks, _TERMINAL_CODES.sub("", told))
-    return "".join(_printable(character) for character in told)
+    words = str(text)
+    if words.isprintable():
+        return words
+    words = _BLANKS.sub(_without_breaks, _TERMINAL_CODES.sub("", words))
+    return "".join(_printable(character) for character in words)
 
 
 def brief(text: object) -> str:
     """Return cleaned text, cut to :data:`LONGEST_REASON`."""
-    told = clean(text)
-    return told if len(told) <= LONGEST_REASON else told[: LONGEST_REASON - len(_CUT)] + _CUT
+    words = clean(text)
+    return words if len(words) <= LONGEST_REASON else words[: LONGEST_REASON - len(_CUT)] + _CUT
 
 
 def say(text: object = "", *, err: bool = False) -> None:
@@ -78,8 +78,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
-def _without_breaks(found: re.Match[str]) -> str:
-    return " " if _BREAKS & set(found[0]) else " " * len(found[0])
+def _without_breaks(match: re.Match[str]) -> str:
+    return " " if _BREAKS & set(match[0]) else " " * len(match[0])
 
 
 def _printable(character: str) -> str:

@@ -80,5 +80,5 @@ def described_by(described: object, plain: C) -> C:
     if not isinstance(described, Mapping) or set(described) != known or not isinstance(described["name"], str):
         raise ConfigurationError("the card describes another kind of network", "train the model again")
     values = {name: value for name, value in described.items() if name != "name"}
-    made: C = replace(plain, name=described["name"], **checked(kind, values, "the network"))  # type: ignore[type-var]
-    return made
+    configuration: C = replace(plain, name=described["name"], **checked(kind, values, "the network"))  # type: ignore[type-var]
+    return configuration

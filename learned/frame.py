@@ -89,7 +89,7 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
         noise = random.normal(scale=SECOND_PERTURBATION * np.trace(covariance), size=(3, 3))
         covariance = covariance + (noise + noise.T) / 2
     axes = np.linalg.eigh(covariance)[1].T[::-1].copy()
-    skewness = _skewness([each @ axes.T for each in corners], shares)
+    skewness = _skewness([vectors_at @ axes.T for vectors_at in corners], shares)
     if random is not None:
         skewness = skewness + random.normal(scale=THIRD_PERTURBATION, size=3)
     axes[skewness < 0] *= -1
@@ -133,7 +133,7 @@ def _covariance(corners: Sequence[Points], areas: FloatArray) -> FloatArray:
     """Second moments, shape (3, 3), of triangles with shares of area, shape (m,), about the origin."""
     a, b, c = corners
     vectors = (a, b, c, a + b + c)
-    return np.asarray(sum((areas[:, None] * each).T @ each for each in vectors) / 12)
+    return np.asarray(sum((areas[:, None] * vectors_at).T @ vectors_at for vectors_at in vectors) / 12)
 
 
 def _skewness(corners: Sequence[Points], areas: FloatArray) -> FloatArray:

@@ -81,10 +81,10 @@ class TrainedMethod(CheckedParameters):
 
     def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
         """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
-        found = self.configuration_in(card, folder)
-        if found != self.configuration:
+        name = self.configuration_in(card, folder)
+        if name != self.configuration:
             raise ConfigurationError(
-                f"the model in {folder} holds '{found}', not '{self.configuration}'", "name the folder of another model"
+                f"the model in {folder} holds '{name}', not '{self.configuration}'", "name the folder of another model"
             )
 
     def load(self, folder: Path) -> Self:

@@ -117,7 +117,7 @@ def _detect_all(
     frames = np.empty((4096, 4))
     descriptors = np.empty((4096, DESCRIPTOR_SIZE), dtype=np.uint8)
     offsets = np.zeros(n_images + 1, dtype=np.int32)
-    found = np.empty((1024, 4))
+    points = np.empty((1024, 4))
     peaks = np.empty(MAX_ORIENTATIONS)  # no more are written
     count = 0
     # A window never exceeds its image, so that what is made of it fits into memory that is asked for once.
@@ -141,16 +141,16 @@ def _detect_all(
             differences = memory[1][: (N_GAUSSIANS - 1) * area].reshape((N_GAUSSIANS - 1, *shape))
             _paste(base, base_row, base_column, crop, row0, column0)
             build_octave(crop, gaussians, differences, octave == 0)
-            n_found = find_extrema(differences, peak_threshold, edge_ratio, found)
+            n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
             # Counted even where there is no room: the search again has room for all.
-            if n_found > len(found):
-                found = np.empty((2 * n_found, 4))
-                n_found = find_extrema(differences, peak_threshold, edge_ratio, found)
+            if n_points > len(points):
+                points = np.empty((2 * n_points, 4))
+                n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
             magnitudes, angles = np.empty_like(crop), np.empty_like(crop)
             level_done = -1
-            for k in range(n_found):
-                x, y, level = found[k, 0], found[k, 1], int(found[k, 2])
-                sigma = BASE_SCALE * STEP ** (level + 1 + found[k, 3])
+            for k in range(n_points):
+                x, y, level = points[k, 0], points[k, 1], int(points[k, 2])
+                sigma = BASE_SCALE * STEP ** (level + 1 + points[k, 3])
                 if level != level_done:
                     gradients(gaussians[level + 1], magnitudes, angles)
                     level_done = level

@@ -106,9 +106,9 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
 
     def array(argument: int) -> tuple[Any, Any]:
         """Return where an array begins, and the elements between its rows."""
-        made = context.make_array(signature.args[argument])(context, builder, args[argument])
+        array_of = context.make_array(signature.args[argument])(context, builder, args[argument])
         size = context.get_constant(types.intp, 4)
-        return made.data, builder.sdiv(cgutils.unpack_tuple(builder, made.strides, 2)[0], size)
+        return array_of.data, builder.sdiv(cgutils.unpack_tuple(builder, array_of.strides, 2)[0], size)
 
     def plus(value: Any, amount: int) -> Any:
         return builder.add(value, ir.Constant(index, amount))
@@ -136,15 +136,16 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
     sums, above, below = ([cgutils.alloca_once(builder, _VECTOR) for _ in range(ROWS)] for _ in range(3))
     for k in range(ROWS):
         pixels = load(plus(row, k))
-        for each, value in ((above, pixels), (below, pixels), (sums, builder.fmul(weight(zero), pixels))):
-            builder.store(value, each[k])
+        for pointers, value in ((above, pixels), (below, pixels), (sums, builder.fmul(weight(zero), pixels))):
+            builder.store(value, pointers[k])
 
     def add_neighbours(*, cut: bool) -> None:
         with cgutils.for_range(builder, radius, intp=index) as loop:
             j = plus(loop.index, 1)
             factor = weight(j)
-            aboves = [load(builder.sub(row, j), cut=cut), *(builder.load(each) for each in above[:-1])]
-            belows = [*(builder.load(each) for each in below[1:]), load(builder.add(plus(row, ROWS - 1), j), cut=cut)]
+            aboves = [load(builder.sub(row, j), cut=cut), *(builder.load(pointer) for pointer in above[:-1])]
+            top = load(builder.add(plus(row, ROWS - 1), j), cut=cut)
+            belows = [*(builder.load(pointer) for pointer in below[1:]), top]
             for k in range(ROWS):
                 builder.store(aboves[k], above[k])
                 builder.store(belows[k], below[k])
@@ -160,7 +161,7 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
         with otherwise:
             add_neighbours(cut=True)
     four = ir.VectorType(ir.FloatType(), ROWS)
-    for lane, pixels in enumerate(_transposed(builder, [builder.load(each) for each in sums])):
+    for lane, pixels in enumerate(_transposed(builder, [builder.load(pointer) for pointer in sums])):
         offset = builder.add(builder.mul(plus(column, lane), target_stride), row)
         builder.store(pixels, at(target, offset, four), align=4)
     return context.get_dummy_value()
@@ -184,7 +185,7 @@ def _transposed(builder: ir.IRBuilder, rows: list[Any]) -> list[Any]:
     pairs = [[mixed(rows[k], rows[k + 1], places) for k in (0, 2)] for places in ((0, 4, 1, 5), (2, 6, 3, 7))]
     columns = [mixed(first, second, places) for first, second in pairs for places in ((0, 1, 4, 5), (2, 3, 6, 7))]
     return [
-        builder.shuffle_vector(each, each, _mask(list(range(begin, begin + ROWS))))
+        builder.shuffle_vector(column, column, _mask(list(range(begin, begin + ROWS))))
         for begin in range(0, LANES, 4)
-        for each in columns
+        for column in columns
     ]

@@ -113,9 +113,9 @@ def _text_discounts(count: int) -> FloatArray:
 @lru_cache(maxsize=64)
 def _sums(weights: Callable[[int], FloatArray], count: int) -> FloatArray:
     """Return the sums of the weights of the first k ranks, k = 0 ... ``count``."""
-    found = np.concatenate([[0.0], np.cumsum(weights(count))])
-    found.flags.writeable = False
-    return found
+    sums = np.concatenate([[0.0], np.cumsum(weights(count))])
+    sums.flags.writeable = False
+    return sums
 
 
 def _discounted(results: RankedResults, weights: FloatArray) -> float:

@@ -100,9 +100,9 @@ def rectilinearity_rotation(mesh: Mesh) -> Rotation:
     grid = np.array([_from_rodrigues(x, y, z) for x in ticks for y in ticks for z in ticks])
     areas = np.array([_projected_area(area_vectors, rotation) for rotation in grid])
     starts = grid[np.sort(np.argsort(areas, kind="stable")[:STARTS])]
-    found = [_refine(area_vectors, start, FIRST_STEP, LAST_STEP) for start in starts]
-    bound = min(area for _, area in found) * (1.0 + EQUALLY_RECTILINEAR)
-    return np.asarray(next(rotation for rotation, area in found if area <= bound))
+    refined = [_refine(area_vectors, start, FIRST_STEP, LAST_STEP) for start in starts]
+    bound = min(area for _, area in refined) * (1.0 + EQUALLY_RECTILINEAR)
+    return np.asarray(next(rotation for rotation, area in refined if area <= bound))
 
 
 def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:

@@ -76,11 +76,11 @@ def _build_marks(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
             for neighbours in (load(step), load(builder.neg(step))):
                 high = builder.and_(high, builder.fcmp_ordered(">", pixels, neighbours))
                 low = builder.and_(low, builder.fcmp_ordered("<", pixels, neighbours))
-        found = bits(builder.or_(high, low))
+        extrema = bits(builder.or_(high, low))
         inside = builder.block
     marks = builder.phi(ir.IntType(LANES))
     marks.add_incoming(ir.Constant(ir.IntType(LANES), 0), before)
-    marks.add_incoming(found, inside)
+    marks.add_incoming(extrema, inside)
     return builder.zext(marks, ir.IntType(64))
 
 
@@ -129,7 +129,7 @@ def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleA
 
 
 @njit(cache=True, nogil=True)
-def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: float, found: FloatArray) -> int:
+def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: float, points: FloatArray) -> int:
     """Sub-pixel extrema of the differences of one octave.
 
     Parameters
@@ -140,7 +140,7 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
         Smallest absolute value at the refined extremum, in units of the image.
     edge_ratio
         Largest ratio of the principal curvatures.
-    found
+    points
         Shape (capacity, 4), float64, overwritten: x, y in pixels of the octave, level 0 ... 2 where the extremum lies,
         offset of the level.
 
@@ -174,8 +174,8 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
                     good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
                     if not good:
                         continue
-                    if count < len(found):
-                        found[count, 0], found[count, 1], found[count, 2], found[count, 3] = x, y, level - 1, offset
+                    if count < len(points):
+                        points[count, 0], points[count, 1], points[count, 2], points[count, 3] = x, y, level - 1, offset
                     count += 1
     return count
 

@@ -64,17 +64,17 @@ def all_splits(
         If there is no such way.
     """
     known = list(dict.fromkeys(subjects))
-    found = list(combinations(known, size))
+    splits = list(combinations(known, size))
     if wanted is not None:
         kind_of = kinds or {}
-        found = [
+        splits = [
             split
-            for split in found
+            for split in splits
             if all(sum(kind_of.get(subject) == kind for subject in split) == n for kind, n in wanted.items())
         ]
-    if not found:
+    if not splits:
         raise ConfigurationError(f"no {size} of {len(known)} subjects can be taken so", "take fewer")
-    return found
+    return splits
 
 
 def scores_of_splits(
@@ -117,7 +117,7 @@ def scores_of_splits(
     matrix, _, has_result = with_missing(distances, classes, answered)
     chosen = _membership(splits, number)
     members = [np.flatnonzero(classes == k) for k in range(len(names))]
-    summed = {each.name: each.cumulated for each in MEASURES if each.cumulated and each.name in PRINTED}
+    summed = {measure.name: measure.cumulated for measure in MEASURES if measure.cumulated and measure.name in PRINTED}
     counts = np.arange(len(classes) + 1, dtype=np.float64)
     totals, queries = np.zeros((len(splits), len(summed))), np.zeros(len(splits))
     for own, of_class in enumerate(members):

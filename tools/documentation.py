@@ -66,11 +66,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Lead the links of a page to where their files are in the site."""
-    here = page.file.src_uri
-    if here == "gallery.md" or here.startswith("api/"):
+    address = page.file.src_uri
+    if address == "gallery.md" or address.startswith("api/"):
         return markdown
-    source = next((path for path, uri in URIS.items() if uri == here), None)
-    source = source or (here.removeprefix("repository/") if here.startswith("repository/") else f"docs/{here}")
+    source = next((path for path, uri in URIS.items() if uri == address), None)
+    source = source or (address.removeprefix("repository/") if address.startswith("repository/") else f"docs/{address}")
 
     def led(link: re.Match[str]) -> str:
         picture, text, target, anchor = link.groups(default="")
@@ -78,7 +78,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         uri = _uri(path)
         if uri not in files.src_uris:
             return text
-        return f"{picture}[{text}]({posixpath.relpath(uri, posixpath.dirname(here) or '.')}{anchor})"
+        return f"{picture}[{text}]({posixpath.relpath(uri, posixpath.dirname(address) or '.')}{anchor})"
 
     return LINK.sub(led, markdown)
 

@@ -70,8 +70,8 @@ def passes(variant: Variant) -> bool:
     summary = (text.strip().splitlines() or ["no output"])[-1].strip()
     print(f"{variant.name:<10} {ending} in {time.perf_counter() - start:.0f} s: {summary}", flush=True)
     if code:
-        again = " ".join(f"{name}={value}" for name, value in settings.items())
-        print(text[-4000:], f"all of it is in {log}; again: {again} make golden", sep="\n", flush=True)
+        variables = " ".join(f"{name}={value}" for name, value in settings.items())
+        print(text[-4000:], f"all of it is in {log}; again: {variables} make golden", sep="\n", flush=True)
     return not code
 
 

@@ -110,7 +110,7 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
 
     def error(solver: str) -> float:
         pairs = zip(all_pairs(solver), exact, strict=True)
-        errors = [np.abs(found[sources] - truth)[truth > 0] / truth[truth > 0] for found, truth in pairs]
+        errors = [np.abs(estimate[sources] - truth)[truth > 0] / truth[truth > 0] for estimate, truth in pairs]
         return 100 * float(np.concatenate(errors).mean())
 
     ours = geodesics.DEFAULT_SOLVER
@@ -148,7 +148,7 @@ def of_forms(steps: int = 10) -> Iterator[Row]:
 
     for name in ("accelerated-mds", "fast-classical-scaling", "nystrom-mds", "fast-mds"):
         method = variant(name, known).create()
-        ours, theirs = (partial(form_of_mesh, each, shape.mesh) for each in (method, classic))
+        ours, theirs = (partial(form_of_mesh, method, shape.mesh) for method in (method, classic))
         stresses = [normalised_stress(work().vertices, distances) for work in (ours, theirs)]
         detail = "stress over all pairs {:.5f} (peer {:.5f})".format(*stresses)
         yield Row(f"{name} with its geodesics", ours, "all geodesics + classic-mds", theirs, detail)

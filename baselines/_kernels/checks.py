@@ -14,10 +14,10 @@ MOST_WITH_ALL_PAIRS = 20_000
 
 def require_vertices(shape: Shape, minimum: int = MINIMUM_VERTICES) -> None:
     """Raise ``UnsupportedShape`` unless the shape has at least ``minimum`` vertices and one face."""
-    found = shape.mesh.n_vertices
-    if found < minimum or not shape.mesh.n_faces:
+    n_vertices = shape.mesh.n_vertices
+    if n_vertices < minimum or not shape.mesh.n_faces:
         raise UnsupportedShape(
-            f"{shape.identifier}: {found} vertices and {shape.mesh.n_faces} faces, "
+            f"{shape.identifier}: {n_vertices} vertices and {shape.mesh.n_faces} faces, "
             f"where at least {minimum} vertices and one face are needed",
             "check how the shape was cut or decimated",
         )

@@ -27,9 +27,9 @@ def angle_defects(mesh: Mesh) -> FloatArray:
     corners = mesh.vertices[mesh.faces]
     forth, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     angles = np.arctan2(np.linalg.norm(np.cross(forth, back), axis=2), (forth * back).sum(axis=2))
-    found = edges_of(mesh.faces)
+    edges = edges_of(mesh.faces)
     full = np.full(mesh.n_vertices, 2 * np.pi)
-    full[found.ends[found.counts == 1].ravel()] = np.pi
+    full[edges.ends[edges.counts == 1].ravel()] = np.pi
     return np.asarray(full - np.bincount(mesh.faces.ravel(), angles.ravel(), mesh.n_vertices))
 
 
@@ -63,7 +63,7 @@ def conformal_factors(mesh: Mesh, laplacian: Laplacian) -> FloatArray:
     return np.asarray(factors - shares @ factors)
 
 
-def tips(shape: Shape, most: int, apart: float) -> list[int]:
+def tips(shape: Shape, most: int, spacing: float) -> list[int]:
     """Vertices where the conformal factor has a positive local maximum, the highest first.
 
     Parameters
@@ -72,7 +72,7 @@ def tips(shape: Shape, most: int, apart: float) -> list[int]:
         A shape in one piece.
     most
         Largest number of tips.
-    apart
+    spacing
         Least distance between two of them along the edges, as a share of the root of the area; the lower one is left
         out.
 
@@ -89,9 +89,9 @@ def tips(shape: Shape, most: int, apart: float) -> list[int]:
     np.maximum.at(highest, ends[:, 1], factors[ends[:, 0]])
     margin = TIE * float(np.abs(factors).max())
     left = np.where((factors >= highest - margin) & (factors > EVEN), factors, -np.inf)
-    graph, radius = edge_graph(shape), apart * float(np.sqrt(mesh.area))
-    found: list[int] = []
-    while len(found) < most and left.max() > 0:
-        found.append(largest(left, mesh.vertices))
-        left[within(graph, found[-1], radius)] = -np.inf
-    return found
+    graph, radius = edge_graph(shape), spacing * float(np.sqrt(mesh.area))
+    chosen: list[int] = []
+    while len(chosen) < most and left.max() > 0:
+        chosen.append(largest(left, mesh.vertices))
+        left[within(graph, chosen[-1], radius)] = -np.inf
+    return chosen

@@ -77,9 +77,9 @@ def settled_axes(coordinates: FloatArray, eigenvalues: FloatArray, positions: Fl
     numpy.ndarray
         The coordinates along the turned axes, shape (n, k).
     """
-    apart = np.abs(np.diff(eigenvalues)) > EQUAL * np.maximum(np.abs(eigenvalues[1:]), np.abs(eigenvalues[:-1]))
+    distinct = np.abs(np.diff(eigenvalues)) > EQUAL * np.maximum(np.abs(eigenvalues[1:]), np.abs(eigenvalues[:-1]))
     settled = coordinates.copy()
-    for columns in np.split(np.arange(len(eigenvalues)), np.flatnonzero(apart) + 1):
+    for columns in np.split(np.arange(len(eigenvalues)), np.flatnonzero(distinct) + 1):
         if len(columns) == 1:
             continue
         rest, axes = coordinates[:, columns], []

@@ -94,8 +94,8 @@ def refit_parts(
         offered[parts[graph.indices], start] = misses[parts[graph.indices], start]
         own = misses[parts, np.arange(len(parts))]
         best = offered.min(axis=0)
-        wanted = (offered <= best + threshold).argmax(axis=0)
-        changed = np.where(best < own - threshold, wanted, parts)
+        nearest = (offered <= best + threshold).argmax(axis=0)
+        changed = np.where(best < own - threshold, nearest, parts)
         depleted = np.bincount(changed, minlength=len(least)) < least
         changed = np.where(depleted[parts], parts, changed)
         if (changed == parts).all():
@@ -134,18 +134,18 @@ def close_gaps(
     start, end = np.repeat(np.arange(len(parts)), np.diff(graph.indptr)), graph.indices
     seam = (parts[start] != parts[end]) & (start < end)
     start, end, weights = start[seam], end[seam], graph.data[seam]
-    here, there = parts[start], parts[end]
+    first, second = parts[start], parts[end]
     # The gap is R_c m + t_c - R_d m - t_d at the middle m of the edge.
     middles = (surface.rest[start] + surface.rest[end]) / 2
-    gaps = np.einsum("eab,eb->ea", rotations[there] - rotations[here], middles)
+    gaps = np.einsum("eab,eb->ea", rotations[second] - rotations[first], middles)
     system = np.diag(np.bincount(parts, masses) / masses.sum())
     right = system @ translations
-    np.add.at(system, (here, here), weights)
-    np.add.at(system, (there, there), weights)
-    np.add.at(system, (here, there), -weights)
-    np.add.at(system, (there, here), -weights)
-    np.add.at(right, here, weights[:, None] * gaps)
-    np.add.at(right, there, -weights[:, None] * gaps)
+    np.add.at(system, (first, first), weights)
+    np.add.at(system, (second, second), weights)
+    np.add.at(system, (first, second), -weights)
+    np.add.at(system, (second, first), -weights)
+    np.add.at(right, first, weights[:, None] * gaps)
+    np.add.at(right, second, -weights[:, None] * gaps)
     return np.asarray(np.linalg.solve(system, right))
 
 

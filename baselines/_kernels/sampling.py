@@ -70,8 +70,8 @@ def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> 
     rows
         Their distances to all vertices, shape (k, n).
     """
-    found = np.linalg.norm(points[sources][:, None] - points, axis=2)
-    return float(((found - rows) ** 2).sum() / (rows**2).sum())
+    distances = np.linalg.norm(points[sources][:, None] - points, axis=2)
+    return float(((distances - rows) ** 2).sum() / (rows**2).sum())
 
 
 def _farthest_from_centre(graph: csr_array, vertices: FloatArray) -> int:

@@ -62,8 +62,8 @@ class Springs:
 
     def strains(self, positions: FloatArray) -> FloatArray:
         """Relative change of length of each edge, shape (m,)."""
-        found = np.linalg.norm(self.incidence @ positions, axis=1)
-        return np.asarray(np.abs(found - self.lengths) / np.maximum(self.lengths, np.finfo(float).tiny))
+        lengths = np.linalg.norm(self.incidence @ positions, axis=1)
+        return np.asarray(np.abs(lengths - self.lengths) / np.maximum(self.lengths, np.finfo(float).tiny))
 
     def energy(self, positions: FloatArray, points: Sequence[int], push: float) -> float:
         """Half the squared extension of all springs, less the push times the distances of all pairs of points."""
@@ -95,8 +95,8 @@ class Springs:
         for _ in range(steps):
             differences = self.incidence @ positions
             load = self.incidence.T @ (differences * _over(self.lengths, np.linalg.norm(differences, axis=1))[:, None])
-            apart = positions[chosen][:, None] - positions[chosen]
-            load[chosen] += push * (apart * _over(1.0, np.linalg.norm(apart, axis=2))[..., None]).sum(axis=1)
+            offsets = positions[chosen][:, None] - positions[chosen]
+            load[chosen] += push * (offsets * _over(1.0, np.linalg.norm(offsets, axis=2))[..., None]).sum(axis=1)
             positions = self.solve(load + HOLD * positions)
         return positions
 

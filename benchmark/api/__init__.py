@@ -21,7 +21,7 @@ _MODULES = ("api.contracts", "api.scoring", "api.datasets", "api.learning", "api
 def __getattr__(name: str) -> Any:
     """Return a name of one of the modules; raises ``AttributeError`` if none has it."""
     for module in () if name.startswith("_") else _MODULES:
-        found = importlib.import_module(f"benchmark.{module}")
-        if name in found.__all__:
-            return getattr(found, name)
+        imported = importlib.import_module(f"benchmark.{module}")
+        if name in imported.__all__:
+            return getattr(imported, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -259,10 +259,10 @@ def checked_weights(folder: Path) -> bytes:
         content = path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
-    found = hashlib.sha256(content).hexdigest()
-    if found != expected:
+    actual = hashlib.sha256(content).hexdigest()
+    if actual != expected:
         raise ConfigurationError(
-            f"{path} has digest {found[:12]}..., its card says {expected[:12]}...",
+            f"{path} has digest {actual[:12]}..., its card says {expected[:12]}...",
             "fetch the file again or train the model again",
         )
     return content

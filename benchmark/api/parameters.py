@@ -137,8 +137,8 @@ class CheckedParameters:
     """A base of a frozen dataclass that checks its parameters, and normalises them, whenever one is made."""
 
     def __post_init__(self) -> None:
-        given = {name: getattr(self, name) for name in declared_parameters(type(self))}
-        for name, value in checked(type(self), given).items():
+        values = {name: getattr(self, name) for name in declared_parameters(type(self))}
+        for name, value in checked(type(self), values).items():
             object.__setattr__(self, name, value)
 
 
@@ -197,10 +197,10 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
     }
 
 
-def parameter_values(made: Any) -> dict[str, Any]:
+def parameter_values(instance: Any) -> dict[str, Any]:
     """All parameters of an object that was made of a dataclass, normalised; none of an object of another class."""
-    fields = declared_parameters(type(made))
-    return {name: _normalised(annotation, getattr(made, name)) for name, (annotation, _) in fields.items()}
+    fields = declared_parameters(type(instance))
+    return {name: _normalised(annotation, getattr(instance, name)) for name, (annotation, _) in fields.items()}
 
 
 def format_value(value: Any) -> str:

@@ -182,5 +182,5 @@ def _evidence(row: RowOutcome) -> str:
     """Return where the scores of a row come from, or why they cannot be checked."""
     if row.faults:
         return "; ".join(f"{fault.name}: {fault.problem}" for fault in row.faults)
-    again = f"{len(row.again) or 'none'} recomputed"
-    return f"from {row.holds}; {again}; {_COMPARED.get(row.compared, 'labels and inputs not checked')}"
+    recomputed = f"{len(row.again) or 'none'} recomputed"
+    return f"from {row.holds}; {recomputed}; {_COMPARED.get(row.compared, 'labels and inputs not checked')}"

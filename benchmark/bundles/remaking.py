@@ -68,11 +68,11 @@ def remake(
         raise ConfigurationError("its trained model is not in the bundle", "train it yourself, and submit")
     forms = unfolded(load_arrays(io.BytesIO(content), entry.key))
     items = dict(zip(answered_shapes(record), forms, strict=True))
-    apart, distances = 0.0, None
+    deviation, distances = 0.0, None
     try:
         if data[0]:
             run = _method_run(record, known, data, folders)
-            apart = max((_apart(run, name, items) for name in shapes), default=0.0)
+            deviation = max((_apart(run, name, items) for name in shapes), default=0.0)
         if target and entry.holds == "descriptors":
             method: Any = spec.create()
             vectors = [arrays["descriptor"] for arrays in items.values()]
@@ -82,7 +82,7 @@ def remake(
     is_same = (
         bool(target) or versions_of(method_components(spec)).items() <= record["recipe"].get("versions", {}).items()
     )
-    return {"apart": min(apart, 1e9), "distances": distances, "is_same_code": is_same}
+    return {"apart": min(deviation, 1e9), "distances": distances, "is_same_code": is_same}
 
 
 def _method_run(

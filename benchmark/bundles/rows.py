@@ -148,8 +148,8 @@ class RowCheck:
             matrices = self._distances(len(items))
             computed = self._computed(scorer, items) if items else None
             scored = None if computed is None else self._compare_scores(computed, matrices)
-        if not self._is_false and (again := self._remade()) is not None:
-            scored = self._compare_scores([np.array(again)], matrices)
+        if not self._is_false and (distances := self._remade()) is not None:
+            scored = self._compare_scores([np.array(distances)], matrices)
         if scored is None and not self.faults:
             problem = "its distances come from a package outside the suite"
             self._claim("not-run", problem, "ask its author for a plugin in one file")

@@ -33,7 +33,7 @@ from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.method_run import MethodRun, Preparation, shape_of
-from benchmark.pipeline.retrieval import Found, input_for, search
+from benchmark.pipeline.retrieval import SearchResult, input_for, search
 from benchmark.pipeline.stages.complete import N_VERTICES, complete
 from benchmark.pipeline.stages.view import half_width_of, seen
 from benchmark.pipeline.storage.store import Store
@@ -302,16 +302,16 @@ def _retrieved(source: str, options: Retrieve) -> Iterable[str]:
         identifier, subject, distance = hit.entry.identifier, hit.entry.subject, f"{hit.distance:.4g}"
         rows.append((str(rank), identifier, subject, distance))
         if picture:
-            form = None if run.describes else run.found_form(hit.entry)
+            form = None if run.describes else run.stored_form(hit.entry)
             panels.append((f"{rank}. {identifier}\n{subject}\n{distance}", form))
     if picture:
         save_png(retrieved_picture(panels), picture)
     return [*aligned(rows), _summary(nearest, seconds)]
 
 
-def _summary(nearest: Found, seconds: float) -> str:
-    made = f", {nearest.made} made from their forms and kept" if nearest.made else ""
+def _summary(nearest: SearchResult, seconds: float) -> str:
+    added = f", {nearest.n_computed} made from their forms and kept" if nearest.n_computed else ""
     return (
         f"class {nearest.hits[0].entry.subject}, by a margin of {nearest.margin:.1%} over the second class; "
-        f"{nearest.read} signatures read{made}, {seconds:.1f} s"
+        f"{nearest.n_read} signatures read{added}, {seconds:.1f} s"
     )

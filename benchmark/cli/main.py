@@ -89,8 +89,8 @@ def main() -> None:
     pin_threads()
     choose_kernel_cache()
     _open_streams()
-    if asked := os.environ.get(_COMPLETE):
-        sys.exit(shell_complete(cli, {}, _COMPLETED, _COMPLETE, asked))
+    if instruction := os.environ.get(_COMPLETE):
+        sys.exit(shell_complete(cli, {}, _COMPLETED, _COMPLETE, instruction))
     try:
         with cli.make_context(PROGRAM, sys.argv[1:]) as context:
             cli.invoke(context)

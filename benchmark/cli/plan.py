@@ -184,9 +184,9 @@ def _explain(key: str, record: Record | None) -> None:
         facts.append(("seconds", f"{phases} (median of a shape)"))
         if record.get("peak_mib") is not None:
             facts.append(("memory", f"{record['peak_mib']} MiB above the process at rest"))
-    for made in record.get("environments", ()):
-        count = f"{made['artefacts']} artefacts: " if "artefacts" in made else ""
-        facts.append(("made with", count + in_words(made.get("environment", made))))
+    for environment in record.get("environments", ()):
+        count = f"{environment['artefacts']} artefacts: " if "artefacts" in environment else ""
+        facts.append(("made with", count + in_words(environment.get("environment", environment))))
     if digests := record.get("digests"):
         facts.append(("digests", _listed(digests)))
     facts += [("unsupported", f"{shape}: {reason}") for shape, reason in record.get("unsupported", ())[:10]]

@@ -133,11 +133,11 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
     say(f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'cached' for job in jobs)} finished before")
     for job in jobs:
         if job.state in ("failed", "unavailable"):
-            again = "; --retry runs it again" if job.state == "failed" else ""
-            say(f"{job.state:<11}  {job.name}  {brief(job.reason)}{again}")
+            remedy = "; --retry runs it again" if job.state == "failed" else ""
+            say(f"{job.state:<11}  {job.name}  {brief(job.reason)}{remedy}")
         if job.state == "unavailable":
-            made = {"environment": environment_text(), "artefacts": 0}
-            store.write_record({**unavailable_record(job), "environments": [made]})
+            environment = {"environment": environment_text(), "artefacts": 0}
+            store.write_record({**unavailable_record(job), "environments": [environment]})
     sweep_leftovers(store)
     passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
     fine = all(job.state in passed_over for job in jobs if not job.to_run)

@@ -45,8 +45,8 @@ def results_of(options: RunOptions, store: Store) -> Results:
 
 def is_of_data(record: Record, options: RunOptions) -> bool:
     """Return whether a record belongs to the selected data sets (names or paths) and inputs."""
-    asked = {*options.datasets, *map(os.path.realpath, options.datasets)}
-    is_of_set = not asked or bool(asked & _names(record["data"]))
+    datasets = {*options.datasets, *map(os.path.realpath, options.datasets)}
+    is_of_set = not datasets or bool(datasets & _names(record["data"]))
     return is_of_set and (not options.inputs or record["input"] in options.inputs)
 
 

@@ -47,9 +47,9 @@ def merge(options: Merge) -> bool:
         if not published and claims.is_last():
             store.records.gather()
     name_skipped(store)
-    for there, other in merged.conflicts:
-        scores = f"{scores_in_words(there)} here, {scores_in_words(other)} there"
-        say(f"conflict: {job_name(there)} ({there['key'][:12]}): {scores}")
+    for kept, other in merged.conflicts:
+        scores = f"{scores_in_words(kept)} here, {scores_in_words(other)} there"
+        say(f"conflict: {job_name(kept)} ({kept['key'][:12]}): {scores}")
     say(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
     return not merged.conflicts
 
@@ -122,11 +122,11 @@ def _outcome_lines(outcome: Outcome) -> list[str]:
 
 
 def _basis(row: RowOutcome, outcome: Outcome) -> str:
-    again = f"; {len(row.again)} made again, {row.apart:.1g} apart at most" if row.again else ""
+    recomputed = f"; {len(row.again)} made again, {row.apart:.1g} apart at most" if row.again else ""
     if outcome.with_run and row.status == "verified" and not row.again:
-        again = "; none made again: no plugin, or its data is not here"
+        recomputed = "; none made again: no plugin, or its data is not here"
     compared = {"data": "gallery compared with the data", "records": "gallery compared with records"}
-    return f"from {row.holds}; {compared.get(row.compared, 'gallery not compared with anything')}{again}"
+    return f"from {row.holds}; {compared.get(row.compared, 'gallery not compared with anything')}{recomputed}"
 
 
 def score(options: Score) -> None:

@@ -185,8 +185,8 @@ def is_present(name: str, data_root: Path | None) -> bool:
     """Return whether a data set can be used: generated ones always, official ones when their folder is there."""
     if (clean := clean_name(name)) != name:
         return is_path(clean) or is_present(clean, data_root)
-    if found := parsed_decimation(name) or parsed(name):
-        return is_path(found[0]) or is_present(found[0], data_root)
+    if parts := parsed_decimation(name) or parsed(name):
+        return is_path(parts[0]) or is_present(parts[0], data_root)
     source = _source(name)
     return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
 
@@ -220,10 +220,10 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
         return Jittered(open_dataset(jitter[0], data_root), jitter[1])
     if decimation := parsed_decimation(name):
         return Decimated.of(open_dataset(decimation[0], data_root), decimation[1])
-    if found := parsed(name):
+    if parts := parsed(name):
         from benchmark.datasets.perturbations.dataset import perturbed
 
-        return perturbed(open_dataset(found[0], data_root), *found[1:])
+        return perturbed(open_dataset(parts[0], data_root), *parts[1:])
     if is_own(name):
         return open_own(name)
     if not is_known(name) and is_path(name):
@@ -251,7 +251,7 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
 
 def fitting_perturbations(name: str) -> list[str]:
     """Return the perturbations that fit a data set: of depth frames those of frames, else all others."""
-    return [each for each, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
+    return [kind for kind, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
 
 
 def catalogued(name: str) -> str | None:
@@ -261,11 +261,11 @@ def catalogued(name: str) -> str | None:
     """
     clean = clean_name(name)
     try:
-        found = parsed_decimation(clean) or parsed(clean)
+        parts = parsed_decimation(clean) or parsed(clean)
     except ConfigurationError:  # a stranger may have a program that is not known here
         return None
-    if found:
-        return catalogued(found[0])
+    if parts:
+        return catalogued(parts[0])
     return clean if is_known(clean) else None
 
 
@@ -290,8 +290,8 @@ def _meant(name: str, own: Mapping[str, str]) -> str:
     """Return what :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
     if decimation := parsed_decimation(name):
         return decimated_name(_meant(decimation[0], own), decimation[1])
-    if found := parsed(name):
-        return perturbed_name(_meant(found[0], own), *found[1:])
+    if parts := parsed(name):
+        return perturbed_name(_meant(parts[0], own), *parts[1:])
     if name not in own and not is_known(name) and not is_path(name):
         folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
         near = difflib.get_close_matches(name, folders, 1)

@@ -87,14 +87,14 @@ class Report:
     def lines(self) -> list[str]:
         """The report as text: a summary, then one line for each anomaly, then their number."""
         kind = f"stand-in for {self.stand_in_for}" if self.stand_in_for else "not a stand-in"
-        found = [inspection.cleaning for inspection in self.inspections.values()]
+        cleanings = [inspection.cleaning for inspection in self.inspections.values()]
         errors = sum(anomaly.severity == "error" for anomaly in self.anomalies)
         return [
             f"{self.name}: {self.n_shapes} shapes, {len(self.class_sizes)} classes, {kind}",
             f"classes     {', '.join(f'{subject} {size}' for subject, size in self.class_sizes.items()) or 'unknown'}",
-            f"vertices    {_range_and_median([report.vertices_before for report in found])}",
-            f"faces       {_range_and_median([report.faces_before for report in found])}",
-            f"components  {_range_and_median([report.components for report in found])}",
+            f"vertices    {_range_and_median([report.vertices_before for report in cleanings])}",
+            f"faces       {_range_and_median([report.faces_before for report in cleanings])}",
+            f"components  {_range_and_median([report.components for report in cleanings])}",
             f"holes       {_range_and_median([inspection.holes for inspection in self.inspections.values()])}",
             *map(str, self.anomalies),
             f"{errors} errors, {len(self.anomalies) - errors} warnings",
@@ -145,8 +145,8 @@ def check(dataset: Dataset, watched: Watched = iter) -> Report:
     if folder is not None:
         anomalies += _of_manifest(folder, dataset.entries, inspections)
     sizes = dict(Counter(entry.subject for entry in dataset.entries))
-    found = (*anomalies, *of_shapes)
-    return Report(dataset.name, dataset.stand_in_for, len(dataset.entries), sizes, inspections, found)
+    everything = (*anomalies, *of_shapes)
+    return Report(dataset.name, dataset.stand_in_for, len(dataset.entries), sizes, inspections, everything)
 
 
 def _folder_of(name: str, data_root: Path | None) -> Path | None:
@@ -244,20 +244,20 @@ def _inspect_all(
     for entry in watched(dataset.entries):
         file = _relative(entry.path, folder) if entry.path and folder else entry.identifier
         try:
-            found = inspect(dataset.load(entry), dataset.camera(entry))
+            inspection = inspect(dataset.load(entry), dataset.camera(entry))
         except ShapeError as error:
             anomalies.append(Anomaly("error", file, error.problem.removeprefix(f"{entry.path}: "), error.hint))
             continue
-        inspections[entry.identifier] = found
-        if not found.faces_left:
+        inspections[entry.identifier] = inspection
+        if not inspection.faces_left:
             anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
         if not isinstance(dataset, DepthFolder):  # what one camera sees is open, and may lie in pieces
-            anomalies += [Anomaly("warning", file, what, hint) for what, hint in flaws(found)]
-        twin = first_with.setdefault(found.digest, file)
+            anomalies += [Anomaly("warning", file, what, hint) for what, hint in flaws(inspection)]
+        twin = first_with.setdefault(inspection.digest, file)
         if twin != file:
             anomalies.append(Anomaly("warning", file, f"the same geometry as {twin}", "keep one of the two"))
-        if found.extent:
-            extents[file] = found.extent
+        if inspection.extent:
+            extents[file] = inspection.extent
     return inspections, [*anomalies, *_of_frame(dataset, extents)]
 
 
@@ -311,12 +311,12 @@ def _digest(path: Path) -> str | None:
         return None
 
 
-def _of_counts(row: ManifestRow, found: Inspection | None) -> Iterator[Anomaly]:
-    if found is None:
+def _of_counts(row: ManifestRow, inspection: Inspection | None) -> Iterator[Anomaly]:
+    if inspection is None:
         return
     pairs = (
-        ("vertices", found.cleaning.vertices_before, row.n_vertices),
-        ("faces", found.cleaning.faces_before, row.n_faces),
+        ("vertices", inspection.cleaning.vertices_before, row.n_vertices),
+        ("faces", inspection.cleaning.faces_before, row.n_faces),
     )
     for what, count, listed in pairs:
         if listed is not None and count != listed:

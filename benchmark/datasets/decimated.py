@@ -102,8 +102,8 @@ def decimated(mesh: Mesh, program: str, n_vertices: int = N_VERTICES) -> Mesh:
     # Thresholds of the programs are lengths: the unit of the file must not count.
     centre, size = manifold.vertices.mean(axis=0), np.sqrt(manifold.area)
     scaled = manifold.with_vertices((manifold.vertices - centre) / size)
-    found = DECIMATIONS[program](scaled, manifold.n_faces - 2 * surplus)
-    return found.with_vertices(centre + size * found.vertices)
+    coarse = DECIMATIONS[program](scaled, manifold.n_faces - 2 * surplus)
+    return coarse.with_vertices(centre + size * coarse.vertices)
 
 
 @dataclass(frozen=True)

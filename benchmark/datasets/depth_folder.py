@@ -71,8 +71,8 @@ class DepthFolder(FolderDataset):
         files = self.files(entry)
         beside = {"mask": files.mask_file, "intrinsics": files.intrinsics_file}
         digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
-        said = (self.intrinsics, self.scale, self.up, files.half_width)
-        return " ".join(["sha256:" + file_digest(files.image), *digests, repr(said)])
+        settings = (self.intrinsics, self.scale, self.up, files.half_width)
+        return " ".join(["sha256:" + file_digest(files.image), *digests, repr(settings)])
 
     def camera(self, entry: Entry) -> Camera:
         """Look at the surface as the camera did, but level."""
@@ -106,12 +106,12 @@ def with_depth_settings(dataset: DepthFolder, settings: Path) -> DepthFolder:
 
 def _changes(values: dict[str, Any], folder: Path) -> Iterator[tuple[str, Any]]:
     if "intrinsics" in values:
-        said = values["intrinsics"]
-        if isinstance(said, list):
-            yield "intrinsics", parse_intrinsics(" ".join(map(str, said)))
+        intrinsics = values["intrinsics"]
+        if isinstance(intrinsics, list):
+            yield "intrinsics", parse_intrinsics(" ".join(map(str, intrinsics)))
         else:
-            path = folder / str(said)
-            yield "intrinsics", intrinsics_of(str(path if path.exists() or "," not in str(said) else said))
+            path = folder / str(intrinsics)
+            yield "intrinsics", intrinsics_of(str(path if path.exists() or "," not in str(intrinsics) else intrinsics))
     for key, name in (("depth_scale", "scale"), ("half_width", "half_width")):
         if key in values:
             yield name, _positive(values[key], key)

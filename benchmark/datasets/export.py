@@ -80,12 +80,12 @@ def export(
     texts = {**cla, SETTINGS_FILE: _settings(dataset)}
     _check_target(dataset, folder, {*names, *texts}, force)
     written = (*names, *texts, MANIFEST_FILE)
-    with _filled(folder, written) as made:
+    with _filled(folder, written) as target:
         shapes = zip(watched(dataset.entries), names, strict=True)
-        rows = [_write(dataset, entry, made / file) for entry, file in shapes]
+        rows = [_write(dataset, entry, target / file) for entry, file in shapes]
         for file, text in texts.items():
-            (made / file).write_bytes(text.encode())
-        write_manifest(made, rows)
+            (target / file).write_bytes(text.encode())
+        write_manifest(target, rows)
     return written
 
 
@@ -111,14 +111,14 @@ def export_frames(
     """
     _check_empty(folder, force)
     written = (*(file for entry in dataset.entries for file in _frame_files(entry)), CAMERA_FILE)
-    with _filled(folder, written) as made:
+    with _filled(folder, written) as target:
         for entry in watched(dataset.entries):
-            (made / entry.subject).mkdir(exist_ok=True)
+            (target / entry.subject).mkdir(exist_ok=True)
             depths, mask = dataset.frame(entry)
             images = np.round(depths * DEFAULT_SCALE).astype(np.uint16), mask
             for image, file in zip(images, _frame_files(entry), strict=True):
-                Image.fromarray(image).save(made / file)
-        (made / CAMERA_FILE).write_text(_open3d(dataset.intrinsics), encoding="utf-8")
+                Image.fromarray(image).save(target / file)
+        (target / CAMERA_FILE).write_text(_open3d(dataset.intrinsics), encoding="utf-8")
     return written
 
 

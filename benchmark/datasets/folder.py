@@ -82,8 +82,8 @@ def depth_files(folder: Path) -> list[Path]:
     DatasetError
         If the folder does not exist or cannot be listed.
     """
-    found = _listed(folder, lambda path: path.is_file() and is_depth_file(path))
-    return sorted(found, key=lambda path: natural_key(path.name))
+    files = _listed(folder, lambda path: path.is_file() and is_depth_file(path))
+    return sorted(files, key=lambda path: natural_key(path.name))
 
 
 def _from_depth_images(folder: Path) -> list[Entry]:
@@ -117,8 +117,8 @@ def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
 
 def sub_folders(folder: Path) -> list[Path]:
     """Visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
-    found = _listed(folder, lambda path: path.is_dir() and not path.name.startswith("."))
-    return sorted(found, key=lambda path: natural_key(path.name))
+    folders = _listed(folder, lambda path: path.is_dir() and not path.name.startswith("."))
+    return sorted(folders, key=lambda path: natural_key(path.name))
 
 
 def unread_files(folder: Path) -> list[Path]:
@@ -160,10 +160,10 @@ def all_mesh_files(folder: Path) -> list[Path]:
 
 def cla_file(folder: Path) -> Path | None:
     """The ``.cla`` file of a folder, or None; more than one raises ``DatasetError``."""
-    found = sorted(folder.glob("*.cla"))
-    if len(found) > 1:
-        raise DatasetError(f"{folder} holds {len(found)} .cla files", "keep the one that classifies these meshes")
-    return found[0] if found else None
+    files = sorted(folder.glob("*.cla"))
+    if len(files) > 1:
+        raise DatasetError(f"{folder} holds {len(files)} .cla files", "keep the one that classifies these meshes")
+    return files[0] if files else None
 
 
 def read_cla(path: Path) -> dict[int, str]:

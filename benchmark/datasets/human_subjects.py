@@ -194,12 +194,12 @@ def clearance(subject: Subject, sets: Iterable[str] = TESTED) -> float:
 
 def clearances(bodies: Iterable[Subject]) -> dict[str, float]:
     """Distance of the nearest of some bodies to other subjects of each set in :data:`TESTED`, cut to four digits."""
-    points, found = np.array([astuple(body) for body in bodies]), {}
+    points, clearance_of = np.array([astuple(body) for body in bodies]), {}
     for name in TESTED:
         distances = np.linalg.norm(points[:, np.newaxis] - _tested(name), axis=2)
         nearest = distances[:, distances.min(axis=0) > 0].min()
-        found[name] = float(np.floor(1e4 * nearest) / 1e4)
-    return found
+        clearance_of[name] = float(np.floor(1e4 * nearest) / 1e4)
+    return clearance_of
 
 
 def new_subject(random: np.random.Generator, kind: int | None = None, sets: Iterable[str] = TESTED) -> Subject:

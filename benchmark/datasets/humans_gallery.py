@@ -66,13 +66,13 @@ class HumansGallery:
             If a parameter is unknown or no number, or ``subjects`` is missing.
         """
         inside = name.partition("[")[2].rpartition("]")[0]
-        given = assignments(inside)
-        if "subjects" not in given or given.keys() - {"subjects", "poses"}:
+        counts = assignments(inside)
+        if "subjects" not in counts or counts.keys() - {"subjects", "poses"}:
             raise ConfigurationError(f"'{name}' is no gallery", "write humans[subjects=N,poses=M]")
-        for parameter, text in given.items():
+        for parameter, text in counts.items():
             if not re.fullmatch("[0-9]{1,9}", text):
                 raise ConfigurationError(f"{parameter} of '{name}' is no number", "write humans[subjects=N,poses=M]")
-        return cls(int(given["subjects"]), int(given.get("poses", len(POSES))))
+        return cls(int(counts["subjects"]), int(counts.get("poses", len(POSES))))
 
     @property
     def name(self) -> str:

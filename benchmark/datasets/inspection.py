@@ -64,30 +64,30 @@ def count_holes(faces: Faces) -> int:
 
 def flaws(inspection: Inspection) -> Iterator[tuple[str, str]]:
     """Return what keeps a mesh from being a closed manifold in one piece, each with its effect or how to correct it."""
-    found = inspection.cleaning
-    if found.merged:
-        what = _many(found.merged, "duplicate vertex", "duplicate vertices")
+    cleaning = inspection.cleaning
+    if cleaning.merged:
+        what = _many(cleaning.merged, "duplicate vertex", "duplicate vertices")
         yield what, "nothing to do: preparation merges equal positions"
     useless = (
-        (found.unreferenced, "vertex without a face", "vertices without a face"),
-        (found.degenerate_faces, "degenerate face", ""),
-        (found.duplicate_faces, "duplicate face", ""),
+        (cleaning.unreferenced, "vertex without a face", "vertices without a face"),
+        (cleaning.degenerate_faces, "degenerate face", ""),
+        (cleaning.duplicate_faces, "duplicate face", ""),
     )
     for count, one, several in useless:
         if count:
             yield _many(count, one, several), "nothing to do: preparation drops what carries no surface"
-    if found.components > 1:
-        yield f"{found.components} components", "join them if the surface should be in one piece"
-    if found.boundary_edges:
+    if cleaning.components > 1:
+        yield f"{cleaning.components} components", "join them if the surface should be in one piece"
+    if cleaning.boundary_edges:
         holes = _many(inspection.holes, "hole")
         yield (
-            f"{_many(found.boundary_edges, 'boundary edge')} around {holes}",
+            f"{_many(cleaning.boundary_edges, 'boundary edge')} around {holes}",
             "close the surface for methods that need it closed",
         )
-    if found.non_manifold_edges:
-        yield _many(found.non_manifold_edges, "non-manifold edge"), "remove faces until each edge has two"
-    if found.non_manifold_vertices:
-        what = _many(found.non_manifold_vertices, "non-manifold vertex", "non-manifold vertices")
+    if cleaning.non_manifold_edges:
+        yield _many(cleaning.non_manifold_edges, "non-manifold edge"), "remove faces until each edge has two"
+    if cleaning.non_manifold_vertices:
+        what = _many(cleaning.non_manifold_vertices, "non-manifold vertex", "non-manifold vertices")
         yield what, "split each into one vertex per fan of faces"
 
 

@@ -34,8 +34,8 @@ def parsed_jitter(name: str) -> tuple[str, int] | None:
 
 def clean_name(name: str) -> str:
     """Return the name of a data set without its jitter."""
-    found = parsed_jitter(name)
-    return found[0] if found else name
+    parts = parsed_jitter(name)
+    return parts[0] if parts else name
 
 
 def clean_dataset(dataset: Dataset) -> Dataset:

@@ -82,23 +82,23 @@ def observe(
     height, width = depths.shape
     intrinsics.check_size(width, height)
     seen = depths > 0
-    given = None if mask is None else checked_mask(mask, seen)
+    object_mask = None if mask is None else checked_mask(mask, seen)
     rays = intrinsics.rays(width, height)
     coarse = (slice(None, None, _PLANE_STEP),) * 2
-    if given is None:
+    if object_mask is None:
         points = unprojected(depths, rays)
         planes = background_planes(points[coarse], seen[coarse])
         chosen, part = find_object(points, seen, planes), (slice(None),) * 2
     else:  # of the scene, the floor alone is wanted
-        planes = background_planes(unprojected(depths[coarse], rays[coarse]), (seen & ~given)[coarse])
-        chosen, part = given, _window(given)
+        planes = background_planes(unprojected(depths[coarse], rays[coarse]), (seen & ~object_mask)[coarse])
+        chosen, part = object_mask, _window(object_mask)
     kept = np.zeros_like(chosen)
     kept[part] = without_flying_pixels(depths[part], chosen[part])
-    direction, told_by = _up(planes, up)
+    direction, up_source = _up(planes, up)
     surface = object_surface(depths[part], rays[part], kept[part], upright(direction), half_width)
     notes: dict[str, float | str] = {
-        "mask": "found" if given is None else "given",
-        "up": told_by,
+        "mask": "found" if object_mask is None else "given",
+        "up": up_source,
         "planes": float(len(planes)),
         "object_pixels": float(np.count_nonzero(kept)),
         "flying_pixels": float(np.count_nonzero(chosen) - np.count_nonzero(kept)),
@@ -114,23 +114,23 @@ def _window(mask: Mask) -> tuple[slice, slice]:
     return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
 
 
-def _up(planes: Sequence[Plane], said: Up | None) -> tuple[NDArray[np.float64], str]:
+def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float64], str]:
     """The direction that is up in the camera's frame, and what tells."""
     floors = [plane for plane in planes if plane.is_floor]
     if floors:
         return max(floors, key=lambda plane: -plane.offset).normal, "floor"
-    if said is None:
+    if recorded is None:
         return IMAGE_UP, "image"
-    return checked_up(said), "sidecar"
+    return checked_up(recorded), "sidecar"
 
 
-def checked_up(said: Up) -> NDArray[np.float64]:
+def checked_up(direction: Up) -> NDArray[np.float64]:
     """Return what is said to be up as a unit vector; raises ``InvalidDepth`` if it is none, or the camera's axis."""
-    up = np.asarray(said, dtype=np.float64)
+    up = np.asarray(direction, dtype=np.float64)
     length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
         raise InvalidDepth(
-            f"{list(said)} is up in no image",
+            f"{list(direction)} is up in no image",
             "write [right, down, forward] of the camera, such as [0, -1, 0]; cameras that look straight down have none",
         )
     return up / length

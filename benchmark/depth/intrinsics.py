@@ -112,17 +112,17 @@ def _rays(camera: Intrinsics, width: int, height: int) -> Rays:
 def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
     """Invert the distortion by fixed-point iteration, as its authors' and OpenCV's tools do [Brown 1971]."""
     k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *(0.0,) * (8 - len(coefficients)))
-    found = seen
+    rays = seen
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
-            x, y = found[..., 0], found[..., 1]
+            x, y = rays[..., 0], rays[..., 1]
             r = x * x + y * y
             radial = (1 + r * (k4 + r * (k5 + r * k6))) / (1 + r * (k1 + r * (k2 + r * k3)))
             shift = np.stack([2 * p1 * x * y + p2 * (r + 2 * x * x), p1 * (r + 2 * y * y) + 2 * p2 * x * y], axis=-1)
-            found = (seen - shift) * radial[..., None]
-    if not (np.isfinite(found).all() and np.abs(found).max() < 100):
+            rays = (seen - shift) * radial[..., None]
+    if not (np.isfinite(rays).all() and np.abs(rays).max() < 100):
         raise InvalidIntrinsics(f"distortion {coefficients} cannot be inverted on this image", "check its coefficients")
-    return found
+    return rays
 
 
 def parse_intrinsics(text: str) -> Intrinsics:
@@ -197,8 +197,8 @@ def _of_numbers(
         raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' holds {len(numbers)} numbers", _HINT)
     matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3]
     if not np.isfinite(matrix).all() or (matrix[2] != (0, 0, 1)).any() or matrix[1, 0]:
-        said = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
-        raise InvalidIntrinsics(f"the matrix {said} is that of no camera", "write fx 0 cx / 0 fy cy / 0 0 1")
+        rows = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
+        raise InvalidIntrinsics(f"the matrix {rows} is that of no camera", "write fx 0 cx / 0 fy cy / 0 0 1")
     fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
 
@@ -206,18 +206,18 @@ def _of_numbers(
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     """Read what JSON or YAML says: ``camera.json`` of Open3D, ``camera_info`` of ROS, or focal lengths by name."""
     inner = content.get("intrinsic", {})
-    found = {**content, **(inner if isinstance(inner, Mapping) else {"K": inner})}
-    size, distortion = _size(found), _distortion(found)
-    if "intrinsic_matrix" in found:  # of Open3D, column by column
-        numbers = np.array(found["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T.ravel().tolist()
+    values = {**content, **(inner if isinstance(inner, Mapping) else {"K": inner})}
+    size, distortion = _size(values), _distortion(values)
+    if "intrinsic_matrix" in values:  # of Open3D, column by column
+        numbers = np.array(values["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T.ravel().tolist()
         return _of_numbers(numbers, "intrinsic_matrix", size, distortion)
     for key in ("K", "k", "camera_matrix"):
-        if key in found:
-            return _of_numbers(_flat(found[key]), f"{key} {found[key]}", size, distortion)
-    cx, cy = (found.get(f"c{axis}", found.get(f"pp{axis}")) for axis in "xy")
+        if key in values:
+            return _of_numbers(_flat(values[key]), f"{key} {values[key]}", size, distortion)
+    cx, cy = (values.get(f"c{axis}", values.get(f"pp{axis}")) for axis in "xy")
     if cx is None or cy is None:
-        raise InvalidIntrinsics(f"keys {', '.join(map(str, found))} name no principal point", _HINT)
-    return _of_numbers([float(found["fx"]), float(found["fy"]), float(cx), float(cy)], "", size, distortion)
+        raise InvalidIntrinsics(f"keys {', '.join(map(str, values))} name no principal point", _HINT)
+    return _of_numbers([float(values["fx"]), float(values["fy"]), float(cx), float(cy)], "", size, distortion)
 
 
 def _flat(values: Any) -> list[float]:
@@ -225,7 +225,7 @@ def _flat(values: Any) -> list[float]:
     return [float(value) for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)]
 
 
-def _distortion(found: Mapping[str, Any]) -> list[float]:
+def _distortion(values: Mapping[str, Any]) -> list[float]:
     """Return the coefficients of Brown's model, none where all are zero.
 
     Raises
@@ -233,16 +233,16 @@ def _distortion(found: Mapping[str, Any]) -> list[float]:
     InvalidIntrinsics
         If the lens follows another model, or their number is not one of Brown's model.
     """
-    said = next((str(found[key]) for key in ("distortion_model", "model", "camera_model") if key in found), "")
-    model = re.sub(r"[\W_]+", "_", said.lower()).removeprefix("distortion_")
-    coefficients = [float(found.get(name) or 0) for name in _BROWN] if any(name in found for name in _BROWN) else []
+    named = next((str(values[key]) for key in ("distortion_model", "model", "camera_model") if key in values), "")
+    model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
+    coefficients = [float(values.get(name) or 0) for name in _BROWN] if any(name in values for name in _BROWN) else []
     for key in ("distortion_coefficients", "distortion_coeffs", "distortion", "dist_coeffs", "coeffs", "D", "d"):
-        if not isinstance(found.get(key), str | None):
-            coefficients = _flat(found[key])
+        if not isinstance(values.get(key), str | None):
+            coefficients = _flat(values[key])
             break
     if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and any(coefficients)):
         raise InvalidIntrinsics(
-            f"the distortion model is '{said:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
+            f"the distortion model is '{named:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
         )
     if not any(coefficients):
         return []
@@ -251,10 +251,10 @@ def _distortion(found: Mapping[str, Any]) -> list[float]:
     return coefficients
 
 
-def _size(found: Mapping[str, Any]) -> tuple[int, int] | None:
+def _size(values: Mapping[str, Any]) -> tuple[int, int] | None:
     for prefix in ("", "image_"):
-        if f"{prefix}width" in found and f"{prefix}height" in found:
-            width, height = int(found[f"{prefix}width"]), int(found[f"{prefix}height"])
+        if f"{prefix}width" in values and f"{prefix}height" in values:
+            width, height = int(values[f"{prefix}width"]), int(values[f"{prefix}height"])
             return (width, height) if width > 0 and height > 0 else None
     return None
 

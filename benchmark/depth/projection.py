@@ -135,7 +135,7 @@ def _squares(depths: NDArray[np.float64], rays: Rays, mask: Mask) -> tuple[NDArr
     padded, inside = np.pad(depths, 1), np.pad(mask, 1)
     # Of each corner the pixels around it: above left, above right, below left, below right.
     windows = [(slice(a, a + depths.shape[0] + 1), slice(b, b + depths.shape[1] + 1)) for a in (0, 1) for b in (0, 1)]
-    around, held = np.stack([padded[each] for each in windows]), np.stack([inside[each] for each in windows])
+    around, held = np.stack([padded[window] for window in windows]), np.stack([inside[window] for window in windows])
     nearest = np.where(held, around, np.inf).min(axis=0)
     farthest = np.where(held, around, 0).max(axis=0)
     used = held.any(axis=0)

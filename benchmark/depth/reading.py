@@ -178,8 +178,8 @@ def _read_array(stream: Any) -> NDArray[Any]:
     if len(shape) == 3 and shape[2] != 1:
         raise UnreadableDepth(f"an array of shape {shape} has {shape[2]} channels", "save shape (height, width)")
     stream.seek(0)
-    found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False, max_header_size=_LARGEST_HEADER)
-    return found
+    array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False, max_header_size=_LARGEST_HEADER)
+    return array
 
 
 def _read_pfm(path: Path) -> NDArray[Any]:
@@ -298,7 +298,7 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
     """
     mask = np.asarray(mask != 0)
     if mask.shape != seen.shape:
-        sizes = [" x ".join(map(str, each.shape[::-1])) for each in (mask, seen)]
+        sizes = [" x ".join(map(str, image.shape[::-1])) for image in (mask, seen)]
         raise InvalidMask(f"the mask has {sizes[0]} pixels, the image {sizes[1]}", "pass a mask of the depth image")
     if not mask.any():
         raise InvalidMask("the mask is empty", "let it be white on the object")

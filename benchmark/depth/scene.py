@@ -103,7 +103,7 @@ def plane_depth(
 
 def nearest(*depths: Depths) -> Depths:
     """Return the nearest of several depths at each pixel; 0 where there is none."""
-    stacked = np.stack([np.where(each > 0, each, np.inf) for each in depths]).min(axis=0)
+    stacked = np.stack([np.where(image > 0, image, np.inf) for image in depths]).min(axis=0)
     return np.where(np.isfinite(stacked), stacked, 0.0)
 
 
@@ -146,19 +146,19 @@ class DepthFaults:
         around = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
         farthest = np.maximum.reduce(around)
         at_jump = seen & (farthest - depths > 0.05)
-        found = depths.copy()
+        measured = depths.copy()
         flies = at_jump & (random.random(depths.shape) < self.flying)
-        found[flies] += (farthest - depths)[flies] * random.random(int(flies.sum()))
+        measured[flies] += (farthest - depths)[flies] * random.random(int(flies.sum()))
         lost = (random.random(depths.shape) < self.missing) | (
             at_jump & ~flies & (random.random(depths.shape) < self.edge)
         )
-        found += self.noise * found**2 * random.standard_normal(depths.shape)
+        measured += self.noise * measured**2 * random.standard_normal(depths.shape)
         if self.step:
             # Even steps of the inverse depth, as disparities have them.
             with np.errstate(divide="ignore"):
-                inverse = np.round(1 / found / self.step) * self.step
-                found = np.where(inverse > 0, 1 / inverse, 0)
-        return np.where(seen & ~lost & np.isfinite(found) & (found > 0), found, 0.0)
+                inverse = np.round(1 / measured / self.step) * self.step
+                measured = np.where(inverse > 0, 1 / inverse, 0)
+        return np.where(seen & ~lost & np.isfinite(measured) & (measured > 0), measured, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +188,7 @@ class Scene:
     def drawn(self, camera: Intrinsics = KINECT, size: tuple[int, int] = (640, 480)) -> tuple[Depths, Mask]:
         """Return the depths of the scene, shape (h, w), metres, and the pixels that show the body."""
         body = perspective_depth(self.pose.seen(self.body.vertices), self.body.faces, camera, size)
-        rest = [perspective_depth(self.pose.seen(each.vertices), each.faces, camera, size) for each in self.others]
+        rest = [perspective_depth(self.pose.seen(mesh.vertices), mesh.faces, camera, size) for mesh in self.others]
         if self.floor:
             low = float(self.body.vertices[:, 2].min())
             rest.append(plane_depth((0, 0, 1), (0, 0, low), self.pose, camera, size))

@@ -112,11 +112,11 @@ def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
     edge[margins[0] : -margins[0], margins[1] : -margins[1]] = False
     fewest = max(SHARE * np.count_nonzero(seen), 3)
     left, spoiled = seen.copy(), np.zeros(seen.shape, dtype=bool)
-    found: list[Plane] = []
+    planes: list[Plane] = []
     for _ in range(3 * MOST_PLANES):
         candidates = left & ~spoiled
         plane = _best_plane(points, candidates, random) if np.count_nonzero(candidates) >= fewest else None
-        if plane is None or len(found) == MOST_PLANES:
+        if plane is None or len(planes) == MOST_PLANES:
             break
         held = candidates & plane.holds(points)
         if np.count_nonzero(held) < fewest:
@@ -124,12 +124,12 @@ def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
         behind = left & (plane.heights(points) < -2 * plane.slack(points))
         bounds = np.count_nonzero(behind) <= BEHIND * np.count_nonzero(seen)
         if bounds and np.count_nonzero(held & edge) >= EDGE * np.count_nonzero(held):
-            found.append(plane)
+            planes.append(plane)
             left &= ~plane.holds(points)
             spoiled[:] = False
         else:
             spoiled |= held  # of the object, or of something that stands about
-    return found
+    return planes
 
 
 def _best_plane(points: Points, candidates: NDArray[np.bool_], random: np.random.Generator) -> Plane | None:

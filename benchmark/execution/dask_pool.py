@@ -156,8 +156,8 @@ class DaskPool:
         """What the run waits for if no worker can be used; "" otherwise."""
         if self.size:
             return ""
-        asked = sum(not node.inventory.done() for node in self._nodes.values())
-        return f"{asked} workers of {self.url} are being inspected" if asked else f"no worker at {self.url} yet"
+        waiting = sum(not node.inventory.done() for node in self._nodes.values())
+        return f"{waiting} workers of {self.url} are being inspected" if waiting else f"no worker at {self.url} yet"
 
     def begin(self, task: Task) -> Running:
         """Give a task to the worker with the most free threads."""
@@ -274,11 +274,11 @@ class DaskPool:
         """Accept or refuse a worker by its inventory."""
         hint = "install the same versions of the suite and its packages there"
         try:
-            there = json.loads(node.inventory.result()[node.address])
-            hint, problem = there.get("hint", hint), there.get("problem", "")
+            inventory = json.loads(node.inventory.result()[node.address])
+            hint, problem = inventory.get("hint", hint), inventory.get("problem", "")
             if not problem:
-                parts = ((part, self._inventory[part], there[part]) for part in _PARTS)
-                problem = "; ".join(changed_names(part, here, other) for part, here, other in parts if here != other)
+                parts = ((part, self._inventory[part], inventory[part]) for part in _PARTS)
+                problem = "; ".join(changed_names(part, own, other) for part, own, other in parts if own != other)
         except KeyError:
             problem = "another version of this suite"
         except Exception as error:  # the suite is not installed, or the worker is gone

@@ -94,8 +94,8 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
 def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float]:
     """Return the seconds per shape by phase, from the same gallery or else the median over others; possibly empty."""
     alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
-    here = [record for record in alike if record["gallery"] == job.gallery]
-    timed = [record["cost"]["seconds_per_shape"] for record in here[-1:] or alike]
+    of_gallery = [record for record in alike if record["gallery"] == job.gallery]
+    timed = [record["cost"]["seconds_per_shape"] for record in of_gallery[-1:] or alike]
     return {phase: statistics.median(row.get(phase, 0.0) for row in timed) for phase in set().union(*timed)}
 
 

@@ -84,9 +84,9 @@ def _spanning_tree(mesh: Mesh, labels: IntArray) -> list[_Edge]:
         gap = np.maximum(np.maximum(lower - upper[current], lower[current] - upper), 0.0)
         near = np.linalg.norm(gap, axis=1)  # bounding boxes: most pairs need no search
         for other in np.flatnonzero(outside & (near < distance)):
-            found = _closest(mesh.vertices, members, trees, current, int(other), distance[other])
-            if found is not None:
-                distance[other], link[other] = found
+            bridge = _closest(mesh.vertices, members, trees, current, int(other), distance[other])
+            if bridge is not None:
+                distance[other], link[other] = bridge
         current = int(np.argmin(np.where(outside, distance, np.inf)))
         links.append(link[current])
 

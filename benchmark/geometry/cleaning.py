@@ -128,15 +128,15 @@ def make_manifold(mesh: Mesh) -> Mesh:
     faces = mesh.faces.astype(np.int64)
     areas = mesh.face_areas
     while True:
-        found = edges_of(faces)
-        crowded = found.counts[found.of_sides] > 2
+        edges = edges_of(faces)
+        crowded = edges.counts[edges.of_sides] > 2
         if not crowded.any():
             break
         # Rank of each side among the sides of its edge, largest face first; ties by face order.
         size = np.repeat(areas, 3)
-        order = np.lexsort((np.arange(len(size)), -size, found.of_sides))
+        order = np.lexsort((np.arange(len(size)), -size, edges.of_sides))
         rank = np.empty(len(size), dtype=np.int64)
-        rank[order] = np.arange(len(size)) - found.first[found.of_sides[order]]
+        rank[order] = np.arange(len(size)) - edges.first[edges.of_sides[order]]
         keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
         faces, areas = faces[keep], areas[keep]
     fan = _fans(faces, mesh.n_vertices)
@@ -213,19 +213,19 @@ def _first_of_each(rows: NDArray[np.generic]) -> IntArray:
 
 def _fans(faces: IntArray, n_vertices: int) -> IntArray:
     """Label each corner with the fan (edge-connected faces around its vertex) that it belongs to, shape (3 m,)."""
-    found = edges_of(faces)
-    order = found.grouped_sides
+    edges = edges_of(faces)
+    order = edges.grouped_sides
     # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
     follows = np.ones(len(order), dtype=bool)
-    follows[found.first] = False
+    follows[edges.first] = False
     sides, previous = order[follows], order[np.flatnonzero(follows) - 1]
     start_corner, end_corner = sides_of(np.arange(3 * len(faces)).reshape(-1, 3))
     vertex = faces.ravel()
     links_from, links_to = [], []
-    for mine in (start_corner, end_corner):
+    for corner in (start_corner, end_corner):
         for other in (start_corner, end_corner):
-            same = vertex[mine[sides]] == vertex[other[previous]]
-            links_from.append(mine[sides][same])
+            same = vertex[corner[sides]] == vertex[other[previous]]
+            links_from.append(corner[sides][same])
             links_to.append(other[previous][same])
     tails, heads = np.concatenate(links_from), np.concatenate(links_to)
     return _labels(tails, heads, 3 * len(faces))

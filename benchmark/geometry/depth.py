@@ -184,7 +184,7 @@ def common_half_width(half_widths: Sequence[float]) -> float:
         The largest one that is not out of scale, unchanged.
     """
     limit = OUTSIZE * statistics.median_low(half_widths)
-    return max(each for each in half_widths if each <= limit)
+    return max(half_width for half_width in half_widths if half_width <= limit)
 
 
 def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE) -> DepthImage:

@@ -138,9 +138,9 @@ class _Sides:
         apex_x = (towards_apex * along).sum(axis=1)
         apex_y = np.linalg.norm(towards_apex - apex_x[:, None] * along, axis=1)
 
-        found = edges_of(mesh.faces)
-        pair = found.first[found.counts == 2]
-        first, second = found.grouped_sides[pair], found.grouped_sides[pair + 1]
+        edges = edges_of(mesh.faces)
+        pair = edges.first[edges.counts == 2]
+        first, second = edges.grouped_sides[pair], edges.grouped_sides[pair + 1]
         proper = lengths[first] > 0
         twins = np.full(len(starts), -1, dtype=np.int64)
         twins[first[proper]], twins[second[proper]] = second[proper], first[proper]
@@ -196,10 +196,10 @@ def largest_count(starts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN2
 
     ``np.diff`` says the same, but takes two seconds to compile.
     """
-    found = 0
+    largest = 0
     for i in range(starts.size - 1):
-        found = max(found, starts[i + 1] - starts[i])
-    return found
+        largest = max(largest, starts[i + 1] - starts[i])
+    return largest
 
 
 @njit(cache=True, nogil=True)

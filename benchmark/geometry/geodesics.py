@@ -65,9 +65,9 @@ def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
 
 def _require_proper_manifold(mesh: Mesh) -> None:
     # Anything else makes libigl read outside its arrays and ends the process.
-    found = edges_of(mesh.faces)
-    lengths = np.linalg.norm(mesh.vertices[found.ends[:, 0]] - mesh.vertices[found.ends[:, 1]], axis=1)
-    if (found.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (lengths > 0).all():
+    edges = edges_of(mesh.faces)
+    lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
+    if (edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (lengths > 0).all():
         raise UnsupportedShape(
             "the exact solver needs a manifold without edges of length zero",
             "clean the mesh (benchmark.geometry.cleaning), or use the solver 'default'",

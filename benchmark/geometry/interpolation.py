@@ -61,18 +61,18 @@ def nearest_on_surface(mesh: Mesh, points: ArrayLike, normals: ArrayLike) -> Sur
     """
     import igl
 
-    wanted, directions = np.asarray(points, dtype=np.float64), np.asarray(normals, dtype=np.float64)
-    found = igl.point_mesh_squared_distance(wanted, mesh.vertices, mesh.faces.astype(np.int64))
-    triangles, places = np.array(found[1], dtype=np.int64), np.array(found[2])
+    queries, directions = np.asarray(points, dtype=np.float64), np.asarray(normals, dtype=np.float64)
+    nearest = igl.point_mesh_squared_distance(queries, mesh.vertices, mesh.faces.astype(np.int64))
+    triangles, places = np.array(nearest[1], dtype=np.int64), np.array(nearest[2])
     corners = mesh.vertices[mesh.faces]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     turned = np.flatnonzero(np.einsum("mk,mk->m", facing[triangles], directions) < 0)
     if len(turned):
-        others, at = _same_side(corners, facing, wanted[turned], directions[turned])
+        others, at = _same_side(corners, facing, queries[turned], directions[turned])
         known = others >= 0
         triangles[turned[known]], places[turned[known]] = others[known], at[known]
     weights = _barycentric(corners[triangles], places)
-    distances = np.linalg.norm(places - wanted, axis=1)
+    distances = np.linalg.norm(places - queries, axis=1)
     return SurfaceMap(mesh.faces[triangles].astype(np.int64), weights, distances)
 
 
@@ -98,8 +98,8 @@ def _same_side(corners: Points, facing: Points, points: Points, directions: Poin
     distances[np.einsum("mck,mk->mc", facing[near], directions) <= 0] = np.inf
     best = distances.argmin(axis=1)
     rows = np.arange(len(points))
-    found = np.where(np.isfinite(distances[rows, best]), near[rows, best], -1)
-    return found, places[rows, best]
+    triangles = np.where(np.isfinite(distances[rows, best]), near[rows, best], -1)
+    return triangles, places[rows, best]
 
 
 def _barycentric(corners: Points, places: Points) -> Points:

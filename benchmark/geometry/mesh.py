@@ -78,19 +78,19 @@ class Mesh:
 
 def _read_only(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
     try:
-        given = np.asarray(array)
+        values = np.asarray(array)
     except (TypeError, ValueError, RuntimeError) as error:
         raise InvalidMesh(f"{what} are no array: {error}", "pass an array of shape (count, 3)") from error
-    if given.size == 0:
-        given = np.empty((0, 3), dtype)
-    if given.ndim != 2 or given.shape[1] != 3:
-        raise InvalidMesh(f"{what} have shape {given.shape}, not (count, 3)", "pass triangles in three dimensions")
-    if given.dtype.kind not in kinds:
-        wanted = "real numbers" if "f" in kinds else "integers"
-        raise InvalidMesh(f"{what} are of type {given.dtype}, not {wanted}", f"pass {wanted}")
-    if "f" not in kinds and given.size and not 0 <= given.min() <= given.max() <= np.iinfo(dtype).max:
-        raise InvalidMesh(f"{what} name vertices {given.min()} to {given.max()}", "count the vertices from 0")
-    copy: NDArray[Any] = np.array(given, dtype=dtype, order="C", copy=True)
+    if values.size == 0:
+        values = np.empty((0, 3), dtype)
+    if values.ndim != 2 or values.shape[1] != 3:
+        raise InvalidMesh(f"{what} have shape {values.shape}, not (count, 3)", "pass triangles in three dimensions")
+    if values.dtype.kind not in kinds:
+        expected = "real numbers" if "f" in kinds else "integers"
+        raise InvalidMesh(f"{what} are of type {values.dtype}, not {expected}", f"pass {expected}")
+    if "f" not in kinds and values.size and not 0 <= values.min() <= values.max() <= np.iinfo(dtype).max:
+        raise InvalidMesh(f"{what} name vertices {values.min()} to {values.max()}", "count the vertices from 0")
+    copy: NDArray[Any] = np.array(values, dtype=dtype, order="C", copy=True)
     copy.flags.writeable = False
     return copy
 

@@ -82,15 +82,15 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     """
     # Areas must not underflow, whatever the unit of the file; a power of two changes no digit: duplicates stay equal.
     unit = 2.0 ** np.floor(np.log2(extent_of(mesh)))
-    cleaned, found = clean(mesh.with_vertices(mesh.vertices / unit))
+    cleaned, cleaning = clean(mesh.with_vertices(mesh.vertices / unit))
     if cleaned.n_vertices < _FEWEST_VERTICES or not cleaned.n_faces:
         raise InvalidMesh(
             f"after cleaning {cleaned.n_vertices} vertices and {cleaned.n_faces} triangles with area remain",
             f"pass a surface of at least {_FEWEST_VERTICES} vertices, not a point cloud or a single triangle",
         )
-    if found.degenerate_faces > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
+    if cleaning.degenerate_faces > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
         raise InvalidMesh(
-            f"{found.degenerate_faces} of {mesh.n_faces} triangles have no area",
+            f"{cleaning.degenerate_faces} of {mesh.n_faces} triangles have no area",
             "look for stray vertices, or export it again",
         )
     centre = cleaned.vertices.mean(axis=0)
@@ -119,16 +119,16 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     size = np.sqrt(work.area)
     result = in_spatial_order(work.with_vertices(work.vertices / size))
     report = {
-        "vertices_before": found.vertices_before,
-        "faces_before": found.faces_before,
-        "merged": found.merged,
-        "degenerate_faces": found.degenerate_faces,
-        "duplicate_faces": found.duplicate_faces,
-        "unreferenced": found.unreferenced,
-        "boundary_edges": found.boundary_edges,
-        "non_manifold_edges": found.non_manifold_edges,
-        "non_manifold_vertices": found.non_manifold_vertices,
-        "components": found.components,
+        "vertices_before": cleaning.vertices_before,
+        "faces_before": cleaning.faces_before,
+        "merged": cleaning.merged,
+        "degenerate_faces": cleaning.degenerate_faces,
+        "duplicate_faces": cleaning.duplicate_faces,
+        "unreferenced": cleaning.unreferenced,
+        "boundary_edges": cleaning.boundary_edges,
+        "non_manifold_edges": cleaning.non_manifold_edges,
+        "non_manifold_vertices": cleaning.non_manifold_vertices,
+        "components": cleaning.components,
         "dropped_components": int((~kept).sum()),
         "lost_area": lost,
         "bridges": bridges,

@@ -321,7 +321,7 @@ class MethodRun:
     def _signature_recipe(self, entry: Entry) -> Recipe:
         return recipes.features_recipe(self.recipe(entry), self.scorer_spec)
 
-    def found_form(self, entry: Entry) -> Mesh | None:
+    def stored_form(self, entry: Entry) -> Mesh | None:
         """Return the canonical form of a shape if it is stored; raise ``ShapeError`` if the shape was refused."""
         answer = self.store.find(self.recipe(entry))
         return None if answer is None else self.form_from(require_arrays(answer), entry)
@@ -367,10 +367,10 @@ class MethodRun:
         return self._loaded[model.folder]
 
 
-def _difference_of_runs(first: Arrays, again: Arrays) -> Arrays:
+def _difference_of_runs(first: Arrays, second: Arrays) -> Arrays:
     """Return a note on how far two runs on one shape differ, relative to the largest value; empty if they do not."""
     (name,) = {"vertices", "descriptor"} & first.keys()
-    one, other = first[name], again[name]
+    one, other = first[name], second[name]
     if one.shape != other.shape:
         return {RUNS_DIFFER: np.array(1.0)}
     difference = float(np.abs(one - other).max() / (np.abs(one).max() or 1.0))

@@ -48,7 +48,7 @@ class Hit:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """Result of a search.
 
     Parameters
@@ -59,15 +59,15 @@ class Found:
         The shape that the method got.
     form
         Canonical form of the query; None for a descriptor.
-    read, made
+    n_read, n_computed
         Number of signatures of the gallery that were read, and that had to be computed from forms.
     """
 
     hits: tuple[Hit, ...]
     query: Shape
     form: Mesh | None
-    read: int
-    made: int
+    n_read: int
+    n_computed: int
 
     @property
     def margin(self) -> float:
@@ -95,7 +95,7 @@ def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
     return input_
 
 
-def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -> Found:
+def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -> SearchResult:
     """Return the shapes of a finished gallery in the order of their distance from a depth image or a mesh.
 
     Parameters
@@ -126,14 +126,14 @@ def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -
             f"run `python -m benchmark {shlex.join(words)}`",
         )
     method: Any = run.method_for(entries[0])
-    n_made = len(entries) - n_read
+    n_computed = len(entries) - n_read
     if run.describes:
         vectors = [arrays["descriptor"] for arrays in (*signatures, form.describe(method, shape))]
-        return Found(_ordered(entries, distances_of(method, vectors)[-1, :-1]), shape, None, n_read, n_made)
+        return SearchResult(_ordered(entries, distances_of(method, vectors)[-1, :-1]), shape, None, n_read, n_computed)
     query_form = form.form_mesh(form.canonicalise(method, shape), shape.mesh)
     all_signatures = [*signatures, signature_of(run.scorer, query_form)]
     matrices = [form_distances(run.scorer, all_signatures, draw or 0) for draw in draws_of(run.spec, run.scorer_spec)]
-    return Found(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, query_form, n_read, n_made)
+    return SearchResult(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, query_form, n_read, n_computed)
 
 
 def _shape(run: MethodRun, query: Path, frame: FrameFiles | None) -> Shape:

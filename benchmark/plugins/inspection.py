@@ -244,10 +244,10 @@ def _look_at(
     if targets and not is_child():  # other processes are already isolated
         hint = f"{_HINT}: importing it and creating its {kind.kind}s must not take long"
         try:
-            found, plugins = look(describe_package, package, kind.kind, targets, what=f"package {package}", hint=hint)
+            refused, plugins = look(describe_package, package, kind.kind, targets, what=f"package {package}", hint=hint)
         except ConfigurationError as error:
             return {}, faults | dict.fromkeys(targets, (error.problem, error.hint))
-        faults |= found
+        faults |= refused
         remember(*plugins)
     return targets, faults
 

@@ -171,18 +171,18 @@ def helpers_of(path: Path) -> dict[str, Path]:
     dict
         File of each module; for a package, its ``__init__.py``.
     """
-    found: dict[str, Path] = {}
+    helpers: dict[str, Path] = {}
     pending = [path]
     while pending:
         for name in dict.fromkeys(_imports_of(pending.pop())):
-            if not name or "." in name or name in found or name in FIRST_PARTY:
+            if not name or "." in name or name in helpers or name in FIRST_PARTY:
                 continue
             spec = PathFinder.find_spec(name, [str(path.parent)])
             if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
                 continue
-            found[name] = Path(spec.origin)
-            pending += found[name].parent.rglob("*.py") if spec.submodule_search_locations else [found[name]]
-    return found
+            helpers[name] = Path(spec.origin)
+            pending += helpers[name].parent.rglob("*.py") if spec.submodule_search_locations else [helpers[name]]
+    return helpers
 
 
 def sources_of(module: str, files: Iterable[str] = ()) -> dict[str, str]:

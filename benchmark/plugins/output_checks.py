@@ -136,7 +136,7 @@ def _real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint:
         array = np.asarray(answer)
     except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
         raise InvalidForm(f"{who} returned no array ({one_line(error)})", hint) from error
-    lengths = tuple(None if wanted is None and count else count for count, wanted in zip(array.shape, shape))  # noqa: B905
+    lengths = tuple(None if length is None and count else count for count, length in zip(array.shape, shape))  # noqa: B905
     if len(array.shape) != len(shape) or lengths != shape or array.dtype.kind not in "iuf":
         raise InvalidForm(f"{who} returned an array of shape {array.shape} and type {array.dtype}", hint)
     if not np.isfinite(array).all():

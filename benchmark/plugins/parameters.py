@@ -105,11 +105,11 @@ def described(cls: type[Any]) -> list[ParameterText]:
     meanings: dict[str, str] = {}
     for base in reversed(inspect.getmro(cls)):
         meanings |= explained(vars(base).get("__doc__") or "")
-    found = []
+    texts = []
     for name, (annotation, default) in declared_parameters(cls).items():
         written = "" if default is dataclasses.MISSING else format_value(default)
-        found.append(ParameterText(name, values_in_words(annotation, default), written, meanings.get(name, "")))
-    return found
+        texts.append(ParameterText(name, values_in_words(annotation, default), written, meanings.get(name, "")))
+    return texts
 
 
 def explained(docstring: str) -> dict[str, str]:
@@ -120,16 +120,16 @@ def explained(docstring: str) -> dict[str, str]:
     if start is None:
         return {}
     end = min((place - 1 for place in rules if place > start), default=len(lines))
-    found: dict[str, list[str]] = {}
+    texts_of: dict[str, list[str]] = {}
     names: list[str] = []
     for line in lines[start + 1 : end]:
         if line and not line[0].isspace():
             names = [name.strip().lstrip("*") for name in line.partition(" : ")[0].split(",")]
-            found |= {name: [] for name in names}
+            texts_of |= {name: [] for name in names}
         elif line.strip():
             for name in names:
-                found[name].append(_plain(line.strip()))
-    return {name: " ".join(texts) for name, texts in found.items()}
+                texts_of[name].append(_plain(line.strip()))
+    return {name: " ".join(texts) for name, texts in texts_of.items()}
 
 
 def _plain(text: str) -> str:

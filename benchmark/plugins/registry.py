@@ -151,20 +151,20 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     ConfigurationError
         If a name or a parameter is unknown, or a value is invalid.
     """
-    asked = [name.strip() for name in names]
-    every = not asked or EVERY in asked
-    specs = [spec for name in asked if name != EVERY for spec in variants(name, known)]
-    wanted = {spec.name: spec for spec in specs}.values()
-    named_modules = {spec.module for spec in wanted}
+    patterns = [name.strip() for name in names]
+    every = not patterns or EVERY in patterns
+    specs = [spec for name in patterns if name != EVERY for spec in variants(name, known)]
+    requested = {spec.name: spec for spec in specs}.values()
+    named_modules = {spec.module for spec in requested}
     files = {str(path.resolve()) for path in plugins}
     chosen = []
     for spec in known.values():
-        of_method = [variant for variant in wanted if variant.base_name == spec.base_name]
+        of_method = [variant for variant in requested if variant.base_name == spec.base_name]
         is_added = spec.module in files and spec.module not in named_modules
         if (every and all(variant.parameters for variant in of_method)) or is_added:
             chosen.append(dataclasses.replace(spec, named=spec.module in files))
         # Added to all methods, a method appears in the tables of its kind; alone, in every table.
-        chosen += [dataclasses.replace(variant, named=EVERY not in asked) for variant in of_method]
+        chosen += [dataclasses.replace(variant, named=EVERY not in patterns) for variant in of_method]
     return chosen
 
 
@@ -180,8 +180,8 @@ def variants(name: str, known: Mapping[str, S]) -> list[S]:
         If the name or a parameter is unknown, or a value is invalid.
     """
     base, inside = split_name(name) or (name, "")
-    made = (_with(known[base], given) for given in combinations(inside))
-    return list({spec.name: spec for spec in made}.values())
+    specs = (_with(known[base], given) for given in combinations(inside))
+    return list({spec.name: spec for spec in specs}.values())
 
 
 def variant(name: str, known: Mapping[str, S]) -> S:
@@ -192,16 +192,16 @@ def variant(name: str, known: Mapping[str, S]) -> S:
     ConfigurationError
         If the name or a parameter is unknown, a value is invalid, or the name stands for several methods.
     """
-    found = variants(name, known)
-    if len(found) > 1:
-        raise ConfigurationError(f"'{name}' stands for {len(found)} {found[0].kind}s", f"name one: {found[0].name}")
-    return found[0]
+    specs = variants(name, known)
+    if len(specs) > 1:
+        raise ConfigurationError(f"'{name}' stands for {len(specs)} {specs[0].kind}s", f"name one: {specs[0].name}")
+    return specs[0]
 
 
 def _with(spec: S, given: Mapping[str, str]) -> S:
     if not given:
         return spec
-    made = spec.with_parameters(given)
-    if not made.missing_packages():
-        made.create()  # lets the class refuse invalid combinations now
-    return made
+    changed = spec.with_parameters(given)
+    if not changed.missing_packages():
+        changed.create()  # lets the class refuse invalid combinations now
+    return changed

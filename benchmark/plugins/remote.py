@@ -39,7 +39,7 @@ _MAX_RETRIES = 3
 _processes: dict[tuple[str, ...], Process] = {}
 
 #: Facts of plugins by kind, target and parameters.
-_told: dict[str, Facts] = {}
+_known_facts: dict[str, Facts] = {}
 
 _starting: Callable[[bool], object] = bool
 
@@ -75,7 +75,7 @@ def look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) ->
 
 def remember(*plugins: Facts) -> None:
     """Store the facts of plugins."""
-    _told.update({_key(facts["kind"], facts["target"], facts["chosen"]): facts for facts in plugins})
+    _known_facts.update({_key(facts["kind"], facts["target"], facts["chosen"]): facts for facts in plugins})
 
 
 def _key(*names: Any) -> str:
@@ -104,10 +104,10 @@ class Remote:
     def facts(self) -> Facts:
         """Facts of the plugin; see :attr:`benchmark.plugins.specs.PluginSpec.facts`."""
         key = _key(self.kind, self.target, plain(self.parameters))
-        if key not in _told:
-            _told[key] = self.request("facts")[0] if is_child() else self.look("facts")
-            remember(_told[key])
-        return _told[key]
+        if key not in _known_facts:
+            _known_facts[key] = self.request("facts")[0] if is_child() else self.look("facts")
+            remember(_known_facts[key])
+        return _known_facts[key]
 
     def look(self, work: str, **facts: Any) -> Facts:
         """Send a request to a process that ends immediately afterwards."""

@@ -50,9 +50,9 @@ def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:
     ConfigurationError
         If the name or a parameter is unknown, a value is invalid, or a package is missing.
     """
-    found = variant(name, known)
-    found.create()  # lets the class refuse invalid combinations now
-    return found
+    spec = variant(name, known)
+    spec.create()  # lets the class refuse invalid combinations now
+    return spec
 
 
 def plugin_scorers(path: Path) -> list[ScorerSpec]:

@@ -36,7 +36,7 @@ from benchmark.plugins.serving import Answer, OpenedDataset, answer
 from benchmark.source_code import FIRST_PARTY
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo, DatasetInfo)
-Made = TypeVar("Made")
+Instance = TypeVar("Instance")
 Value = TypeVar("Value")
 
 
@@ -59,7 +59,7 @@ class Fact(Generic[Value]):
 
 
 @dataclass(frozen=True)
-class PluginSpec(Generic[Info, Made]):
+class PluginSpec(Generic[Info, Instance]):
     """A method, a scorer or a data set by name, with everything needed to create it in another process.
 
     Parameters
@@ -199,7 +199,7 @@ class PluginSpec(Generic[Info, Made]):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{self.info_type.__name__}]'", self.hint)
         return cast(type[Any], cls)
 
-    def create(self) -> Made:
+    def create(self) -> Instance:
         """Create an object with the parameters.
 
         Raises
@@ -208,7 +208,7 @@ class PluginSpec(Generic[Info, Made]):
             If the class refuses them, or the object does not implement the protocol.
         """
         if self.is_elsewhere:
-            return cast(Made, self._stand_in())
+            return cast(Instance, self._stand_in())
         cls = self.load()
         try:
             with one_of_us():
@@ -222,7 +222,7 @@ class PluginSpec(Generic[Info, Made]):
             ) from error
         if not isinstance(created, self.contracts):
             raise ConfigurationError(f"{self.target} {self.lacking}", self.hint)
-        return cast(Made, created)
+        return cast(Instance, created)
 
     def _stand_in(self) -> Foreign:
         """Return an object that passes requests to its process."""

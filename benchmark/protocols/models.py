@@ -169,13 +169,13 @@ def with_model(spec: MethodSpec) -> Any:
         If it cannot be used.
     """
     method: Any = spec.create()
-    wanted = getattr(method, "model_folder", None)
-    if not isinstance(method, Learner) or not isinstance(wanted, Path):
+    own_folder = getattr(method, "model_folder", None)
+    if not isinstance(method, Learner) or not isinstance(own_folder, Path):
         return method
-    folder = find_model(model_places(method), wanted.parent.name, wanted.name)
+    folder = find_model(model_places(method), own_folder.parent.name, own_folder.name)
     if folder is None:
-        raise _missing(spec, method, [wanted.parent.name])
-    return method if folder == wanted else method.load(folder)
+        raise _missing(spec, method, [own_folder.parent.name])
+    return method if folder == own_folder else method.load(folder)
 
 
 def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:

@@ -300,8 +300,8 @@ def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list
         return [only]
     if numeral not in paper.NUMERALS:
         raise did_you_mean("table", numeral, paper.NUMERALS)
-    wanted = "I" if learner.split == "strict" else numeral
-    table = next(table for table in TABLES if table.identifier == wanted)
+    identifier = "I" if learner.split == "strict" else numeral
+    table = next(table for table in TABLES if table.identifier == identifier)
     # A data set without trainings uses the models of another data set, which has its own stand-in.
     is_trained_on = any(training.dataset == table.dataset for training in TRAININGS.values())
     use_stand_in = is_trained_on and not is_present(table.dataset, data_root)

@@ -183,5 +183,5 @@ def _as_text(tex: str) -> str:
     return re.sub(r"[{}]", "", tex)
 
 
-def _accented(found: re.Match[str]) -> str:
-    return unicodedata.normalize("NFC", found[2] + _ACCENTS[found[1]])
+def _accented(match: re.Match[str]) -> str:
+    return unicodedata.normalize("NFC", match[2] + _ACCENTS[match[1]])

@@ -222,12 +222,12 @@ def contents(
         have rows in other tables.
     """
     chosen = set(tables)
-    wanted = chosen | {table.identifier for table in TABLES if table.part_of in chosen}
+    with_parts = chosen | {table.identifier for table in TABLES if table.part_of in chosen}
     grouped: dict[tuple[Table, str, bool], list[Result]] = {}
     for result in results:
         dataset, quick = result.record["data"]["name"], bool(result.record["data"]["quick"])
         for identifier in tables_of(result.record["gallery"], dataset, quick=quick):
-            if identifier in wanted or not (wanted or parsed(dataset)):  # summarised in the table of robustness
+            if identifier in with_parts or not (with_parts or parsed(dataset)):  # summarised in the table of robustness
                 table = _known_table(identifier, dataset) or own_table(dataset)
                 name = table.dataset if table.mean_over_sets else dataset
                 grouped.setdefault((table, name, quick), []).append(result)

@@ -91,8 +91,8 @@ def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
     precision = np.full((len(relevant), len(RECALLS)), np.nan)
     for row, (of_query, at_best) in enumerate(zip(hits, best, strict=True)):
         if of_query.size and of_query[-1]:
-            wanted = [-(-round(100 * recall) * int(of_query[-1]) // 100) for recall in RECALLS]  # hits, rounded up
-            precision[row] = at_best[np.searchsorted(of_query, wanted)]
+            n_hits = [-(-round(100 * recall) * int(of_query[-1]) // 100) for recall in RECALLS]  # hits, rounded up
+            precision[row] = at_best[np.searchsorted(of_query, n_hits)]
     return precision
 
 

@@ -120,10 +120,9 @@ class Results:
         return [record for key, record in records.items() if "-" not in key or key_of(record["recipe"]) == key]
 
     def _best(self, records: Iterable[Record]) -> Result:
-        here = self.store.records
+        own = self.store.records
         results = [
-            Result(record, self.outdated(record), "here" if record["key"] in here else "published")
-            for record in records
+            Result(record, self.outdated(record), "here" if record["key"] in own else "published") for record in records
         ]
 
         def worth(result: Result) -> tuple[bool, bool, bool, str, str]:
@@ -176,8 +175,8 @@ class Results:
         now |= self._data[place]
         if "models" in record["recipe"]:
             try:
-                spec, here = variant(record["method"], self.known), self.store.models
-                models = find_models(spec, gallery, here, models_proven_by(record))
+                spec, trained = variant(record["method"], self.known), self.store.models
+                models = find_models(spec, gallery, trained, models_proven_by(record))
             except BenchmarkError:
                 return now  # its models are missing
             now["models"] = {model.training: model.digest for model in models.values()}
@@ -213,22 +212,22 @@ def galleries_of(source: str, data_root: Path | None, *, quick: bool) -> dict[st
 def with_repeats(results: Iterable[Result]) -> list[Result]:
     """Return the results without jitter, each with its jittered preparations by the same code and settings."""
     clean: list[Result] = []
-    found: dict[tuple[str, str, str, str], dict[int, Record]] = {}
+    jittered: dict[tuple[str, str, str, str], dict[int, Record]] = {}
     for result in results:
         record, name = result.record, str(result.record["data"]["name"])
         if jitter := parsed_jitter(name):
             gallery = jitter[0] + record["gallery"].removeprefix(name)
             if record["status"] == "ok":
-                found.setdefault(_repeated(record, gallery), {})[jitter[1]] = record
+                jittered.setdefault(_repeated(record, gallery), {})[jitter[1]] = record
         else:
             clean.append(result)
 
     def repeats(result: Result) -> dict[int, Record]:
         record = result.record
-        rivals = found.get(_repeated(record, record["gallery"]), {})
+        rivals = jittered.get(_repeated(record, record["gallery"]), {})
         return {number: rivals[number] for number in sorted(rivals) if _is_repeat(rivals[number], record)}
 
-    return [replace(result, repeats=repeats(result)) for result in clean] if found else clean
+    return [replace(result, repeats=repeats(result)) for result in clean] if jittered else clean
 
 
 def _repeated(record: Record, gallery: str) -> tuple[str, str, str, str]:

@@ -60,8 +60,8 @@ class Field:
 PLAIN = Field(name="plain")
 
 FIELDS: dict[str, Field] = {
-    each.name: each
-    for each in (
+    preset.name: preset
+    for preset in (
         PLAIN,
         replace(PLAIN, name="free", isometry=0.0),
         replace(PLAIN, name="small", width=96, heads=4, encoder_layers=4),
@@ -83,9 +83,9 @@ def from_card(described: object) -> Field:
     ConfigurationError
         If it is not one.
     """
-    found = described_by(described, PLAIN)
-    check_sizes(found)
-    return found
+    configuration = described_by(described, PLAIN)
+    check_sizes(configuration)
+    return configuration
 
 
 def check_sizes(configuration: Field) -> None:

@@ -88,11 +88,11 @@ def with_detail(rest: Rest, positions: Points, rotations: FloatArray, reach: flo
     factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     cells = _Cells.of(rest)
     held = screen[:, None] * positions
-    found = factors.solve(cells.load(rotations) + held)
+    refined = factors.solve(cells.load(rotations) + held)
     for _ in range(rounds):
-        rotations = cells.rotations(found, rotations)
-        found = factors.solve(cells.load(rotations) + held)
-    return np.asarray(found)
+        rotations = cells.rotations(refined, rotations)
+        refined = factors.solve(cells.load(rotations) + held)
+    return np.asarray(refined)
 
 
 @dataclass(frozen=True, eq=False)

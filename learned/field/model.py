@@ -84,9 +84,9 @@ def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
     positions, rotations = [], []
     for first in range(0, mesh.n_vertices, _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
-        found = network.decoded(tokens, row(mesh.vertices[some]), row(normals[some]))
-        positions.append(found.positions[0].numpy())
-        rotations.append(found.rotations[0].numpy())
+        unbent = network.decoded(tokens, row(mesh.vertices[some]), row(normals[some]))
+        positions.append(unbent.positions[0].numpy())
+        rotations.append(unbent.rotations[0].numpy())
     return np.concatenate(positions), np.concatenate(rotations)
 
 
@@ -116,7 +116,7 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
     positions, rotations = predicted(network, _outward(inside))
     rest = Rest.of(inside.vertices, shape.laplacian())
     vertices = of_unit_area(mesh, with_detail(rest, positions, rotations, reach, rounds))
-    before, after = (_edge_lengths(each, mesh) for each in (inside.vertices, vertices))
+    before, after = (_edge_lengths(points, mesh) for points in (inside.vertices, vertices))
     moved = np.linalg.norm(vertices - positions, axis=1)
     notes: dict[str, float | str] = {
         "edge_strain": float(np.abs(after - before).sum() / before.sum()),

@@ -90,10 +90,10 @@ class Attention(nn.Module):
             Squared distances between them, shape (n, q, t); 0 for what has no place.
         """
         query = self._of_heads(self.query(self.norm(asking)))
-        key, value = (self._of_heads(each) for each in self.key_value(asked).chunk(2, dim=-1))
+        key, value = (self._of_heads(part) for part in self.key_value(asked).chunk(2, dim=-1))
         bias = -self.log_sharpness.exp()[:, None, None] * squares[:, None]
-        found = functional.scaled_dot_product_attention(query, key, value, attn_mask=bias.to(query.dtype))
-        asking = asking + self.out(found.transpose(1, 2).flatten(2))
+        attended = functional.scaled_dot_product_attention(query, key, value, attn_mask=bias.to(query.dtype))
+        asking = asking + self.out(attended.transpose(1, 2).flatten(2))
         return cast(Tensor, asking + self.mlp(asking))
 
     def _of_heads(self, features: Tensor) -> Tensor:

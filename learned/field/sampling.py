@@ -90,7 +90,7 @@ def _spread(mesh: Mesh, candidates: Points, owners: NDArray[np.int64], count: in
 
 def _centres(k: int) -> FloatArray:
     """Barycentric coordinates of the centres of the k^2 triangles that a triangle is divided into, shape (k^2, 3)."""
-    i, j = (each.ravel() for each in np.indices((k, k)))
+    i, j = (indices.ravel() for indices in np.indices((k, k)))
     upright, inverted = i + j < k, i + j < k - 1
     first = np.concatenate([i[upright] + 1 / 3, i[inverted] + 2 / 3])
     second = np.concatenate([j[upright] + 1 / 3, j[inverted] + 2 / 3])

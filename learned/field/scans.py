@@ -65,12 +65,12 @@ class Seen:
         """Facts of a scan of a body that stands in the canonical pose, centred."""
         body_normals = _unit(vertex_normals(canonical))
         targets, target_normals = (
-            np.einsum("nc,nck->nk", scan.weights, each[scan.corners]) for each in (canonical.vertices, body_normals)
+            np.einsum("nc,nck->nk", scan.weights, values[scan.corners]) for values in (canonical.vertices, body_normals)
         )
         mesh = scan.mesh
         ends = edges_of(mesh.faces).ends
         lengths, true_lengths = (
-            np.linalg.norm(each[ends[:, 0]] - each[ends[:, 1]], axis=1) for each in (mesh.vertices, targets)
+            np.linalg.norm(values[ends[:, 0]] - values[ends[:, 1]], axis=1) for values in (mesh.vertices, targets)
         )
         asked = true_lengths <= LONGEST * lengths / mesh.area**0.5 + SLACK
         ends = ends[asked] if asked.any() else ends
@@ -142,7 +142,7 @@ class MakesScanBatches:
         """Make one batch."""
         groups = list(self._groups(number))
         rows = []
-        for place, seen in enumerate(each for group in groups for each in group.seen):
+        for place, seen in enumerate(scan for group in groups for scan in group.seen):
             rows.append(self._row(seen, np.random.default_rng([number, place])))
         names = tuple(name for group in groups for name in group.identifiers)
         return SurfaceBatch.of(number, names, rows, groups[-1].drawn_again)
@@ -155,16 +155,16 @@ class MakesScanBatches:
         for place in range(self.uses):
             key = (self.make, bodies, number + place * LAG)
             if key not in _KEPT:
-                _KEPT[key] = self._made(key[2], bodies)
+                _KEPT[key] = self._drawn(key[2], bodies)
             yield _KEPT[key]
 
-    def _made(self, number: int, bodies: int) -> Group:
-        made = self.make(number, bodies)
+    def _drawn(self, number: int, bodies: int) -> Group:
+        drawn = self.make(number, bodies)
         seen = []
-        for canonical, scans in zip(made.canonical, made.scans, strict=True):
-            target = centred(Mesh(canonical, made.faces))
+        for canonical, scans in zip(drawn.canonical, drawn.scans, strict=True):
+            target = centred(Mesh(canonical, drawn.faces))
             seen += [Seen.of(scan, target) for scan in scans]
-        return Group(made.identifiers, tuple(seen), dict(made.drawn_again))
+        return Group(drawn.identifiers, tuple(seen), dict(drawn.drawn_again))
 
     def _row(self, seen: Seen, random: np.random.Generator) -> tuple[Points | Single | float, ...]:
         """Points and positions with their normals in the frame of a scan, where they belong, and the height."""

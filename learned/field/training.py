@@ -28,12 +28,12 @@ _LEAST = 1e-8
 """Added to squared distances, lest their root have no gradient at zero."""
 
 
-def losses(found: Unbent, positions: Tensor, targets: Tensor, normals: Tensor, target_normals: Tensor) -> Tensor:
+def losses(unbent: Unbent, positions: Tensor, targets: Tensor, normals: Tensor, target_normals: Tensor) -> Tensor:
     """All terms, unweighted.
 
     Parameters
     ----------
-    found
+    unbent
         What the field says of the positions.
     positions, targets
         In the pose and in the canonical pose, shape (n, 2 p, 3): the first p are the starts of p edges along the
@@ -48,17 +48,17 @@ def losses(found: Unbent, positions: Tensor, targets: Tensor, normals: Tensor, t
         squared error of turned edges, relative to their lengths, and of turned normals; mean squared relative change
         of the lengths of edges.
     """
-    edges, true_edges, found_edges = _edges(positions), _edges(targets), _edges(found.positions)
+    edges, true_edges, unbent_edges = _edges(positions), _edges(targets), _edges(unbent.positions)
     lengths = _lengths(edges)
-    starts, ends = found.rotations.chunk(2, dim=1)
+    starts, ends = unbent.rotations.chunk(2, dim=1)
     turned = ((starts + ends) / 2 @ edges[..., None])[..., 0]
-    facing = (found.rotations @ normals[..., None])[..., 0]
+    facing = (unbent.rotations @ normals[..., None])[..., 0]
     return torch.stack(
         [
-            _lengths(found.positions - targets).mean(),
+            _lengths(unbent.positions - targets).mean(),
             ((turned - true_edges) / lengths[..., None]).square().sum(-1).mean()
             + (facing - target_normals).square().sum(-1).mean(),
-            (_lengths(found_edges) / lengths - 1).square().mean(),
+            (_lengths(unbent_edges) / lengths - 1).square().mean(),
         ]
     )
 
@@ -141,18 +141,18 @@ def train_field(
         If a body cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then stands at
         the last step that was done.
     """
-    network, told = build_field(configuration, run.seed), {}
+    network, details = build_field(configuration, run.seed), {}
     if plan.start == "shipped":
         folder = DeformationField(configuration=configuration.name).model_folder
         network.load_state_dict(load_field(folder).state_dict())
-        told["started_from"] = read_card(folder)["digest"]
+        details["started_from"] = read_card(folder)["digest"]
     network.to(run.device)
-    looked = _batches(replace(plan, bodies=LOOKED_AT, uses=1), configuration, validation)(0) if validation else None
-    objective = _Objective(network, configuration, run.device, looked)
+    unseen = _batches(replace(plan, bodies=LOOKED_AT, uses=1), configuration, validation)(0) if validation else None
+    objective = _Objective(network, configuration, run.device, unseen)
     batches = _batches(plan, configuration, make, perturbed=True)
     progress, precision = TrainingLoop(network, objective, batches, plan, run).train()
     seen = fresh_bodies(plan, progress) | {"bodies": bodies_made(plan.steps, plan.bodies, plan.uses)}
-    return Trained(network, progress, precision, seen, told)
+    return Trained(network, progress, precision, seen, details)
 
 
 def _batches(
@@ -168,32 +168,32 @@ class _Objective(Objective[SurfaceBatch]):
     network: FieldNetwork
     configuration: Field
     device: torch.device
-    looked: SurfaceBatch | None
+    unseen: SurfaceBatch | None
     terms = NAMES
     watched = "position error"
 
     def losses(self, batch: SurfaceBatch, half: bool) -> Tensor:
-        return self._terms(self._found(batch, half), batch)
+        return self._terms(self._unbent(batch, half), batch)
 
     def total(self, losses: Tensor, batch: SurfaceBatch) -> Tensor:
         return weighted(losses, self.configuration)
 
     def measured(self, half: bool) -> Mapping[str, float]:
         """Mean distance to the true position as a share of the body's height, and the terms of the loss."""
-        if self.looked is None:
+        if self.unseen is None:
             return {}
-        found = self._found(self.looked, half)
-        distances = (found.positions.cpu() - self.looked.targets).norm(dim=-1).mean(dim=1)
-        terms = self._terms(found, self.looked).tolist()
-        error = float((distances / self.looked.heights).mean())
+        unbent = self._unbent(self.unseen, half)
+        distances = (unbent.positions.cpu() - self.unseen.targets).norm(dim=-1).mean(dim=1)
+        terms = self._terms(unbent, self.unseen).tolist()
+        error = float((distances / self.unseen.heights).mean())
         return {"position error": error, **dict(zip(self.terms[1:], terms[1:], strict=True))}
 
-    def _found(self, batch: SurfaceBatch, half: bool) -> Unbent:
+    def _unbent(self, batch: SurfaceBatch, half: bool) -> Unbent:
         seen = (batch.points, batch.normals, batch.positions, batch.position_normals)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
-            found: Unbent = self.network(*(each.to(self.device) for each in seen))
-        return found
+            unbent: Unbent = self.network(*(tensor.to(self.device) for tensor in seen))
+        return unbent
 
-    def _terms(self, found: Unbent, batch: SurfaceBatch) -> Tensor:
-        told = (batch.positions, batch.targets, batch.position_normals, batch.target_normals)
-        return losses(found, *(each.to(self.device) for each in told))
+    def _terms(self, unbent: Unbent, batch: SurfaceBatch) -> Tensor:
+        known = (batch.positions, batch.targets, batch.position_normals, batch.target_normals)
+        return losses(unbent, *(tensor.to(self.device) for tensor in known))

@@ -15,7 +15,7 @@ LARGEST = 4096
 
 HINT = "train the model again"
 
-_TOLD: Mapping[str, type | tuple[type, ...]] = {
+_KINDS: Mapping[str, type | tuple[type, ...]] = {
     "digest": str, "configuration": dict, "parameters": int, "data": str, "data_title": str, "data_digest": str,
     "pairs": int, "subjects": list, "identifiers": list, "extra_data": bool, "seed": int, "schedule": dict,
     "departures_from_the_paper": list, "schedule_in_words": str, "hardware": str, "precision": str,
@@ -58,10 +58,10 @@ def network_of(card: Mapping[str, Any], folder: Path) -> Network:
         If it is not the card of such a model; the message names the field.
     """
     # A card of an older model says nothing of the clearance.
-    if odd := sorted((card.keys() - {"clearance"}) ^ _TOLD.keys()):
-        verb = "lacks" if odd[0] in _TOLD else "has an unknown field"
+    if odd := sorted((card.keys() - {"clearance"}) ^ _KINDS.keys()):
+        verb = "lacks" if odd[0] in _KINDS else "has an unknown field"
         raise ConfigurationError(f"the card in {folder} {verb} '{odd[0]}'", HINT)
-    for name, kind in _TOLD.items():
+    for name, kind in _KINDS.items():
         if not isinstance(card[name], kind) or (isinstance(card[name], bool) and kind is not bool):
             raise _wrong(name, card[name], folder)
     resolution = card["schedule"].get("resolution")
@@ -74,7 +74,7 @@ def network_of(card: Mapping[str, Any], folder: Path) -> Network:
 
 
 def _configuration(described: Mapping[str, Any], folder: Path) -> Configuration:
-    found = from_card(described)
+    configuration = from_card(described)
     for name, hint in get_type_hints(Configuration).items():
         if name not in described:  # of the schedule a card speaks elsewhere; others have their usual value
             continue
@@ -83,7 +83,7 @@ def _configuration(described: Mapping[str, Any], folder: Path) -> Configuration:
         fits = value in choices if choices else type(value) is hint
         if not fits or (type(value) is int and not 1 <= value <= LARGEST):
             raise _wrong(f"configuration.{name}", value, folder)
-    return found
+    return configuration
 
 
 def _wrong(name: str, value: object, folder: Path) -> ConfigurationError:

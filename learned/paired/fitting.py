@@ -90,7 +90,7 @@ def fit(
             kind: _looked_at(trained.network, of_kind, run.folder / f"samples-{kind}.png", f"{title}: {kind} pairs")
             for kind, of_kind in (("training", pairs), ("unseen", unseen))
         }
-        return replace(trained, told=_told(chosen, plan, trained) | {"final": final})
+        return replace(trained, details=_card_details(chosen, plan, trained) | {"final": final})
 
     fitting = Fitting(
         kind="configuration",
@@ -119,7 +119,7 @@ def _looked_at(network: nn.Module, pairs: Pairs, picture: Path, title: str) -> d
     return {name: value if isfinite(value) else None for name, value in measures(predictions, targets).items()}
 
 
-def _told(chosen: Configuration, plan: Schedule, trained: Trained[nn.Module]) -> dict[str, Any]:
+def _card_details(chosen: Configuration, plan: Schedule, trained: Trained[nn.Module]) -> dict[str, Any]:
     """Return what the card of such a network tells besides what all cards do; see :mod:`learned.paired.card`."""
     progress = trained.progress
     images = trained.seen["pairs"] * plan.epochs / progress.seconds if progress.seconds else 0.0

@@ -52,12 +52,12 @@ def gather_kept(data: TrainingData, resolution: int, crop: bool, folder: Path, s
     """
     recipe = json.dumps({"data": data.digest, "resolution": resolution, "crop": crop}, sort_keys=True)
     runs: list[Pairs] = []
-    while (found := _read(_path(folder, len(runs)), recipe)) is not None:
-        runs.append(found)
+    while (run := _read(_path(folder, len(runs)), recipe)) is not None:
+        runs.append(run)
     count = RUN * len(runs)
     if count:
         say(f"found {count} pairs that were gathered before")
-    told = began = time.perf_counter()
+    reported = began = time.perf_counter()
     gathered_before = count
     pairs = data.pairs(count)
     while some := list(itertools.islice(pairs, RUN)):
@@ -65,10 +65,10 @@ def gather_kept(data: TrainingData, resolution: int, crop: bool, folder: Path, s
         count += len(some)
         if len(some) == RUN:
             _write(_path(folder, len(runs) - 1), runs[-1], recipe)
-        if (now := time.perf_counter()) - told > TELL_SECONDS:
+        if (now := time.perf_counter()) - reported > TELL_SECONDS:
             left = (now - began) / (count - gathered_before) * (data.n_pairs - count)
             say(f"gathered {count} of {data.n_pairs} pairs, about {left:.0f} s left")
-            told = now
+            reported = now
     return joined(runs) if runs else gather((), resolution, crop)
 
 

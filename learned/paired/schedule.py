@@ -94,11 +94,11 @@ class Schedule:
     def non_default_settings(self) -> list[str]:
         """Fields that differ from the paper's schedule, in words; arithmetic and compilation are not part of it."""
         paper = Schedule()
-        told = {**asdict(self), "early_epochs": self.n_early}
+        values = {**asdict(self), "early_epochs": self.n_early}
         printed = {**asdict(paper), "early_epochs": paper.n_early}
         return [
             f"{name} {value} (paper: {printed[name]})"
-            for name, value in told.items()
+            for name, value in values.items()
             if name not in ("precision", "compile") and value != printed[name]
         ]
 
@@ -106,9 +106,9 @@ class Schedule:
         """The schedule in one clause."""
         text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs, batch {self.batch}"
         further = [
-            told for told in self.non_default_settings() if told.split()[0] not in ("resolution", "epochs", "batch")
+            part for part in self.non_default_settings() if part.split()[0] not in ("resolution", "epochs", "batch")
         ]
-        kept = [told for told in further if told.split()[0] != "early_epochs" or self.early_epochs is not None]
+        kept = [part for part in further if part.split()[0] != "early_epochs" or self.early_epochs is not None]
         return text + (f", {', '.join(kept)}" if kept else "")
 
 

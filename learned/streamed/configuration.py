@@ -120,9 +120,9 @@ def from_card(described: object) -> Streamed:
     """
     # Only an older card of a streamed network lacks fields: their defaults are those that were fixed before.
     whole = {**PLAIN.described(), **described} if isinstance(described, Mapping) and "name" in described else described
-    found = described_by(whole, PLAIN)
-    check_resolution(found)
-    return found
+    configuration = described_by(whole, PLAIN)
+    check_resolution(configuration)
+    return configuration
 
 
 def check_resolution(configuration: Streamed) -> None:

@@ -107,8 +107,8 @@ def _places(fresh: Fresh, cells: int) -> Tensor | None:
     """Mean canonical position of the points that each coarse pixel of each image shows, and whether there are any."""
     if fresh.pixels is None or fresh.places is None:
         return None
-    found = np.zeros((*fresh.images.shape[:2], 4, cells, cells), dtype=np.float32)
-    for of_body, images, pixels, places in zip(found, fresh.images, fresh.pixels, fresh.places, strict=True):
+    cell_places = np.zeros((*fresh.images.shape[:2], 4, cells, cells), dtype=np.float32)
+    for of_body, images, pixels, places in zip(cell_places, fresh.images, fresh.pixels, fresh.places, strict=True):
         for cell, image, pixel in zip(of_body, images, pixels, strict=True):
             starts, length = window(image)
             shown = ~np.isnan(pixel[:, 0])
@@ -119,4 +119,4 @@ def _places(fresh: Fresh, cells: int) -> Tensor | None:
                 sums = np.bincount(flat, places[shown, axis], minlength=cells * cells)
                 cell[axis] = (sums / np.maximum(count, 1)).reshape(cells, cells)
             cell[3] = (count > 0).reshape(cells, cells)
-    return torch.from_numpy(found.reshape(-1, 4, cells, cells))
+    return torch.from_numpy(cell_places.reshape(-1, 4, cells, cells))

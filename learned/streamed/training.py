@@ -46,8 +46,8 @@ def train_streamed(
         the last step that was done.
     """
     network = build_streamed(configuration, run.seed).to(run.device, memory_format=torch.channels_last)
-    looked = MakesImages(validation, configuration, LOOKED_AT)(0) if validation else None
-    objective = _Objective(network, configuration, run.device, looked)
+    unseen = MakesImages(validation, configuration, LOOKED_AT)(0) if validation else None
+    objective = _Objective(network, configuration, run.device, unseen)
     images = MakesImages(make, configuration, plan.bodies)
     progress, precision = TrainingLoop(network, objective, images, plan, run).train()
     return Trained(network, progress, precision, fresh_bodies(plan, progress))
@@ -58,7 +58,7 @@ class _Objective(Objective[ImageBatch]):
     network: StreamedNetwork
     configuration: Streamed
     device: torch.device
-    looked: ImageBatch | None
+    unseen: ImageBatch | None
     terms = NAMES
     watched = "mask overlap"
 
@@ -69,14 +69,14 @@ class _Objective(Objective[ImageBatch]):
         return weighted(losses, self.configuration)
 
     def measured(self, half: bool) -> Mapping[str, float]:
-        if self.looked is None:
+        if self.unseen is None:
             return {}
         predictions = []
-        for images in self.looked.images.split(16):
+        for images in self.unseen.images.split(16):
             with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
                 predictions.append(self.network(self._image(images)).float().cpu())
-        depth_and_mask = [0, self.looked.targets.shape[1] - 1]
-        return measures(torch.cat(predictions)[:, depth_and_mask], self.looked.targets[:, depth_and_mask])
+        depth_and_mask = [0, self.unseen.targets.shape[1] - 1]
+        return measures(torch.cat(predictions)[:, depth_and_mask], self.unseen.targets[:, depth_and_mask])
 
     def _image(self, images: Tensor) -> Tensor:
         return images.to(self.device).contiguous(memory_format=torch.channels_last)

@@ -149,7 +149,7 @@ class Checkpoint:
                 tensors[f"step.{name}"] = torch.as_tensor(state["step"]).detach().cpu().reshape(1)
             if self.average is not None:
                 tensors[f"average.{name}"] = self.average.weights[name].cpu().contiguous()
-        told = {
+        metadata = {
             "recipe": json.dumps(recipe, sort_keys=True),
             "torch": VERSION,
             "epoch": str(progress.epoch),
@@ -157,7 +157,7 @@ class Checkpoint:
             "seconds": str(progress.seconds),
             "history": json.dumps(list(progress.history)),
         }
-        write(self.folder / CHECKPOINT, save(tensors, told))
+        write(self.folder / CHECKPOINT, save(tensors, metadata))
 
     def resume(self, recipe: Mapping[str, Any]) -> Progress | None:
         """Set network, optimiser and average to where it stands; None if there is none.
@@ -172,11 +172,11 @@ class Checkpoint:
             return None
         try:
             with safe_open(str(path), framework="pt") as file:
-                told = file.metadata() or {}
+                metadata = file.metadata() or {}
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            before, epoch, batch = json.loads(told["recipe"]), int(told["epoch"]), int(told["batch"])
-            history, seconds = tuple(json.loads(told["history"])), float(told["seconds"])
-            version = told.get("torch", "")
+            before, epoch, batch = json.loads(metadata["recipe"]), int(metadata["epoch"]), int(metadata["batch"])
+            history, seconds = tuple(json.loads(metadata["history"])), float(metadata["seconds"])
+            version = metadata.get("torch", "")
         except (SafetensorError, OSError, KeyError, ValueError) as error:
             raise TrainingError(f"checkpoint {path} is damaged: {error}", "delete it and train again") from error
         if changed := _differences(before, recipe):
@@ -205,9 +205,9 @@ class Checkpoint:
 
 def keep_snapshot(folder: Path, weights: Mapping[str, Tensor], bodies: int, recipe: Mapping[str, Any]) -> None:
     """Keep weights, rounded to half precision, by the number of bodies that were seen."""
-    told = {"recipe": json.dumps(recipe, sort_keys=True), "bodies": str(bodies)}
-    halves = {name: each.detach().cpu().half().contiguous() for name, each in weights.items()}
-    write(folder / SNAPSHOTS / f"{bodies:010}.safetensors", save(halves, told))
+    metadata = {"recipe": json.dumps(recipe, sort_keys=True), "bodies": str(bodies)}
+    halves = {name: tensor.detach().cpu().half().contiguous() for name, tensor in weights.items()}
+    write(folder / SNAPSHOTS / f"{bodies:010}.safetensors", save(halves, metadata))
 
 
 def newest_snapshot(folder: Path) -> tuple[int, dict[str, Any], dict[str, Tensor]] | None:
@@ -223,9 +223,9 @@ def newest_snapshot(folder: Path) -> tuple[int, dict[str, Any], dict[str, Tensor
         return None
     try:
         with safe_open(str(kept[-1]), framework="pt") as file:
-            told = file.metadata() or {}
+            metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-        return int(told["bodies"]), json.loads(told["recipe"]), tensors
+        return int(metadata["bodies"]), json.loads(metadata["recipe"]), tensors
     except (SafetensorError, OSError, KeyError, ValueError) as error:
         raise TrainingError(f"snapshot {kept[-1]} is damaged: {error}", "delete it") from error
 
@@ -234,8 +234,8 @@ def stands_at(folder: Path) -> tuple[int, int]:
     """Return the epochs or steps that are done, and the batch; 0 and 0 if there is no checkpoint that can be read."""
     try:
         with safe_open(str(folder / CHECKPOINT), framework="pt") as file:
-            told = file.metadata() or {}
-        return int(told["epoch"]), int(told["batch"])
+            metadata = file.metadata() or {}
+        return int(metadata["epoch"]), int(metadata["batch"])
     except (SafetensorError, OSError, KeyError, ValueError):
         return 0, 0
 

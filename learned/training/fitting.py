@@ -150,12 +150,12 @@ class Fitting(Generic[N]):
     def _check_finished(self, folder: Path) -> None:
         """Raise ``ConfigurationError`` unless the finished model in a folder came from this recipe."""
         card = read_card(folder)
-        found = dict(card.get("recipe", {}))
+        recipe = dict(card.get("recipe", {}))
         # An older card may lack what has a default.
         for part, defaults in (("configuration", self.defaults), (self.planned, defaults_of(self.plan))):
-            if part in found:
-                found[part] = {**defaults, **found[part]}
-        if found != self.recipe:
+            if part in recipe:
+                recipe[part] = {**defaults, **recipe[part]}
+        if recipe != self.recipe:
             raise ConfigurationError(
                 f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), "
                 f"not of {self.words}",
@@ -190,7 +190,7 @@ class Fitting(Generic[N]):
             "final": dict(progress.history[-1]),
             "recipe": self.recipe,
             "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            **trained.told,
+            **trained.details,
         }
         write(folder / WEIGHTS, weights)
         write(folder / HISTORY, _table(progress.history).encode())

@@ -186,7 +186,7 @@ class Trained(Generic[N]):
         Arithmetic of the network.
     seen
         What it was trained on, in numbers by name, for the card.
-    told
+    details
         Further entries of the card.
     """
 
@@ -194,7 +194,7 @@ class Trained(Generic[N]):
     progress: Progress
     precision: str
     seen: Mapping[str, int]
-    told: Mapping[str, Any] = field(default_factory=dict)
+    details: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Objective(ABC, Generic[B]):
@@ -285,13 +285,13 @@ class TrainingLoop(Generic[B]):
         """
         plan = self.plan
         done, _ = checkpoint.stands_at(self.run.folder)
-        found = self._checkpoint.resume(self._recipe(done)) or self._from_snapshot()
-        if found:
-            self.run.say(f"going on after {plan.counted} {found.epoch} of {plan.steps // plan.unit}")
+        resumed = self._checkpoint.resume(self._recipe(done)) or self._from_snapshot()
+        if resumed:
+            self.run.say(f"going on after {plan.counted} {resumed.epoch} of {plan.steps // plan.unit}")
         torch.set_flush_denormal(True)
         keep_freed_memory()
         half = plan.precision == "bfloat16" or (plan.precision == "auto" and has_bfloat16(self.run.device))
-        progress = self._run(found or Progress(0, plan.bodies, 0.0, ()), half)
+        progress = self._run(resumed or Progress(0, plan.bodies, 0.0, ()), half)
         if self._average is not None:
             self._average.swap()
         return progress, "bfloat16" if half else "float32"
@@ -302,32 +302,32 @@ class TrainingLoop(Generic[B]):
         start = progress
         began, kept, processor = time.perf_counter() - progress.seconds, time.perf_counter(), 0.0
         terms: list[Tensor] = []
-        again: Counter[str] = Counter()
+        redrawn: Counter[str] = Counter()
         try:
             for batch in stream:
                 before = time.process_time()
                 terms.append(self._step(batch, half))
                 processor += time.process_time() - before
-                again.update(batch.drawn_again)
+                redrawn.update(batch.drawn_again)
                 step = batch.number + 1
                 if plan.schedule == "constant" and doubled(step, plan.bodies):
                     self._snapshot(step)
                 if step % plan.row and step != plan.steps:
                     continue
-                row = self._row(step, terms, {"processor seconds": processor, "drawn again": float(again.total())})
+                row = self._row(step, terms, {"processor seconds": processor, "drawn again": float(redrawn.total())})
                 if step % plan.look < plan.row or step == plan.steps:
                     row |= self._looked(half)
                 history = (*progress.history, row)
                 progress = Progress(step // plan.unit, plan.bodies, time.perf_counter() - began, history)
-                terms, again, processor = [], Counter(), 0.0
+                terms, redrawn, processor = [], Counter(), 0.0
                 if time.perf_counter() - kept > CHECKPOINT_SECONDS or step == plan.steps:
                     self._keep(progress)
                     kept = time.perf_counter()
-                    self.run.say(self._told(progress, start))
+                    self.run.say(self._progress_line(progress, start))
         except TrainingError:
             done, partial = divmod(len(terms), plan.unit)
             done += progress.epoch
-            if done and not partial and all(bool(torch.isfinite(each).all()) for each in terms):
+            if done and not partial and all(bool(torch.isfinite(term).all()) for term in terms):
                 self._keep(Progress(done, plan.bodies, time.perf_counter() - began, progress.history))
             raise
         finally:
@@ -359,10 +359,10 @@ class TrainingLoop(Generic[B]):
 
     def _from_snapshot(self) -> Progress | None:
         """Begin with the newest weights that were kept, if the checkpoint is lost, and Adam's state with it."""
-        found = checkpoint.newest_snapshot(self.run.folder)
-        if found is None:
+        newest = checkpoint.newest_snapshot(self.run.folder)
+        if newest is None:
             return None
-        bodies, before, tensors = found
+        bodies, before, tensors = newest
         step = bodies // self.plan.bodies
         if _without_length(before) != _without_length(self.run.recipe):
             raise TrainingError(
@@ -381,16 +381,16 @@ class TrainingLoop(Generic[B]):
         for group in self._optimiser.param_groups:
             group["lr"] = group["rate"] * self.plan.step_size(batch.number)
         self.network.train()
-        found = self.objective.losses(batch, half)
+        losses = self.objective.losses(batch, half)
         self._optimiser.zero_grad()
-        self.objective.total(found, batch).backward()
+        self.objective.total(losses, batch).backward()
         if self.plan.gradient_clip:
             nn.utils.clip_grad_norm_(self.network.parameters(), self.plan.gradient_clip)
         self._optimiser.step()
         if self._average is not None:
             self._average.add(self.plan.average, batch.number)
         # Reading a number would make the host wait for the device, so the losses stay there for a row.
-        return found.detach()
+        return losses.detach()
 
     def _row(self, step: int, terms: Sequence[Tensor], costs: Mapping[str, float]) -> dict[str, float]:
         values = torch.stack(list(terms)).cpu().numpy().astype(np.float64)
@@ -405,14 +405,14 @@ class TrainingLoop(Generic[B]):
     def _looked(self, half: bool) -> dict[str, float]:
         self.network.eval()
         with torch.no_grad(), self._averaged():
-            found = self.objective.measured(half)
-        return {f"{self.objective.held_out} {name}": value for name, value in found.items() if math.isfinite(value)}
+            measures = self.objective.measured(half)
+        return {f"{self.objective.held_out} {name}": value for name, value in measures.items() if math.isfinite(value)}
 
-    def _told(self, progress: Progress, start: Progress) -> str:
+    def _progress_line(self, progress: Progress, start: Progress) -> str:
         row, watched = progress.history[-1], f"{self.objective.held_out} {self.objective.watched}"
-        looked = next((each[watched] for each in reversed(progress.history) if watched in each), None)
+        measure = next((earlier[watched] for earlier in reversed(progress.history) if watched in earlier), None)
         terms = "  ".join(f"{name} {row[name]:.5f}" for name in self.objective.terms[:2])
-        seen = f", {watched} {looked:.3f}" if looked is not None else ""
+        seen = f", {watched} {measure:.3f}" if measure is not None else ""
         count = self.plan.steps // self.plan.unit
         left = (progress.seconds - start.seconds) / (progress.epoch - start.epoch) * (count - progress.epoch)
         done = f"{self.plan.counted} {progress.epoch}/{count}"
@@ -433,5 +433,5 @@ def doubled(step: int, bodies: int) -> bool:
 
 def fresh_bodies(plan: Plan, progress: Progress) -> dict[str, int]:
     """Return how many bodies a training saw of which none came twice, and how often something was drawn again."""
-    again = sum(row["drawn again"] for row in progress.history)
-    return {"bodies": plan.steps * plan.bodies, "drawn_again": round(again)}
+    redrawn = sum(row["drawn again"] for row in progress.history)
+    return {"bodies": plan.steps * plan.bodies, "drawn_again": round(redrawn)}

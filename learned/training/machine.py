@@ -120,4 +120,4 @@ def is_out_of_memory(error: Exception) -> bool:
     """Return whether an error of torch says that an allocation failed."""
     if isinstance(error, (torch.OutOfMemoryError, MemoryError)):
         return True
-    return isinstance(error, RuntimeError) and any(told in str(error) for told in ("allocate memory", "out of memory"))
+    return isinstance(error, RuntimeError) and any(text in str(error) for text in ("allocate memory", "out of memory"))

@@ -86,7 +86,7 @@ def _ahead(
     idle: SimpleQueue[Process] = SimpleQueue()
     start = partial(Process, partial(_serve, make))
 
-    def made(number: int) -> B:
+    def batch(number: int) -> B:
         losses = 0
         while True:
             process = idle.get()
@@ -110,7 +110,7 @@ def _ahead(
             idle.put(start())
         while True:
             for number in itertools.islice(remaining, AHEAD * workers - len(asked)):
-                asked.append((number, pool.submit(made, number)))
+                asked.append((number, pool.submit(batch, number)))
             if not asked:
                 return
             number, future = asked.popleft()

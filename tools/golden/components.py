@@ -120,8 +120,8 @@ def _components() -> Iterator[tuple[str, Component]]:
     yield "api", Component(_api, ("benchmark.api.contracts", "benchmark.geometry.laplacian"), FORMS)
     for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
         dataset = open_dataset(name, None)
-        made_by = {type(dataset).__module__, type(getattr(dataset, "whole", dataset)).__module__}
-        yield f"data/{name}", Component(partial(_generated, name), tuple(sorted(made_by)), FORMS)
+        owners = {type(dataset).__module__, type(getattr(dataset, "whole", dataset)).__module__}
+        yield f"data/{name}", Component(partial(_generated, name), tuple(sorted(owners)), FORMS)
     for name, module in SAMPLERS.items():
         parts = partial(_called, stages.sampled, {"bodies": (name,)})
         yield f"sampler/{name}", Component(parts, (f"{_SETS}{module}",), SINGLES)

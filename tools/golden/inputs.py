@@ -104,7 +104,7 @@ def _built(method: Any) -> tuple[Any, dict[str, Any]]:
     """The network of a learner as built, and what its card says."""
     from learned.field.configuration import FIELDS
     from learned.field.network import build_field
-    from learned.paired.card import _TOLD
+    from learned.paired.card import _KINDS
     from learned.paired.configuration import CONFIGURATIONS
     from learned.paired.network import build
     from learned.streamed.configuration import STREAMED
@@ -112,7 +112,7 @@ def _built(method: Any) -> tuple[Any, dict[str, Any]]:
 
     if (kind := type(method).__module__.split(".")[1]) == "paired":
         chosen = CONFIGURATIONS[method.configuration]
-        kinds = {key: kind[0] if isinstance(kind, tuple) else kind for key, kind in _TOLD.items()}
+        kinds = {key: kind[0] if isinstance(kind, tuple) else kind for key, kind in _KINDS.items()}
         blank = {key: 1 if kind is int else kind() for key, kind in kinds.items()}
         return build(chosen), {**blank, "configuration": chosen.described(), "schedule": {"resolution": 128}}
     known, make = {"field": (FIELDS, build_field), "streamed": (STREAMED, build_streamed)}[kind]

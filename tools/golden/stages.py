@@ -78,8 +78,8 @@ def compared(name: str, forms: Sequence[str]) -> Arrays:
     scorer = scorer_of(name, scorers()).create()
     base, stored = name.partition("[")[0], inputs.arrays("signatures")
     signatures = [
-        {key.rpartition("/")[2]: value for key, value in stored.items() if key.startswith(f"{base}/{each}/")}
-        for each in forms
+        {key.rpartition("/")[2]: value for key, value in stored.items() if key.startswith(f"{base}/{form}/")}
+        for form in forms
     ]
     return {f"draw-{n}": form_distances(scorer, signatures, n) for n in range(scorer.info.draws)}
 

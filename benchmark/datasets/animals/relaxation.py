@@ -58,13 +58,13 @@ class Relaxation:
         return cls(rest, edges.indptr, edges.indices, edges.data, springs, splu(system.tocsc()))
 
     def __call__(
-        self, wanted: NDArray[np.float64], rotations: NDArray[np.float64], iterations: int
+        self, targets: NDArray[np.float64], rotations: NDArray[np.float64], iterations: int
     ) -> NDArray[np.float64]:
         """Relax the skin by alternating local and global steps.
 
         Parameters
         ----------
-        wanted
+        targets
             Where the bones want the vertices, shape (n, 3).
         rotations
             First guess of the rotation of each vertex, shape (n, 3, 3).
@@ -76,11 +76,11 @@ class Relaxation:
         numpy.ndarray
             Shape (n, 3).
         """
-        positions, rotations = wanted, np.ascontiguousarray(rotations)
+        positions, rotations = targets, np.ascontiguousarray(rotations)
         skin = (self.rest, self.first, self.neighbours, self.stiffness)
         for _ in range(iterations):
             rotations = _local_rotations(positions, rotations, *skin)
-            positions = self.factor.solve(_forces(rotations, *skin) + self.springs[:, None] * wanted)
+            positions = self.factor.solve(_forces(rotations, *skin) + self.springs[:, None] * targets)
         return np.asarray(positions)
 
 

@@ -95,12 +95,12 @@ class Skeleton:
         aims: dict[int, NDArray[np.float64]] = {}
         for part in sorted(pose, key=lambda name: "." in name):
             for chain in [self.chains[name] for name in self.chains if name == part or name.startswith(f"{part}.")]:
-                wanted = pose[part]
-                if wanted is None:
+                directions = pose[part]
+                if directions is None:
                     aims.update({k: self.bones[k].direction for k in chain})
                     continue
                 outward = -1.0 if self.bones[chain[0]].name.endswith(".right") else 1.0
-                for k, aim in zip(chain, wanted, strict=False):
+                for k, aim in zip(chain, directions, strict=False):
                     aims.pop(k, None)
                     if aim is not None:
                         aims[k] = direction(aim, outward)

@@ -207,14 +207,14 @@ class Classed:
     def entries(self, folder: Path) -> tuple[Entry, ...]:
         """Read the shapes, class by class."""
         files = _files(folder, {f"{prefix}#" for prefix in self.classes})
-        found = {prefix: [key for key in files if _form(key) == f"{prefix}#"] for prefix in self.classes}
-        for prefix, keys in found.items():
+        keys_of = {prefix: [key for key in files if _form(key) == f"{prefix}#"] for prefix in self.classes}
+        for prefix, keys in keys_of.items():
             if not keys:
                 raise DatasetError(f"{folder} holds no shape of class '{self.classes[prefix]}', {prefix}1", _UNPACK)
         _check_copies(files.values())
         return tuple(
             Entry(files[key].stem, self.classes[prefix], str(_number(key)), files[key])
-            for prefix, keys in found.items()
+            for prefix, keys in keys_of.items()
             for key in sorted(keys, key=natural_key)
         )
 
@@ -246,21 +246,21 @@ def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
 
 def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
     """Meshes with one of these forms of name, by key."""
-    found: dict[str, Path] = {}
+    path_of: dict[str, Path] = {}
     for place in folders_of_set(folder):
         for path in mesh_files(place):
-            if _form(path.stem) in forms and found.setdefault(_key(path.stem), path) != path:
-                one, other = found[_key(path.stem)].relative_to(folder), path.relative_to(folder)
+            if _form(path.stem) in forms and path_of.setdefault(_key(path.stem), path) != path:
+                one, other = path_of[_key(path.stem)].relative_to(folder), path.relative_to(folder)
                 raise DatasetError(f"{folder} holds one shape as {one} and {other}", "keep one of them")
-    return found
+    return path_of
 
 
 def _list(folder: Path) -> Path | None:
-    found = [path for place in folders_of_set(folder) for name in LISTS for path in sorted(place.glob(name))]
-    if len(found) > 1:
-        names = " and ".join(path.relative_to(folder).as_posix() for path in found[:2])
+    lists = [path for place in folders_of_set(folder) for name in LISTS for path in sorted(place.glob(name))]
+    if len(lists) > 1:
+        names = " and ".join(path.relative_to(folder).as_posix() for path in lists[:2])
         raise DatasetError(f"{folder} holds {names}", "keep the list that classifies these meshes")
-    return found[0] if found else None
+    return lists[0] if lists else None
 
 
 def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
@@ -289,10 +289,10 @@ def _check_copies(paths: Iterable[Path]) -> None:
                 raise DatasetError(f"{path} is a copy of {first[digest].name}", "fetch the official file again")
 
 
-def _renumber(expected: Iterable[int], found: Iterable[int]) -> str:
+def _renumber(expected: Iterable[int], actual: Iterable[int]) -> str:
     """Return how to correct numbers that are all one too high or too low; "" if they are not."""
-    wanted, given = sorted(expected), sorted(found)
+    listed, numbers = sorted(expected), sorted(actual)
     for step, hint in (1, "subtract 1 from"), (-1, "add 1 to"):
-        if [number + step for number in wanted] == given and wanted:
-            return f"the numbers begin with {given[0]}: {hint} each"
+        if [number + step for number in listed] == numbers and listed:
+            return f"the numbers begin with {numbers[0]}: {hint} each"
     return ""

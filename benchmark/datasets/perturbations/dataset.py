@@ -233,8 +233,8 @@ def perturbed(clean: Dataset, perturbation: str, strength: int) -> Perturbed:
     """
     known = PERTURBATIONS[perturbation]
     if known.of_frames and isinstance(clean, CameraFrames):
-        given: dict[str, Any] = {known.of_frames: known.amounts[strength - 1]}
-        return Perturbed(replace(clean, **given), perturbation, strength)
+        change: dict[str, Any] = {known.of_frames: known.amounts[strength - 1]}
+        return Perturbed(replace(clean, **change), perturbation, strength)
     if known.of_frames:
         raise ConfigurationError(
             f"{clean.name} has no frames of a depth camera, which '{perturbation}' perturbs",

@@ -86,7 +86,7 @@ def overview(dataset: Dataset, identifier: str = "") -> Overview:
     DatasetError
         If there is no such shape.
     """
-    found = [entry for entry in dataset.entries if identifier in ("", entry.identifier)]
-    if not found:
+    entries = [entry for entry in dataset.entries if identifier in ("", entry.identifier)]
+    if not entries:
         raise DatasetError(f"data set '{dataset.name}' has no shape '{identifier}'", "see 'data list'")
-    return Overview(dataset, found[0])
+    return Overview(dataset, entries[0])

@@ -34,13 +34,13 @@ def shortcuts(mesh: Mesh, amount: float, random: np.random.Generator) -> Mesh:
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     along = _ways(mesh, mesh.faces[starts, 0])[:, mesh.faces[:, 0]]
     straight = np.linalg.norm(middles[starts][:, None] - middles[None], axis=2)
-    apart = (along > FARTHEST * extent_of(mesh)) & (along > DETOUR * straight)
-    apart &= _facing(mesh, middles, starts)
-    straight[~apart] = np.inf
+    distant = (along > FARTHEST * extent_of(mesh)) & (along > DETOUR * straight)
+    distant &= _facing(mesh, middles, starts)
+    straight[~distant] = np.inf
     partners = straight.argmin(axis=1)
     gaps = straight[np.arange(len(starts)), partners]
     used = np.zeros(mesh.n_vertices, dtype=bool)
-    gone = np.zeros(mesh.n_faces, dtype=bool)
+    removed = np.zeros(mesh.n_faces, dtype=bool)
     tubes: list[NDArray[np.int64]] = []
     for number in np.argsort(gaps, kind="stable"):
         first, second = mesh.faces[starts[number]], mesh.faces[partners[number]]
@@ -52,14 +52,14 @@ def shortcuts(mesh: Mesh, amount: float, random: np.random.Generator) -> Mesh:
         middle = middles[starts[number]]
         used |= np.linalg.norm(mesh.vertices - middle, axis=1) < FARTHEST / 5 * extent_of(mesh)
         used[first], used[second] = True, True
-        gone[[starts[number], partners[number]]] = True
+        removed[[starts[number], partners[number]]] = True
         tubes.append(_tube(mesh.vertices, first, second))
     if len(tubes) < int(amount):
         raise UnsupportedShape(
             f"the surface comes near itself at {len(tubes)} places, fewer than {int(amount)}",
             "choose a smaller strength",
         )
-    return Mesh(mesh.vertices, np.concatenate([mesh.faces[~gone], *tubes]))
+    return Mesh(mesh.vertices, np.concatenate([mesh.faces[~removed], *tubes]))
 
 
 def _facing(mesh: Mesh, middles: NDArray[np.float64], starts: NDArray[np.integer]) -> NDArray[np.bool_]:

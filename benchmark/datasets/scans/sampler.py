@@ -25,17 +25,17 @@ class WideBodies(WideSampler):
 
     def surfaces(self, number: int, bodies: int) -> Surfaces:
         """Make one batch; see :class:`benchmark.api.streaming.MakesSurfaces`."""
-        model, again = coarse_model(self.triangles), Counter[str]()
+        model, redrawn = coarse_model(self.triangles), Counter[str]()
         names = [f"scanned-{self.seed}-{number}-{place}" for place in range(bodies)]
         # A number other than those of the two streams of images, so that no body of theirs comes here.
         randoms = [np.random.default_rng([self.seed, number, place, 2]) for place in range(bodies)]
-        shapes, posed = self._drawn(model, names, randoms, again)
+        shapes, posed = self._drawn(model, names, randoms, redrawn)
         return Surfaces(
             identifiers=tuple(names),
             canonical=np.stack(shapes),
             posed=posed,
             faces=model.faces,
-            drawn_again=dict(again),
+            drawn_again=dict(redrawn),
         )
 
 
@@ -91,17 +91,17 @@ class ScanSampler:
 
     def __call__(self, number: int, bodies: int) -> Scans:
         """Make one batch."""
-        made = WideBodies(seed=self.seed, poses=self.poses).surfaces(number, bodies)
+        surfaces = WideBodies(seed=self.seed, poses=self.poses).surfaces(number, bodies)
         scans = []
-        for place, (canonical, posed) in enumerate(zip(made.canonical, made.posed, strict=True)):
+        for place, (canonical, posed) in enumerate(zip(surfaces.canonical, surfaces.posed, strict=True)):
             random = np.random.default_rng([self.seed, number, place, 3])
-            scans.append(tuple(scan(Mesh(each, made.faces), height_of(canonical), random) for each in posed))
+            scans.append(tuple(scan(Mesh(points, surfaces.faces), height_of(canonical), random) for points in posed))
         return Scans(
-            identifiers=made.identifiers,
-            canonical=made.canonical,
-            faces=made.faces,
+            identifiers=surfaces.identifiers,
+            canonical=surfaces.canonical,
+            faces=surfaces.faces,
             scans=tuple(scans),
-            drawn_again=made.drawn_again,
+            drawn_again=surfaces.drawn_again,
         )
 
 

@@ -159,9 +159,9 @@ def _met(before: Points, directions: Points, rim: NDArray[np.int32], gap: float)
     directions = directions[rim] / np.linalg.norm(directions[rim], axis=1, keepdims=True).clip(min=1e-12)
     places = vertices[rim]
     distances, near = cKDTree(places).query(places, k=min(12, len(rim)), distance_upper_bound=gap)
-    found = np.isfinite(distances)
-    near = np.where(found, near, 0)
-    across = found & (np.einsum("nk,nmk->nm", directions, directions[near]) < OPPOSED)
+    reached = np.isfinite(distances)
+    near = np.where(reached, near, 0)
+    across = reached & (np.einsum("nk,nmk->nm", directions, directions[near]) < OPPOSED)
     first = across.argmax(axis=1)
     met = across[np.arange(len(rim)), first]
     vertices[rim[met]] = (places[met] + places[near[met, first[met]]]) / 2

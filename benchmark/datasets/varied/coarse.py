@@ -62,9 +62,9 @@ class CoarseModel:
         import torch
 
         with one_thread(), torch.inference_mode():
-            made = self.full.shaped(bodies)
-            moved, poses = self.full.model.get_bone_transforms(None, torch.stack([body.bones for body in made]))
-        rest = np.stack([body.vertices for body in made])
+            resting = self.full.shaped(bodies)
+            moved, poses = self.full.model.get_bone_transforms(None, torch.stack([body.bones for body in resting]))
+        rest = np.stack([body.vertices for body in resting])
         vertices = linear_blend_skinning(rest, self.full.bones, self.full.weights, np.ascontiguousarray(moved.numpy()))
         return list(map(Resting, vertices, poses.numpy()[:, self.places][:, :, :3, 3]))
 

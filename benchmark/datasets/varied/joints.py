@@ -23,14 +23,14 @@ def batch_rotations(angles: Floats) -> dict[str, Floats]:
         degrees.
     """
     left_arm, right_arm, left_leg, right_leg, trunk, head, body = np.split(np.radians(angles), _STARTS, axis=1)
-    found = {"root": _column(body)}
-    found |= dict.fromkeys(single._SPINE, _column(trunk / len(single._SPINE)))
-    found |= dict.fromkeys(single._NECK, _column(head / len(single._NECK)))
+    rotations = {"root": _column(body)}
+    rotations |= dict.fromkeys(single._SPINE, _column(trunk / len(single._SPINE)))
+    rotations |= dict.fromkeys(single._NECK, _column(head / len(single._NECK)))
     for side, arm, leg in (("L", left_arm, left_leg), ("R", right_arm, right_leg)):
         for bone, matrices in (_arm(arm) | _leg(leg)).items():
             # A reflection of space turns a rotation into that of the other side.
-            found[f"{bone}.{side}"] = matrices if side == "L" else _MIRROR @ matrices @ _MIRROR
-    return found
+            rotations[f"{bone}.{side}"] = matrices if side == "L" else _MIRROR @ matrices @ _MIRROR
+    return rotations
 
 
 _STARTS = (4, 8, 13, 18, 21, 24)

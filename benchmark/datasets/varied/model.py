@@ -91,8 +91,8 @@ class BodyModel:
         for number, body in enumerate(bodies):
             of_body = moved[number * count : (number + 1) * count]
             repeated = np.broadcast_to(body.vertices, (count, *body.vertices.shape)).astype(np.float64, order="C")
-            made = linear_blend_skinning(repeated, self.bones, self.weights, np.ascontiguousarray(of_body))
-            posed.append(np.round(made, _DECIMALS))
+            skinned = linear_blend_skinning(repeated, self.bones, self.weights, np.ascontiguousarray(of_body))
+            posed.append(np.round(skinned, _DECIMALS))
         return posed
 
     def vertices(self, bodies: Sequence[Body], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
@@ -160,9 +160,9 @@ def _rotations(poses: Sequence[Sequence[Pose]]) -> dict[str, Any]:
     """Transforms of the bones of all poses in a row, each of shape (bodies * poses, 4, 4)."""
     import torch
 
-    found = [bone_rotations(pose) for of_body in poses for pose in of_body]
-    transforms = {bone: np.tile(np.eye(4), (len(found), 1, 1)) for bone in found[0]}
-    for row, rotations in enumerate(found):
+    of_poses = [bone_rotations(pose) for of_body in poses for pose in of_body]
+    transforms = {bone: np.tile(np.eye(4), (len(of_poses), 1, 1)) for bone in of_poses[0]}
+    for row, rotations in enumerate(of_poses):
         for bone, rotation in rotations.items():
             transforms[bone][row, :3, :3] = rotation
     return {bone: torch.from_numpy(matrices) for bone, matrices in transforms.items()}

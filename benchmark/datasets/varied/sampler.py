@@ -106,37 +106,37 @@ class Sampler:
 
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
         """Make one batch."""
-        model, again = body_model(), Counter[str]()
-        names, randoms, shapes, posed = self._made(number, bodies, again)
+        model, redrawn = body_model(), Counter[str]()
+        names, randoms, shapes, posed = self._drawn(number, bodies, redrawn)
         images = np.zeros((bodies, self.poses, size, size), dtype=np.float32)
         fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
         for place, random in enumerate(randoms):
             wrong = [drawn_perturbations(random) if self.perturbations else Perturbations() for _ in range(self.poses)]
             target = turned(shapes[place], Perturbations())
-            inputs = [turned(vertices, each) for vertices, each in zip(posed[place], wrong, strict=True)]
+            inputs = [turned(vertices, errors) for vertices, errors in zip(posed[place], wrong, strict=True)]
             extent = max(float(np.abs(points).max()) for points in (target, *inputs))
             half_width = extent / random.uniform(*SHARES)
             fronts[place], backs[place] = both_sides(target, model.faces, half_width, size)
-            for row, (points, each) in enumerate(zip(inputs, wrong, strict=True)):
-                hidden = [hand for hand, gone in zip(model.hands, each.missing, strict=True) if gone]
+            for row, (points, errors) in enumerate(zip(inputs, wrong, strict=True)):
+                hidden = [hand for hand, is_missing in zip(model.hands, errors.missing, strict=True) if is_missing]
                 faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
-                images[place, row] = perturbed(rendered(points, faces, half_width, size), each, random)
-        return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again))
+                images[place, row] = perturbed(rendered(points, faces, half_width, size), errors, random)
+        return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(redrawn))
 
     def surfaces(self, number: int, bodies: int) -> Surfaces:
         """Make the bodies of one batch without images; see :class:`benchmark.api.streaming.MakesSurfaces`."""
-        again = Counter[str]()
-        names, _, shapes, posed = self._made(number, bodies, again)
+        redrawn = Counter[str]()
+        names, _, shapes, posed = self._drawn(number, bodies, redrawn)
         return Surfaces(
             identifiers=tuple(names),
             canonical=np.stack(shapes),
             posed=np.stack([np.stack(of_body) for of_body in posed]),
             faces=body_model().faces,
-            drawn_again=dict(again),
+            drawn_again=dict(redrawn),
         )
 
-    def _made(
-        self, number: int, bodies: int, again: Counter[str]
+    def _drawn(
+        self, number: int, bodies: int, redrawn: Counter[str]
     ) -> tuple[list[str], list[np.random.Generator], list[Points], list[list[Points]]]:
         """Names of the bodies, their sources of chance, their vertices in the canonical pose and in their poses."""
         model = body_model()
@@ -146,8 +146,8 @@ class Sampler:
         def standing(candidates: Sequence[Shaped]) -> list[Points]:
             return [vertices for (vertices,) in model.posed(candidates, [[CANONICAL]] * len(candidates))]
 
-        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
-        return names, randoms, shapes, self._posed(model, names, drawn, shapes, randoms, again)
+        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, redrawn)
+        return names, randoms, shapes, self._posed(model, names, drawn, shapes, randoms, redrawn)
 
     def _posed(
         self,
@@ -156,26 +156,26 @@ class Sampler:
         bodies: list[Shaped],
         shapes: list[Points],
         randoms: list[np.random.Generator],
-        again: Counter[str],
+        redrawn: Counter[str],
     ) -> list[list[Points]]:
         """Vertices of each body in its poses, none of which pushes it through itself."""
-        found: list[list[Points]] = [[] for _ in names]
+        accepted: list[list[Points]] = [[] for _ in names]
         for _ in range(MOST_DRAWS):
-            missing = [place for place, made in enumerate(found) if len(made) < self.poses]
+            missing = [place for place, vertices in enumerate(accepted) if len(vertices) < self.poses]
             if not missing:
-                return found
+                return accepted
             poses: list[list[Pose]] = [[varied_pose(randoms[place]) for _ in range(self.poses)] for place in missing]
-            made = model.posed([bodies[place] for place in missing], poses)
-            for place, candidates in zip(missing, made, strict=True):
+            posed = model.posed([bodies[place] for place in missing], poses)
+            for place, candidates in zip(missing, posed, strict=True):
                 height = height_of(shapes[place])
                 for vertices in candidates:
-                    if len(found[place]) == self.poses:
+                    if len(accepted[place]) == self.poses:
                         break
                     if doubled_share(vertices, model.faces, height) > LARGEST_DOUBLED:
-                        again[POSES_OVERLAP] += 1
+                        redrawn[POSES_OVERLAP] += 1
                     else:
-                        found[place].append(vertices)
-        raise hopeless(next(name for name, made in zip(names, found, strict=True) if len(made) < self.poses))
+                        accepted[place].append(vertices)
+        raise hopeless(next(name for name, vertices in zip(names, accepted, strict=True) if len(vertices) < self.poses))
 
 
 def drawn_bodies(
@@ -184,7 +184,7 @@ def drawn_bodies(
     faces: Faces,
     names: Sequence[str],
     randoms: Sequence[np.random.Generator],
-    again: Counter[str],
+    redrawn: Counter[str],
 ) -> tuple[list[S], list[Points]]:
     """Draw bodies of human height that are not pushed through themselves when they stand.
 
@@ -198,7 +198,7 @@ def drawn_bodies(
         Triangles of the vertices.
     names, randoms
         Of each body, its name and its source of chance.
-    again
+    redrawn
         Counts what was drawn again, by reason.
 
     Returns
@@ -214,9 +214,9 @@ def drawn_bodies(
         for place, body, vertices in zip(missing, candidates, standing(candidates), strict=True):
             height = height_of(vertices)
             if not SHORTEST < height < TALLEST:
-                again[BODIES_LEAVE] += 1
+                redrawn[BODIES_LEAVE] += 1
             elif doubled_share(vertices, faces, height) > LARGEST_DOUBLED:
-                again[POSES_OVERLAP] += 1
+                redrawn[POSES_OVERLAP] += 1
             else:
                 drawn[place], shapes[place] = body, vertices
         missing = [place for place in missing if place not in drawn]

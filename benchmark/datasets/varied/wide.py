@@ -88,11 +88,11 @@ class WideSampler:
 
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
         """Make one batch; the images of a body are its poses, each in all its views."""
-        model, again = coarse_model(self.triangles), Counter[str]()
+        model, redrawn = coarse_model(self.triangles), Counter[str]()
         names = [f"wide-{self.seed}-{number}-{place}" for place in range(bodies)]
         # A number more than those of `Sampler`, so that no body of it comes here.
         randoms = [np.random.default_rng([self.seed, number, place, 1]) for place in range(bodies)]
-        shapes, posed = self._drawn(model, names, randoms, again)
+        shapes, posed = self._drawn(model, names, randoms, redrawn)
         images = np.zeros((bodies, self.poses * self.views, size, size), dtype=np.float32)
         fronts, backs = (np.zeros((bodies, size, size), dtype=np.float32) for _ in range(2))
         count = len(shapes[0])
@@ -105,23 +105,23 @@ class WideSampler:
             height = height_of(shapes[place])
             places[place] = target / height
             for row in range(self.poses * self.views):
-                made = self._view(model, posed[place, row // self.views], height, size, random)
-                images[place, row], pixels[place, row] = made
+                pose = posed[place, row // self.views]
+                images[place, row], pixels[place, row] = self._view(model, pose, height, size, random)
         return Fresh(
-            identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(again),
+            identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(redrawn),
             pixels=pixels, places=places, points=_standardised(places, self.triangles),
         )  # fmt: skip
 
     def _drawn(
-        self, model: CoarseModel, names: list[str], randoms: list[np.random.Generator], again: Counter[str]
+        self, model: CoarseModel, names: list[str], randoms: list[np.random.Generator], redrawn: Counter[str]
     ) -> tuple[list[Points], NDArray[np.float64]]:
         """Draw bodies: their vertices in the canonical pose, and in their poses; see :meth:`_posed`."""
 
         def standing(candidates: Sequence[Resting]) -> Iterable[Points]:
             return model.posed(candidates, np.tile(CANONICAL.angles(), (len(candidates), 1)))
 
-        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, again)
-        return shapes, self._posed(model, names, drawn, shapes, randoms, again)
+        drawn, shapes = drawn_bodies(model.shaped, standing, model.faces, names, randoms, redrawn)
+        return shapes, self._posed(model, names, drawn, shapes, randoms, redrawn)
 
     def _posed(
         self,
@@ -130,26 +130,26 @@ class WideSampler:
         bodies: list[Resting],
         shapes: list[Points],
         randoms: list[np.random.Generator],
-        again: Counter[str],
+        redrawn: Counter[str],
     ) -> NDArray[np.float64]:
         """Vertices of each body in its poses, none of which pushes it through itself, shape (bodies, poses, n, 3)."""
-        found = np.empty((len(names), self.poses, *shapes[0].shape))
+        accepted = np.empty((len(names), self.poses, *shapes[0].shape))
         missing = [(place, pose) for place in range(len(names)) for pose in range(self.poses)]
         for round_number in range(MOST_DRAWS):
             # One pose in three is drawn again: later rounds draw several, so that there are few of them.
-            tried = [slot for slot in missing for _ in range(AGAIN if round_number else 1)]
-            angles = np.stack([self.angles(randoms[place]) for place, _ in tried])
-            made = model.posed([bodies[place] for place, _ in tried], angles)
-            for (place, pose), vertices in zip(tried, made, strict=True):
+            slots = [slot for slot in missing for _ in range(AGAIN if round_number else 1)]
+            angles = np.stack([self.angles(randoms[place]) for place, _ in slots])
+            posed = model.posed([bodies[place] for place, _ in slots], angles)
+            for (place, pose), vertices in zip(slots, posed, strict=True):
                 if (place, pose) not in missing:
                     continue
                 if doubled_share(vertices, model.faces, height_of(shapes[place])) > LARGEST_DOUBLED:
-                    again[POSES_OVERLAP] += 1
+                    redrawn[POSES_OVERLAP] += 1
                 else:
-                    found[place, pose] = vertices
+                    accepted[place, pose] = vertices
                     missing.remove((place, pose))
             if not missing:
-                return found
+                return accepted
         raise hopeless(names[missing[0][0]])
 
     def angles(self, random: np.random.Generator) -> NDArray[np.float64]:
@@ -164,7 +164,7 @@ class WideSampler:
     ) -> tuple[DepthImage, NDArray[np.float32]]:
         """Depth image of a posed body from a side that is drawn, with faults that are drawn; where its vertices are."""
         count, wrong = len(vertices), drawn_perturbations(random)
-        hidden = [hand for hand, gone in zip(model.hands, wrong.missing, strict=True) if gone]
+        hidden = [hand for hand, is_missing in zip(model.hands, wrong.missing, strict=True) if is_missing]
         faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
         if random.random() < self.held:
             hand = model.faces[model.hands[random.integers(2)]]

@@ -53,7 +53,7 @@ def _surface(data: bytes, order: str) -> Mapping[str, memoryview]:
     """Fields of the struct, each the content of a matrix."""
     budget = LARGEST_EXPANSION * len(data)
     for kind, content in _elements(memoryview(data)[_HEADER:], order):
-        found_kind, found = kind, content
+        inner_kind, inner = kind, content
         if kind == _COMPRESSED:
             inflater = zlib.decompressobj()
             inflated = inflater.decompress(content, max(budget, 1))
@@ -61,9 +61,9 @@ def _surface(data: bytes, order: str) -> Mapping[str, memoryview]:
             if not inflater.eof:
                 reason = "is cut off" if budget > 0 else f"expands to more than {LARGEST_EXPANSION} times the file"
                 raise ValueError(f"a compressed variable {reason}")
-            ((found_kind, found),) = _first(_elements(memoryview(inflated), order), 1)
-        if found_kind == _MATRIX:
-            parts = _elements(found, order)
+            ((inner_kind, inner),) = _first(_elements(memoryview(inflated), order), 1)
+        if inner_kind == _MATRIX:
+            parts = _elements(inner, order)
             (_, flags), (_, size), (_, name) = _first(parts, 3)
             if bytes(name) == b"surface":
                 if _flags(flags, order) & 0xFF != _STRUCT or math.prod(_shape(size, order)) != 1:
@@ -109,10 +109,10 @@ def _shape(content: memoryview, order: str) -> tuple[int, ...]:
 
 
 def _first(parts: Iterator[tuple[int, memoryview]], count: int) -> list[tuple[int, memoryview]]:
-    found = list(itertools.islice(parts, count))
-    if len(found) < count:
+    elements = list(itertools.islice(parts, count))
+    if len(elements) < count:
         raise ValueError("a variable is cut off")
-    return found
+    return elements
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:

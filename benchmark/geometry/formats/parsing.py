@@ -51,12 +51,12 @@ def parsed(lines: Sequence[bytes], count: int) -> FloatArray:
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # numpy below 2.3 does not raise
         try:
-            found = np.fromstring(b" ".join(lines).decode("ascii"), sep=" ")
+            numbers = np.fromstring(b" ".join(lines).decode("ascii"), sep=" ")
         except (DeprecationWarning, ValueError) as error:
             raise ValueError("what should be a number is none") from error
-    if len(found) != count:
-        raise ValueError(f"{count} numbers expected, {len(found)} found")
-    return found
+    if len(numbers) != count:
+        raise ValueError(f"{count} numbers expected, {len(numbers)} found")
+    return numbers
 
 
 def table(lines: Sequence[bytes], least: int = 3) -> FloatArray:

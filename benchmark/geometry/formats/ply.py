@@ -51,7 +51,7 @@ class _Element(NamedTuple):
     @property
     def corners(self) -> int | None:
         """Place of the list of corners among the properties."""
-        lists = [at for at, each in enumerate(self.properties) if each.name in _CORNERS and each.length]
+        lists = [at for at, column in enumerate(self.properties) if column.name in _CORNERS and column.length]
         return lists[0] if lists else None
 
 
@@ -114,7 +114,7 @@ def _add(properties: list[_Property] | None, name: bytes, kind: bytes, count: by
 
 
 def _vertices(element: _Element, rows: _Ascii | _Binary) -> FloatArray:
-    if any(each.length for each in element.properties):
+    if any(column.length for column in element.properties):
         raise ValueError("a vertex holds a list")
     columns = rows.columns(element)
     if not columns.keys() >= {b"x", b"y", b"z"}:
@@ -147,7 +147,7 @@ class _Ascii:
         rows = table(self._take(element.rows), least=width)
         if rows.shape[1] != width:
             raise ValueError(f"a line of element {shown(element.name)} has not {width} numbers")
-        return {each.name: rows[:, at] for at, each in enumerate(element.properties)}
+        return {column.name: rows[:, at] for at, column in enumerate(element.properties)}
 
     def polygons(self, element: _Element, corners_at: int) -> IntArray:
         lines = self._take(element.rows)
@@ -157,9 +157,9 @@ class _Ascii:
         for line in lines:
             tokens = line.split()
             at = 0
-            for place, each in enumerate(element.properties):
+            for place, column in enumerate(element.properties):
                 size = 1
-                if each.length:
+                if column.length:
                     size = whole_number(tokens[at]) if at < len(tokens) else 0
                     at += 1
                 if place == corners_at:
@@ -195,32 +195,32 @@ class _Binary:
         return bool(self._data[self._at :].strip())
 
     def skip(self, element: _Element) -> None:
-        if any(each.length for each in element.properties):
+        if any(column.length for column in element.properties):
             self._walk(element, None)
         else:
             self.columns(element)
 
     def columns(self, element: _Element) -> Mapping[bytes, NDArray[np.number]]:
-        record = np.dtype([(str(at), self._order + each.kind) for at, each in enumerate(element.properties)])
+        record = np.dtype([(str(at), self._order + column.kind) for at, column in enumerate(element.properties)])
         rows = self._records(record, element.rows)
         if rows is None:
             raise ValueError(f"{element.rows} rows of element {shown(element.name)} announced, fewer found")
         self._at += rows.nbytes
-        return {each.name: rows[str(at)] for at, each in enumerate(element.properties)}
+        return {column.name: rows[str(at)] for at, column in enumerate(element.properties)}
 
     def polygons(self, element: _Element, corners_at: int) -> IntArray:
         # Most files hold triangles alone: read every list as if it had three items and check.
         fields: list[tuple[str, str] | tuple[str, str, int]] = []
-        for at, each in enumerate(element.properties):
-            item = self._order + each.kind
+        for at, column in enumerate(element.properties):
+            item = self._order + column.kind
             fields += (
-                [(f"length{at}", self._order + each.length), (f"item{at}", item, 3)]
-                if each.length
+                [(f"length{at}", self._order + column.length), (f"item{at}", item, 3)]
+                if column.length
                 else [(f"item{at}", item)]
             )
         rows = self._records(np.dtype(fields), element.rows)
         if rows is not None:
-            lists = [at for at, each in enumerate(element.properties) if each.length]
+            lists = [at for at, column in enumerate(element.properties) if column.length]
             if all((rows[f"length{at}"] == 3).all() for at in lists):
                 self._at += rows.nbytes
                 return whole(rows[f"item{corners_at}"])
@@ -236,24 +236,24 @@ class _Binary:
         """Go from list to list; returns the triangles of the list at ``corners_at``, none for None."""
         steps = [
             (
-                np.dtype(each.kind).itemsize,
-                struct.Struct(self._order + np.dtype(each.length).char) if each.length else None,
+                np.dtype(column.kind).itemsize,
+                struct.Struct(self._order + np.dtype(column.length).char) if column.length else None,
                 place == corners_at,
             )
-            for place, each in enumerate(element.properties)
+            for place, column in enumerate(element.properties)
         ]
         data, at = self._data, self._at
         sizes: list[int] = []
         corners = bytearray()
         for _ in range(element.rows):
-            for width, counter, wanted in steps:
+            for width, counter, is_corners in steps:
                 size = 1
                 if counter is not None:
                     (size,) = counter.unpack_from(data, at)
                     at += counter.size
                     if size < 0:
                         raise ValueError("a list has a negative length")
-                if wanted:
+                if is_corners:
                     sizes.append(corner_count(size))
                     corners += data[at : at + size * width]
                 at += size * width

@@ -66,7 +66,7 @@ def frame_of(half_widths: Sequence[float]) -> float:
 
 def _surface(source: Mesh) -> Mesh:
     """Return the mesh without unreferenced vertices, which would move the centre and the frame of the camera."""
-    surface, found = clean(source)
+    surface, cleaning = clean(source)
     if not surface.n_faces:
-        raise InvalidMesh(f"none of the {found.faces_before} triangles has an area", "export the mesh again")
+        raise InvalidMesh(f"none of the {cleaning.faces_before} triangles has an area", "export the mesh again")
     return surface

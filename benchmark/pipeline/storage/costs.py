@@ -130,7 +130,7 @@ def _without_files(name: str) -> int | None:
     """Return a memory size of this process in bytes without pages of files; None if the system does not report it."""
     try:
         fields = dict(line.split(":", 1) for line in _STATUS.read_text().splitlines())
-        size, files, shared = (int(fields[each].split()[0]) for each in (name, "RssFile", "RssShmem"))
+        size, files, shared = (int(fields[label].split()[0]) for label in (name, "RssFile", "RssShmem"))
     except (OSError, KeyError, ValueError, IndexError):
         return None
     return (size - files - shared) * 1024

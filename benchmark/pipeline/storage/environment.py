@@ -38,10 +38,10 @@ def environment_text() -> str:
 
 def changed_packages(environments: Iterable[Mapping[str, Any]]) -> str:
     """Name the packages whose versions here differ from those that made some results; "" if none do."""
-    here, texts = environment(), {str(made.get("environment", "{}")) for made in environments}
+    current, texts = environment(), {str(entry.get("environment", "{}")) for entry in environments}
     changes: dict[str, None] = {}
-    for there in map(versions_in, sorted(texts)):
-        pairs = ((name, _release(there.get(name)), _release(here.get(name))) for name in PACKAGES)
+    for earlier in map(versions_in, sorted(texts)):
+        pairs = ((name, _release(earlier.get(name)), _release(current.get(name))) for name in PACKAGES)
         changes |= {f"{name} {then} -> {now}": None for name, then, now in pairs if then and now and then != now}
     return ", ".join(changes)
 
@@ -64,10 +64,10 @@ def _release(version: Any) -> str:
 def in_words(environment: Any) -> str:
     """Return the environment of a record or an artefact as a short line, whatever the file holds."""
     try:
-        found = json.loads(environment) if isinstance(environment, str) else environment
+        facts = json.loads(environment) if isinstance(environment, str) else environment
     except (ValueError, RecursionError):
-        found = environment
-    return ", ".join(f"{name} {value}" for name, value in found.items()) if isinstance(found, dict) else brief(found)
+        facts = environment
+    return ", ".join(f"{name} {value}" for name, value in facts.items()) if isinstance(facts, dict) else brief(facts)
 
 
 def _linear_algebra() -> dict[str, str]:

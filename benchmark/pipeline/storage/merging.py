@@ -55,14 +55,14 @@ def merge_records(records: Iterable[Record], target: Records) -> Merged:
     """
     merged = Merged()
     for record in records:
-        there = target.read(record["key"])
-        if there is None or (there["status"] != "ok" and record["status"] == "ok"):
+        existing = target.read(record["key"])
+        if existing is None or (existing["status"] != "ok" and record["status"] == "ok"):
             target.write(record)
             merged.added.append(record)
-        elif record["status"] != "ok" or outcome(portable(there)) == outcome(portable(record)):
+        elif record["status"] != "ok" or outcome(portable(existing)) == outcome(portable(record)):
             merged.known += 1
         else:
-            merged.conflicts.append((there, record))
+            merged.conflicts.append((existing, record))
     return merged
 
 
@@ -82,15 +82,15 @@ def publish(records: Iterable[Record], target: Records) -> Merged:
     """
     merged, replaced = Merged(), list[str]()
     before = by_place(target)
-    for where, found in by_place(record for record in records if _is_for_all(record)).items():
-        there = before.get(where, [])
-        newest = max([*found, *there], key=_worth)  # of two equal ones, the new one
-        if any(old["key"] == newest["key"] and outcome(old) == outcome(newest) for old in there):
+    for where, rivals in by_place(record for record in records if _is_for_all(record)).items():
+        existing = before.get(where, [])
+        newest = max([*rivals, *existing], key=_worth)  # of two equal ones, the new one
+        if any(old["key"] == newest["key"] and outcome(old) == outcome(newest) for old in existing):
             merged.known += 1
         else:
             target.write(portable(newest))
             merged.added.append(portable(newest))
-        replaced += [old["key"] for old in there if old["key"] != newest["key"]]
+        replaced += [old["key"] for old in existing if old["key"] != newest["key"]]
     target.gather()
     target.remove(*replaced)
     return merged

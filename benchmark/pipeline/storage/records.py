@@ -49,7 +49,7 @@ DEFAULT_SCORER, NO_SCORER = "cm-bof", "none"
 EXTERNAL = "external"
 
 #: Most skipped files of a folder that are named individually.
-MOST_TOLD = 10
+MOST_NAMED = 10
 
 _HINT = "remove it or move it elsewhere"
 
@@ -157,7 +157,7 @@ class Records:
         self._reported.update(names)
         lines = [
             f"skipped {self.folder / name}: {self.skipped[name]}; {'change its rights' if name == '.' else _HINT}"
-            for name in names[:MOST_TOLD]
+            for name in names[:MOST_NAMED]
         ]
         further = len(names) - len(lines)
         return lines + ([f"skipped {further} further files in {self.folder}; {_HINT}"] if further else [])

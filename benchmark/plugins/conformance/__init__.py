@@ -216,24 +216,24 @@ def _checks(spec: PluginSpec[Any, Any], folder: Path, options: Any = ()) -> Iter
     case, gate = checks.case_of(spec, models=folder, options=options), None
     table = checks.OF_DATA_SETS if isinstance(case, DatasetCase) else checks.OF_METHODS_AND_SCORERS
     names = checks.NAMES_OF_SCORERS if isinstance(case, ScorerCase) else {}
-    for known_name, tried in table.items():
+    for known_name, check in table.items():
         name = names.get(known_name, known_name)
-        if gate == "" or not tried.applies(case):
+        if gate == "" or not check.applies(case):
             continue
         if gate is None:
             yield name
-        finding = _find(name, tried, case) if gate is None else Finding(name, "skipped", gate)
+        finding = _find(name, check, case) if gate is None else Finding(name, "skipped", gate)
         yield finding
         if gate is None and finding.outcome != "ok":
-            gate = tried.gate
+            gate = check.gate
 
 
-def _find(name: str, tried: checks.Check, case: Any) -> Finding:
+def _find(name: str, check: checks.Check, case: Any) -> Finding:
     outcome: Outcome
     try:
-        for reason in filter(None, (rule(case) for rule in tried.unless)):
+        for reason in filter(None, (rule(case) for rule in check.unless)):
             raise Skipped(reason)
-        outcome, explanation = "ok", tried.run(case)
+        outcome, explanation = "ok", check.run(case)
     except Skipped as reason:
         outcome, explanation = "skipped", str(reason)
     except Warned as warning:

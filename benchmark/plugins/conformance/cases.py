@@ -333,16 +333,16 @@ def same(expected: FloatArray, answer: FloatArray, hint: str, factor: float | No
     tolerance = REPEAT_TOLERANCE
     if factor is not None:
         expected, answer, tolerance = factor * _invariants(expected), _invariants(answer), SYMMETRY_TOLERANCE
-    found = f"relative difference {difference(expected, answer):.1e}"
+    deviation = f"relative difference {difference(expected, answer):.1e}"
     if not difference(expected, answer) <= tolerance:
-        raise Failed(f"{found}: {hint}")
-    return found
+        raise Failed(f"{deviation}: {hint}")
+    return deviation
 
 
 def is_mirrored(expected: FloatArray, answer: FloatArray) -> bool:
     """Return whether two congruent forms are mirror images."""
-    here, there = (form - form.mean(axis=0) for form in (expected, answer))
-    return bool(np.linalg.det(here.T @ there) < 0)
+    first, second = (form - form.mean(axis=0) for form in (expected, answer))
+    return bool(np.linalg.det(first.T @ second) < 0)
 
 
 def _invariants(answer: FloatArray) -> FloatArray:

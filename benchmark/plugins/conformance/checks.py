@@ -183,10 +183,10 @@ def _answer(case: Any) -> str:
 
 def _repeatable(case: Any) -> str:
     """Check that an answer is repeated, immediately and after another shape."""
-    first, again = case.reference, case.answer()
+    first, second = case.reference, case.answer()
     start = "give iterative solvers such as eigsh a fixed start (v0=...)"
-    if not (size := difference(first, again)) <= REPEAT_TOLERANCE:
-        if difference(np.abs(first), np.abs(again)) <= REPEAT_TOLERANCE:
+    if not (size := difference(first, second)) <= REPEAT_TOLERANCE:
+        if difference(np.abs(first), np.abs(second)) <= REPEAT_TOLERANCE:
             cure = f"make the largest entry of each eigenvector positive, and {start}"
             raise Failed(f"two runs on one shape differ by signs; {cure}")
         cure = f"draw from shape.random(), {start}, fix the signs of eigenvectors, keep no state between shapes"
@@ -241,11 +241,11 @@ def _fresh_process(case: Any) -> str:
     answer = _elsewhere(case)
     same(case.reference, answer, "another process answers differently; do not depend on hashes, globals or the clock")
     # This process has done other work before, so only two fresh processes can be expected to agree bit by bit.
-    again = case.reference if np.array_equal(answer, case.reference) else _elsewhere(case)
-    if np.array_equal(answer, again):
+    second = case.reference if np.array_equal(answer, case.reference) else _elsewhere(case)
+    if np.array_equal(answer, second):
         return "every new process gives the same answer, bit by bit"
     cure = "give iterative solvers a fixed start (v0=...), draw from shape.random()"
-    raise Warned(f"two processes differ by {difference(answer, again):.1e} of the largest number; {cure}")
+    raise Warned(f"two processes differ by {difference(answer, second):.1e} of the largest number; {cure}")
 
 
 def _other_processor(case: Any) -> str:
@@ -337,12 +337,12 @@ def _mirror(case: MethodCase) -> str:
         shape = case.subject(bend)
         image = Mesh(shape.mesh.vertices * [-1.0, 1.0, 1.0], shape.mesh.faces[:, ::-1])
         before, after = case.answer(shape), case.answer(case.subject(bend, mesh=image))
-        found = same(before, after, hint, factor=1.0)
+        deviation = same(before, after, hint, factor=1.0)
         mirrored.add(is_mirrored(before, after))
     if len(mirrored) > 1:
         cure = "let the form determine its handedness (baselines._kernels.orientation), or keep that of the shape"
         raise Failed(f"mirrors some shapes and not others; {cure}")
-    return f"{'the mirrored form' if True in mirrored else 'the same form'}, {found}"
+    return f"{'the mirrored form' if True in mirrored else 'the same form'}, {deviation}"
 
 
 def _scale(case: MethodCase) -> str:
@@ -371,8 +371,8 @@ def _dissimilarities(case: Any) -> str:
             raise Failed(f"does not distinguish any of {len(pairs)} {case.compared}; compare properties that differ")
         if np.abs(distances - distances.T).max() > 1e-9 * largest or np.abs(np.diag(distances)).max() > 1e-6 * largest:
             raise Failed("dissimilarities are not symmetric with a zero diagonal; make them so")
-    again, hint = case.dissimilarities(pairs, draws - 1), "dissimilarities differ between calls; seed by 'draw'"
-    same(distances, again, hint)
+    repeated, hint = case.dissimilarities(pairs, draws - 1), "dissimilarities differ between calls; seed by 'draw'"
+    same(distances, repeated, hint)
     if draws == 1:
         # Rotated by one, because distances between positions, |i - j|, are the same in reverse order.
         turned = np.roll(case.dissimilarities([*pairs[1:], pairs[0]]), 1, axis=(0, 1))
@@ -414,9 +414,9 @@ def _meshes(case: DatasetCase) -> str:
 
 
 def _same_meshes(case: DatasetCase) -> str:
-    again = DatasetCase(case.spec).digests(backwards=True)
+    repeated = DatasetCase(case.spec).digests(backwards=True)
     for name, digest in case.digests().items():
-        if again[name] != digest:
+        if repeated[name] != digest:
             raise Failed(f"the mesh of '{name}' changes between calls; keep no state between shapes")
     return "the same whatever was loaded before"
 

@@ -175,8 +175,8 @@ def _people(n_bodies: int, preparation: Preparation) -> _Sample:
         def make(number: int, draw: int) -> tuple[Camera, list[Mesh]]:
             if not draw:
                 return FRONT, list(itertools.islice(in_turn, n_images))
-            again = humans.sample_human(number, SAMPLED_POSES, seed=0, draw=draw)
-            return FRONT, list(humans.human_meshes(_in_all_poses([again])))
+            redrawn = humans.sample_human(number, SAMPLED_POSES, seed=0, draw=draw)
+            return FRONT, list(humans.human_meshes(_in_all_poses([redrawn])))
 
         return make
 

@@ -31,7 +31,7 @@ from retrieval.measures import PRINTED
 _MOST_KINDS = 400
 
 #: Queries in one script; approximate bytes of one query of one method; most bytes of a table.
-_PART, _EACH, _MOST_BYTES = 100, 100, 6_000_000
+_PART, _QUERY_BYTES, _MOST_BYTES = 100, 100, 6_000_000
 
 
 def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, Any]:
@@ -97,17 +97,17 @@ def write_queries(
     for cell in cells:
         for gallery in cell.galleries:
             places.setdefault((gallery.record["gallery"], cell.line.input), []).append((cell, gallery))
-    room = max(_PART, int(_MOST_BYTES / max(len(places), 1) / max(len(table.rows), 1) / _EACH))
+    room = max(_PART, int(_MOST_BYTES / max(len(places), 1) / max(len(table.rows), 1) / _QUERY_BYTES))
     galleries: list[dict[str, Any]] = []
-    for number, ((name, input_), here) in enumerate(places.items()):
+    for number, ((name, input_), pairs) in enumerate(places.items()):
         labels: dict[str, str] = {}
-        for _, gallery in here:
+        for _, gallery in pairs:
             labels |= zip(gallery.record["shapes"], gallery.record["labels"], strict=True)
-        names, poses = list(labels), here[0][1].poses
+        names, poses = list(labels), pairs[0][1].poses
         chosen = spread(range(len(names)), room)
         for part in range(0, len(chosen), _PART):
             queries = [names[k] for k in chosen[part : part + _PART]]
-            answers = {cell.line.method: _answers(gallery, names, queries) for cell, gallery in here}
+            answers = {cell.line.method: _answers(gallery, names, queries) for cell, gallery in pairs}
             add_script(files, f"queries-{stem}-{number}-{part // _PART}", answers)
         sheets = pictures.get(input_) or Sheets("", {})
         galleries.append(
@@ -129,7 +129,7 @@ def write_queries(
                         "is_ranked": gallery.ranking is not None,
                         "missing": _missing(gallery, names, sheets.reasons.get(cell.line.method, {})),
                     }
-                    for cell, gallery in here
+                    for cell, gallery in pairs
                 ],
             }
         )
@@ -144,11 +144,11 @@ def write_queries(
 
 def _missing(gallery: RankedGallery, names: Sequence[str], reasons: Mapping[str, str]) -> dict[str, list[int]]:
     """Return the shapes without a picture of their form, by reason."""
-    reasons = {**reasons, **{name: brief(why) for name, why in gallery.record["unsupported"]}}
+    reasons = {**reasons, **{name: brief(reason) for name, reason in gallery.record["unsupported"]}}
     missing: dict[str, list[int]] = {}
     for place, name in enumerate(names):
-        if why := reasons.get(name, NOT_STORED):
-            missing.setdefault(why, []).append(place)
+        if reason := reasons.get(name, NOT_STORED):
+            missing.setdefault(reason, []).append(place)
     return missing
 
 

@@ -167,7 +167,7 @@ class DrawnSet:
             "stem": self.stem,
             "classes": [{"name": name, "shapes": shapes} for name, shapes in self.classes.items()],
             "files": self.files,
-            "inputs": {input_: of for input_, of in inputs.items() if any("" in why for why in of["cells"].values())},
+            "inputs": {input_: of for input_, of in inputs.items() if any("" in cell for cell in of["cells"].values())},
         }
 
 
@@ -220,8 +220,8 @@ def draw_set(
         if by_method:
             drawing = _Drawing(drawn, input_, by_method, artefacts, files, say)
             for _, of_class in groupby(entries, key=lambda entry: entry.subject):
-                here = [entry for entry in of_class if entry.identifier in beside.union(shown)]
-                drawing.draw_class(here, beside, with_forms)
+                of_page = [entry for entry in of_class if entry.identifier in beside.union(shown)]
+                drawing.draw_class(of_page, beside, with_forms)
             drawing.close()
     return drawn
 

@@ -254,7 +254,7 @@ def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Boar
     failures = [
         [*place, line.status, brief(line.reason)] for place, line in placed if line.status not in ("ok", "missing")
     ]
-    left_out = [[*place, str(shape), brief(why)] for place, line in placed for shape, why in line.unsupported]
+    left_out = [[*place, str(shape), brief(reason)] for place, line in placed for shape, reason in line.unsupported]
     records = {record["key"]: record for _, line in placed for record in line.records}
     environments: Counter[str] = Counter()
     for record in records.values():

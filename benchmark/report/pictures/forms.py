@@ -261,6 +261,6 @@ def _columns(
     forms = [posed(entry, record, records, artefacts, models) for entry in entries]
     columns = [Column("input", [of_shape[SHAPE] for of_shape in forms])]
     for name, of_method in records.items():
-        meshes = [reasons.get(name, NOT_STORED) if each[name] == NOT_STORED else each[name] for each in forms]
+        meshes = [reasons.get(name, NOT_STORED) if row[name] == NOT_STORED else row[name] for row in forms]
         columns.append(Column(of_method["title"], meshes))
     return columns

@@ -102,11 +102,11 @@ def turn_onto(points: Points, target: Points) -> tuple[NDArray[np.float64], floa
     float
         Remaining distance after scaling to the same size, relative to that size.
     """
-    here, there = points - points.mean(axis=0), target - target.mean(axis=0)
-    here, there = here / max(np.linalg.norm(here), 1e-12), there / max(np.linalg.norm(there), 1e-12)
-    left, _, right = np.linalg.svd(here.T @ there)
+    moving, fixed = points - points.mean(axis=0), target - target.mean(axis=0)
+    moving, fixed = moving / max(np.linalg.norm(moving), 1e-12), fixed / max(np.linalg.norm(fixed), 1e-12)
+    left, _, right = np.linalg.svd(moving.T @ fixed)
     turn = np.asarray(left @ right)
-    return turn, float(np.linalg.norm(here @ turn - there))
+    return turn, float(np.linalg.norm(moving @ turn - fixed))
 
 
 def upright(form: Mesh, surface: Mesh, seen: Points, model: Points | None) -> Points:
@@ -153,7 +153,7 @@ def posed(
         The first form of each method, to which those of other poses are aligned; filled here.
     """
     surface = artefacts.surface(record, entry)
-    forms = {method: artefacts.form(each, entry, surface) for method, each in records.items()}
+    forms = {method: artefacts.form(record, entry, surface) for method, record in records.items()}
     if surface is None:
         return {SHAPE: next((form for form in forms.values() if isinstance(form, str)), ""), **forms}
     seen = artefacts.seen(record, entry, surface)

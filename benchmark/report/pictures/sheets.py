@@ -146,7 +146,7 @@ def _pictures(dataset: Dataset, entry: Entry, half_width: float) -> list[Image.I
     image = render_depth(mesh, camera, half_width, _LARGEST * SUPERSAMPLING)
     right, up, backwards = camera.rotation
     x, y, z = -backwards - 0.8 * right - 0.25 * up  # an animal in side view faces right
-    surfaces = [shaded(mesh, each, _LARGEST) for each in (camera, Camera((x, y, z), camera.up))]
+    surfaces = [shaded(mesh, view, _LARGEST) for view in (camera, Camera((x, y, z), camera.up))]
     return [*surfaces, depth_picture(image if sensor is None else sensor.perturbed(image), _LARGEST)]
 
 

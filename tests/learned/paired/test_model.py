@@ -17,7 +17,7 @@ from safetensors.torch import load, save
 
 from benchmark.api.learning import CARD, WEIGHTS, read_card
 from benchmark.errors import ConfigurationError
-from learned.paired.card import _TOLD, LARGEST, network_of
+from learned.paired.card import _KINDS, LARGEST, network_of
 from learned.paired.model import load_model, predict
 from learned.paired.network import build
 from tests.learned.toy import TINY
@@ -98,7 +98,7 @@ def test_a_network_that_nobody_could_build_is_refused(copied: Path, field: str, 
         load_model(copied)
 
 
-@pytest.mark.parametrize("field", [name for name in _TOLD if name != "digest"])
+@pytest.mark.parametrize("field", [name for name in _KINDS if name != "digest"])
 def test_every_field_of_a_card_is_there_and_of_its_kind(copied: Path, field: str) -> None:
     edit_card(copied, lambda card: card.update({field: None}))
     with pytest.raises(ConfigurationError, match="train the model again"):
