@@ -76,7 +76,7 @@ PARTS = {
 WHOLE = GOOD | PARTS
 MODEL = {"training": "humans-fold-0", "data": "ten", "digest": "a", "schedule": "one pass", "extra_data": False}
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=5,
 )
