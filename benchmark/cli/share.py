@@ -47,9 +47,9 @@ def merge(options: Merge) -> bool:
         if not published and claims.is_last():
             store.records.gather()
     name_skipped(store)
-    for kept, other in merged.conflicts:
-        scores = f"{scores_in_words(kept)} here, {scores_in_words(other)} there"
-        say(f"conflict: {job_name(kept)} ({kept['key'][:12]}): {scores}")
+    for existing, other in merged.conflicts:
+        scores = f"{scores_in_words(existing)} here, {scores_in_words(other)} there"
+        say(f"conflict: {job_name(existing)} ({existing['key'][:12]}): {scores}")
     say(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
     return not merged.conflicts
 

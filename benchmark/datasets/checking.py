@@ -145,8 +145,8 @@ def check(dataset: Dataset, watched: Watched = iter) -> Report:
     if folder is not None:
         anomalies += _of_manifest(folder, dataset.entries, inspections)
     sizes = dict(Counter(entry.subject for entry in dataset.entries))
-    everything = (*anomalies, *of_shapes)
-    return Report(dataset.name, dataset.stand_in_for, len(dataset.entries), sizes, inspections, everything)
+    anomalies += of_shapes
+    return Report(dataset.name, dataset.stand_in_for, len(dataset.entries), sizes, inspections, tuple(anomalies))
 
 
 def _folder_of(name: str, data_root: Path | None) -> Path | None:

@@ -105,11 +105,8 @@ class Schedule:
     def in_words(self) -> str:
         """The schedule in one clause."""
         text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs, batch {self.batch}"
-        further = [
-            part for part in self.non_default_settings() if part.split()[0] not in ("resolution", "epochs", "batch")
-        ]
-        kept = [part for part in further if part.split()[0] != "early_epochs" or self.early_epochs is not None]
-        return text + (f", {', '.join(kept)}" if kept else "")
+        named = {"resolution", "epochs", "batch", *(["early_epochs"] if self.early_epochs is None else [])}
+        return ", ".join([text, *(part for part in self.non_default_settings() if part.split()[0] not in named)])
 
 
 @dataclass(frozen=True, kw_only=True)
