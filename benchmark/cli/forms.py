@@ -34,8 +34,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.method_run import MethodRun, Preparation, shape_of
 from benchmark.pipeline.retrieval import SearchResult, input_for, search
-from benchmark.pipeline.stages.complete import N_VERTICES, complete
-from benchmark.pipeline.stages.view import half_width_of, seen
+from benchmark.pipeline.stages.shapes import N_VERTICES, complete, half_width_of, seen
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.galleries import Gallery

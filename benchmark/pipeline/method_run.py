@@ -22,9 +22,7 @@ from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.execution.processes.opened_files import with_files
 from benchmark.pipeline import recipes
 from benchmark.pipeline.recipes import Recipe
-from benchmark.pipeline.stages import form
-from benchmark.pipeline.stages.complete import complete
-from benchmark.pipeline.stages.view import frame_of, half_width_of, seen
+from benchmark.pipeline.stages import shapes
 from benchmark.pipeline.storage.costs import Cost, Meter
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.lock import key_of
@@ -116,13 +114,13 @@ class Preparation:
 
     def _compute(self, entry: Entry) -> Arrays:
         if self.input == "mesh":
-            return complete(self.mesh(entry))
+            return shapes.complete(self.mesh(entry))
         if isinstance(self.dataset, DepthFolder):
             frame = self.dataset.observed(entry)
             source, frame_notes = frame.surface, frame.notes
         else:
             source, frame_notes = self.mesh(entry), {}
-        view = seen(source, self.dataset.camera(entry), self.half_width, recipes.sensor_of(self.dataset, entry))
+        view = shapes.seen(source, self.dataset.camera(entry), self.half_width, recipes.sensor_of(self.dataset, entry))
         return {**view, **{f"note:{name}": np.asarray(note) for name, note in frame_notes.items()}}
 
     @cached_property
@@ -133,8 +131,8 @@ class Preparation:
         widths = []
         for entry in self.dataset.entries:
             with suppress(ShapeError):  # this shape is counted as unsupported when its turn comes
-                widths.append(half_width_of(self.mesh(entry), self.dataset.camera(entry)))
-        return {"half_width": np.asarray(frame_of(widths))}
+                widths.append(shapes.half_width_of(self.mesh(entry), self.dataset.camera(entry)))
+        return {"half_width": np.asarray(shapes.frame_of(widths))}
 
     def _stored(self, recipe: Recipe, compute: Callable[[], Arrays], work: str, *, scratch: bool = False) -> Artefact:
         if self.store is not None:
@@ -275,7 +273,7 @@ class MethodRun:
         arrays = require_arrays(answer)
         if self.describes:
             return ShapeResult(prepared, answer)
-        shape = form.form_mesh(arrays, Mesh(surface["vertices"], surface["faces"]))
+        shape = shapes.form_mesh(arrays, Mesh(surface["vertices"], surface["faces"]))
         stays = isinstance(self.preparation.dataset, DepthFolder)  # 'retrieve' asks for those of frames
         return ShapeResult(prepared, answer, self.signature(entry, lambda: shape, stays=stays))
 
@@ -328,7 +326,7 @@ class MethodRun:
 
     def form_from(self, answer: Arrays, entry: Entry) -> Mesh:
         """Return the canonical form of a shape from its stored arrays."""
-        return form.form_mesh(answer, self.preparation.shape(entry, self.seed).mesh)
+        return shapes.form_mesh(answer, self.preparation.shape(entry, self.seed).mesh)
 
     def seen(self, entries: Iterable[Entry]) -> list[str]:
         """Return the shapes on which, or on whose subject, their model was trained."""
@@ -342,7 +340,7 @@ class MethodRun:
 
         def once() -> Arrays:
             shape = self.preparation.shape(entry, self.seed)
-            return form.canonicalise(method, shape) if isinstance(method, Method) else form.describe(method, shape)
+            return shapes.canonicalise(method, shape) if isinstance(method, Method) else shapes.describe(method, shape)
 
         def compute() -> Arrays:
             arrays = once()

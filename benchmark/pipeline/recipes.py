@@ -137,7 +137,7 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
     source = source_recipe(dataset, entry)
     recipe = _recipe(input_, preparation_components(dataset, input_), after=[source], source=source)
     if input_ == "mesh":
-        from benchmark.pipeline.stages.complete import N_VERTICES
+        from benchmark.pipeline.stages.shapes import N_VERTICES
 
         return recipe | {"n_vertices": N_VERTICES}
     sensor = sensor_of(dataset, entry)

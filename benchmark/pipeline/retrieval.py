@@ -24,9 +24,7 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
 from benchmark.pipeline.method_run import MethodRun, require_arrays, shape_of
 from benchmark.pipeline.recipes import draws_of
-from benchmark.pipeline.stages import form
-from benchmark.pipeline.stages.complete import complete
-from benchmark.pipeline.stages.view import seen
+from benchmark.pipeline.stages.shapes import canonicalise, complete, describe, form_mesh, seen
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import MethodSpec
 
@@ -128,9 +126,9 @@ def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -
     method: Any = run.method_for(entries[0])
     n_computed = len(entries) - n_read
     if run.describes:
-        vectors = [arrays["descriptor"] for arrays in (*signatures, form.describe(method, shape))]
+        vectors = [arrays["descriptor"] for arrays in (*signatures, describe(method, shape))]
         return SearchResult(_ordered(entries, distances_of(method, vectors)[-1, :-1]), shape, None, n_read, n_computed)
-    query_form = form.form_mesh(form.canonicalise(method, shape), shape.mesh)
+    query_form = form_mesh(canonicalise(method, shape), shape.mesh)
     all_signatures = [*signatures, signature_of(run.scorer, query_form)]
     matrices = [form_distances(run.scorer, all_signatures, draw or 0) for draw in draws_of(run.spec, run.scorer_spec)]
     return SearchResult(_ordered(entries, np.mean(matrices, axis=0)[-1, :-1]), shape, query_form, n_read, n_computed)

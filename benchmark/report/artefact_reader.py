@@ -19,7 +19,7 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.method_run import MethodRun, Preparation, require_arrays
 from benchmark.pipeline.ranking import matrices_of
-from benchmark.pipeline.stages.form import form_mesh
+from benchmark.pipeline.stages.shapes import form_mesh
 from benchmark.pipeline.storage.records import Record, place
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.inspection import is_passed

@@ -7,7 +7,7 @@ import pytest
 
 from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape, canonical_form
 from benchmark.errors import InvalidForm, ShapeError
-from benchmark.pipeline.stages.form import canonicalise, describe
+from benchmark.pipeline.stages.shapes import canonicalise, describe
 from benchmark.plugins.output_checks import distances_of
 from tests.toy import rod
 

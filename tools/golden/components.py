@@ -109,13 +109,13 @@ def _components() -> Iterator[tuple[str, Component]]:
     for name in METHODS:
         networks = NETWORKS if modules[name].startswith("learned.") else FORMS
         tolerance = NON_METRIC if name == "non-metric-mds" else networks
-        yield f"method/{name}", Component(partial(_of_method, name), (modules[name], f"{_STAGES}form"), tolerance)
+        yield f"method/{name}", Component(partial(_of_method, name), (modules[name], f"{_STAGES}shapes"), tolerance)
     for name in SCORERS:
         yield f"scorer/{name}", Component(partial(_of_scorer, name), (modules[name],))
     raw = {name: (name,) for name in RAW}
-    yield "preparation/mesh", Component(partial(_called, stages.completed, raw), (f"{_STAGES}complete",))
-    yield "preparation/view", Component(partial(_called, stages.seen, VIEWS), (f"{_STAGES}view",), SINGLES)
-    called = ("benchmark.depth.frame", f"{_STAGES}view")
+    yield "preparation/mesh", Component(partial(_called, stages.completed, raw), (f"{_STAGES}shapes",))
+    yield "preparation/view", Component(partial(_called, stages.seen, VIEWS), (f"{_STAGES}shapes",), SINGLES)
+    called = ("benchmark.depth.frame", f"{_STAGES}shapes")
     yield "preparation/frame", Component(partial(_called, stages.observed, FRAMES), called, SINGLES)
     yield "api", Component(_api, ("benchmark.api.contracts", "benchmark.geometry.laplacian"), FORMS)
     for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
@@ -136,7 +136,7 @@ def _components() -> Iterator[tuple[str, Component]]:
     decimations = {"dog": ("decimation", "libigl", 0), "scan": ("decimation", "libigl", 1)}
     yield "change/decimation", Component(partial(_called, stages.changed, decimations), (f"{_SETS}decimated",), FORMS)
     yield "measures", Component(_measures, (f"{_STAGES}measures",))
-    called = tuple(f"{_STAGES}{name}" for name in ("complete", "form", "measures"))
+    called = tuple(f"{_STAGES}{name}" for name in ("shapes", "measures"))
     parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")})
     yield "end-to-end", Component(parts, (modules["classic-mds"], modules["cm-bof"], *called))
 

@@ -28,7 +28,7 @@ from benchmark.depth import frame, intrinsics, projection, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
-from benchmark.pipeline.stages import complete, form, measures, view
+from benchmark.pipeline.stages import measures, shapes
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import methods, variant
 from benchmark.plugins.scorers import scorer_of, scorers
@@ -48,7 +48,7 @@ def learned_form(name: str, shape: Shape) -> Arrays:
 
 
 def _form_of(method: Any, shape: Shape) -> Arrays:
-    formed = form.canonicalise(method, shape)
+    formed = shapes.canonicalise(method, shape)
     return {**formed, "vertices": method.canonicalise(shape).vertices, "digits": formed["vertices"].dtype.str}
 
 
@@ -61,11 +61,11 @@ def _trained(name: str) -> tuple[Any, Any]:
     return method.load(Path(models.name) / "model"), models
 
 
-def descriptors_of(name: str, shapes: Sequence[str]) -> Arrays:
+def descriptors_of(name: str, names: Sequence[str]) -> Arrays:
     """Descriptors of shapes, and the distances between them."""
     method: Any = variant(name, methods()).create()
-    descriptors = [form.describe(method, inputs.shape(shape))["descriptor"] for shape in shapes]
-    return {**dict(zip(shapes, descriptors, strict=True)), "distances": distances_of(method, descriptors)}
+    descriptors = [shapes.describe(method, inputs.shape(shape))["descriptor"] for shape in names]
+    return {**dict(zip(names, descriptors, strict=True)), "distances": distances_of(method, descriptors)}
 
 
 def signature(name: str, shape: str) -> Arrays:
@@ -86,14 +86,14 @@ def compared(name: str, forms: Sequence[str]) -> Arrays:
 
 def completed(name: str) -> Arrays:
     """A raw mesh, prepared."""
-    return complete.complete(inputs.mesh("raw", name))
+    return shapes.complete(inputs.mesh("raw", name))
 
 
 def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None) -> Arrays:
     """View of a raw mesh from the side, in a given frame or in its own."""
     source = inputs.mesh("raw", name)
-    width = view.frame_of([view.half_width_of(source, SIDE)]) if half_width is None else half_width
-    rendered = view.seen(source, SIDE, width, sensor)
+    width = shapes.frame_of([shapes.half_width_of(source, SIDE)]) if half_width is None else half_width
+    rendered = shapes.seen(source, SIDE, width, sensor)
     return {**rendered, "depth": rendered["depth"][::10, ::10], "half_width": width}
 
 
@@ -104,7 +104,7 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
     seen_object = frame.observe(
         reading.in_metres(depth), intrinsics.Intrinsics(*stored["camera"]), stored["mask"] if given else None, up
     )
-    prepared = view.seen(seen_object.surface, projection.UPRIGHT, projection.HALF_WIDTH)
+    prepared = shapes.seen(seen_object.surface, projection.UPRIGHT, projection.HALF_WIDTH)
     notes = {f"seen:{key}": value for key, value in seen_object.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
 
@@ -254,10 +254,10 @@ def scored(method_name: str, scorer_name: str) -> Arrays:
     names = ("dog-1", "dog-2", "horse-1", "horse-2")
     signatures = []
     for name in names:
-        prepared = complete.complete(inputs.mesh("raw", name))
+        prepared = shapes.complete(inputs.mesh("raw", name))
         surface = Mesh(prepared["vertices"], prepared["faces"])
-        formed = form.canonicalise(method, Shape(identifier=name, mesh=surface))
-        signatures.append(signature_of(scorer, form.form_mesh(formed, surface)))
+        formed = shapes.canonicalise(method, Shape(identifier=name, mesh=surface))
+        signatures.append(signature_of(scorer, shapes.form_mesh(formed, surface)))
     matrices = [form_distances(scorer, signatures, n) for n in range(scorer.info.draws)]
     return {"distances": np.array(matrices), **_flat(measures.scores(matrices, [name[:-2] for name in names]))}
 

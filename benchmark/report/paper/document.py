@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 from benchmark import __version__
 from benchmark.geometry.depth import SIZE
-from benchmark.pipeline.stages.complete import N_VERTICES
+from benchmark.pipeline.stages.shapes import N_VERTICES
 from benchmark.pipeline.storage.environment import versions_in
 from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.registry import BUILT_IN
