@@ -1,4 +1,4 @@
-"""Assign trained models to the shapes of a gallery, and check that they have not seen them in training."""
+"""Assign trained models to the shapes of a gallery, and detect shapes that were in their training data."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ class Model:
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether a shape, or another one of its subject, was in the training data.
 
-        Names are compared within data sets of the same subjects, and with those of folders, which may hold anything;
-        names of two known data sets are unrelated.
+        Names are compared if both data sets show the same subjects, or if the shape is from a folder, which may contain
+        anything. Names in two different known data sets are unrelated.
         """
         if set_of_subjects(dataset) not in (None, TRAININGS[self.training].dataset):
             return False
@@ -78,12 +78,16 @@ class Model:
         """Raise :class:`TooNear` if the training bodies are too similar to subjects of a data set.
 
         The card states the smallest distance between the training bodies and the subjects of each generated data set of
-        people. A card without an entry for a data set passes, unless the bodies were sampled.
+        people. A card without an entry for a data set passes, unless the bodies were sampled. Cards state no distances to
+        the people of ``animals`` and ``humans[subjects=N]``.
         """
-        shown, sampled = set_of_subjects(dataset) or "", TRAININGS[self.training].is_sampled
-        if sampled and shown.startswith("humans["):
-            raise TooNear(f"the bodies of {shown} are drawn like those of training '{self.training}'", _INSTEAD)
-        distance = self.card.get("clearance", {}).get(shown, 0.0 if sampled else CLEARANCE)
+        shown, training = set_of_subjects(dataset) or "", TRAININGS[self.training]
+        clearance = self.card.get("clearance", {})
+        has_other_bodies = training.is_sampled or (training.dataset != "humans" and clearance)
+        if (shown.startswith("humans[") and has_other_bodies) or (shown == "animals" and training.is_sampled):
+            problem = f"training '{self.training}' may have bodies similar to subjects of {shown}"
+            raise TooNear(problem, _INSTEAD)
+        distance = clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE)
         if shown in TESTED and distance < CLEARANCE:
             raise TooNear(
                 f"training '{self.training}' has bodies within {CLEARANCE} of the subjects of {shown}", _INSTEAD
@@ -120,11 +124,11 @@ def find_models(
     Raises
     ------
     MissingModel
-        If one has not been trained; the hint is the command that trains it.
+        If a model is missing or unusable; for a missing one, the hint is the command that trains it.
     NoFolds
-        If the learner has a model for each fold and the data set has no folds.
+        If the learner has a model for each fold, but the data set has no folds.
     TooNear
-        If one was trained on bodies similar to subjects of the data set.
+        If a model was trained on bodies similar to subjects of the data set.
     ConfigurationError
         If the learner names a training that does not exist.
     """
@@ -159,12 +163,12 @@ def has_models(spec: MethodSpec, gallery: Gallery, trained_here: Path | None) ->
 
 
 def with_model(spec: MethodSpec) -> Any:
-    """Return a method; a learner with a default model, for use outside tables, is returned with it.
+    """Return a method for use outside tables; a learner is returned with its default model, if it has one.
 
     Raises
     ------
     MissingModel
-        If that model is missing.
+        If the model is missing.
     ConfigurationError
         If it cannot be used.
     """
@@ -226,7 +230,7 @@ def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], prov
     Raises
     ------
     ConfigurationError
-        If none is usable; with the problem of the last one.
+        If none is usable; reports the problem of the last one.
     """
     *others, last = folders
     for folder in others:

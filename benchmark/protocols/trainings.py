@@ -1,4 +1,4 @@
-"""Training protocols of learners as data: which shapes of which data set become pairs, and which never do."""
+"""Training protocols of learners as data: the data set, its shapes for training, and its shapes for testing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WHOLE = Part()
 
 @dataclass(frozen=True)
 class Training:
-    """One training protocol.
+    """Training protocol.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ HELD_OUT = ("cat", "horse")
 OTHER_ANIMALS = ("centaur", "dog", "gorilla", "wolf")
 PEOPLE = ("david", "michael", "victoria")
 
-#: Which of the two trainings on animals a table-bound learner uses by default: "III" or "III-people".
+#: Training on animals that a learner with the split "table" uses by default: "III" or "III-people".
 TABLE_III = "III"
 
 #: Data sets that show subjects of another one.
@@ -88,6 +88,8 @@ _SAME_SUBJECTS = {
     "camera": "humans",
     "camera-few": "humans",
     "animals-few": "animals",
+    "shrec16-cuts": "tosca",
+    "shrec16-holes": "tosca",
     **{f"humans-random[draw={draw}]": "humans-random" for draw in range(3)},
 }
 
@@ -204,8 +206,9 @@ def with_validation(training: Training, n_subjects: int) -> Training:
 def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list[Training]:
     """Return the trainings whose models a learner uses for a data set: one for each fold, or one for all shapes.
 
-    People of a data set without folds are unrelated to all folds of the synthetic humans, so the model of the first
-    fold is used: for scans of people that of the available data set, for a private folder that of the generated one.
+    Data sets of people without folds are unrelated to all folds of the synthetic humans, so the model of the first fold
+    is used: that of the official synthetic humans for the official scans of people, if available, else that of the
+    generated ones.
 
     Parameters
     ----------
@@ -214,7 +217,7 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
     dataset
         Name of the data set.
     data_root
-        The folder that holds the official sets.
+        The folder of the official data sets.
 
     Raises
     ------
@@ -241,7 +244,7 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
 def trainings_by_shape(
     learner: Learner, dataset: Dataset, entries: Iterable[Entry], data_root: Path | None
 ) -> dict[str, Training]:
-    """Return the training whose model is used for each shape, by identifier: that which has not seen its subject.
+    """Return the training whose model is used for each shape, by identifier; of several, the one without its subject.
 
     Parameters
     ----------
