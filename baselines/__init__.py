@@ -1,1 +1,1 @@
-"""One file per classical method, to be read side by side with its paper."""
+"""Classical methods: one file each, to be read alongside the paper."""

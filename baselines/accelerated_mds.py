@@ -1,4 +1,4 @@
-"""Classic scaling from a few rows of geodesic distances."""
+"""Accelerated MDS: classic MDS from a few rows of geodesic distances."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from benchmark.api.contracts import (
 
 @dataclass(frozen=True, kw_only=True)
 class AcceleratedMDS(CheckedParameters):
-    r"""Classic scaling without all pairs of distances.
+    r"""Classic MDS without all pairwise distances.
 
-    The squared distances :math:`F` (p x n) from p farthest-point samples are continued over the surface by the matrix
-    P (n x p) of biharmonic (Laplace-Beltrami) interpolation. With :math:`W = F_{:, s}` between the samples, Shamai,
-    Zibulevsky and Kimmel (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using
-    multidimensional scaling", approximate
+    The matrix P (n x p) of biharmonic (Laplace-Beltrami) interpolation extends the squared distances :math:`F` (p x n)
+    from p farthest-point samples over the surface. With :math:`W = F_{:, s}` between the samples, Shamai, Zibulevsky
+    and Kimmel (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using multidimensional
+    scaling", approximate
 
     .. math:: D \circ D \approx P W P^\top \qquad \text{("samples")},
 
-    and as an option we use what the rows say away from the samples, too,
+    and an option of ours also uses the rows away from the samples,
 
     .. math:: D \circ D \approx P F + F^\top P^\top - P W P^\top \qquad \text{("interpolated")},
 
     which is exact in the rows and columns of the samples (the Boolean sum of the two interpolations, Gordon 1971) and
-    costs the same distances. Either way the matrix is :math:`Z M Z^\top` with few columns in Z, see
-    :func:`baselines._kernels.orientation.low_rank_scaling`. For the average of the two continuations see
-    :class:`baselines.fast_classical_scaling.FastClassicalScaling`, and for one that asks the distances alone
-    :class:`baselines.nystrom_mds.NystromMDS`.
+    needs the same distances. Both matrices have the form :math:`Z M Z^\top` with few columns in Z, see
+    :func:`baselines._kernels.orientation.low_rank_scaling`.
+    :class:`baselines.fast_classical_scaling.FastClassicalScaling` averages the two extensions, and
+    :class:`baselines.nystrom_mds.NystromMDS` uses the distances alone.
 
     Parameters
     ----------
     variant
-        ``"samples"``, as published, or ``"interpolated"``, the Boolean sum, which is ours.
+        ``"samples"``, as published, or ``"interpolated"``, our Boolean sum.
     samples
         Number p of farthest-point samples.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

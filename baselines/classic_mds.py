@@ -1,4 +1,4 @@
-"""Classic scaling of distances on the surface: the bending-invariant form of Elad and Kimmel."""
+"""Classic MDS of distances on a surface: the bending-invariant form of Elad and Kimmel."""
 
 from __future__ import annotations
 
@@ -24,35 +24,35 @@ from benchmark.api.contracts import (
 
 @dataclass(frozen=True, kw_only=True)
 class ClassicMDS(CheckedParameters):
-    r"""Classic (Torgerson) scaling of the geodesic distances.
+    r"""Classic MDS (Torgerson scaling) of the geodesic distances.
 
     With the matrix D of geodesic distances and :math:`J = I - 11^\top / n`,
 
     .. math:: B = -\tfrac12 J (D \circ D) J = Q \Lambda Q^\top, \qquad X = Q_3 \Lambda_3^{1/2},
 
-    where the three largest eigenvalues are kept and negative ones count as zero. The first two axes point to the side
-    of positive area-weighted third moment; the third decides between the form and its mirror image, see
-    :mod:`baselines._kernels.orientation`, and the note ``side_in_doubt`` is 1 where that is open. Elad and Kimmel
-    (2003), "On bending invariant signatures for surfaces"; Torgerson (1952), "Multidimensional scaling: I. Theory and
-    method".
+    with the three largest eigenvalues, of which negative ones count as zero. The first two axes point to the side of
+    positive area-weighted third moment; the third chooses between the form and its mirror image, see
+    :mod:`baselines._kernels.orientation`, and the note ``side_in_doubt`` is 1 if that choice is uncertain. Elad and
+    Kimmel (2003), "On bending invariant signatures for surfaces"; Torgerson (1952), "Multidimensional scaling: I.
+    Theory and method".
 
-    Another ``metric`` takes the place of the geodesic one: D then has the diffusion, commute-time or biharmonic
-    distances, see :func:`baselines._kernels.spectral.spectral_embedding`. Those are Euclidean distances between points
-    in a space of many dimensions, whose principal axes are the classic scaling, so that D itself is never made.
+    Another ``metric`` replaces the geodesic distances in D by diffusion, commute-time or biharmonic distances, see
+    :func:`baselines._kernels.spectral.spectral_embedding`. These are Euclidean distances between points in a
+    high-dimensional space, whose principal components are the classic MDS, so that D itself is never computed.
 
     Parameters
     ----------
     metric
         ``"geodesic"``, ``"diffusion"``, ``"commute-time"`` or ``"biharmonic"``.
     time
-        Time of the diffusion, in units of the area of the surface.
+        Diffusion time, in units of the surface area.
     eigenfunctions
-        Largest number of eigenfunctions that the other three are summed over.
+        Maximum number of eigenfunctions in the sums of the other three metrics.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -74,13 +74,13 @@ class ClassicMDS(CheckedParameters):
     side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic scaling of the distances.
+        """Return the classic MDS of the distances.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, under another metric five, no face, or several pieces, or too
-            many vertices for the distances of all pairs.
+            If the shape has fewer than four vertices (five for the other metrics), no face, or several pieces, or too
+            many vertices for all pairwise distances.
         """
         from baselines._kernels.smacof import normalised_stress
 
@@ -109,44 +109,44 @@ class ClassicMDS(CheckedParameters):
 def oriented_classic_scaling(
     mesh: Mesh, distances: FloatArray, side: Side = "moment"
 ) -> tuple[FloatArray, list[float]]:
-    """Classic scaling of the vertices of a mesh, with the axes of :func:`baselines._kernels.orientation.oriented`.
+    """Compute the classic MDS of the vertices of a mesh, oriented by :func:`baselines._kernels.orientation.oriented`.
 
     Parameters
     ----------
     mesh
-        Gives the vertex areas.
+        The surface; gives vertex areas and breaks ties.
     distances
         Geodesic distances, symmetric, shape (n, n) with n at least 4.
     side
-        As of :func:`baselines._kernels.orientation.oriented`.
+        As in :func:`baselines._kernels.orientation.oriented`.
 
     Returns
     -------
     points : numpy.ndarray
         Positions, shape (n, 3).
     ratios : list of float
-        As from :func:`classic_scaling`.
+        As in :func:`classic_scaling`.
     """
     points, ratios = classic_scaling(distances)
     return oriented(mesh, points, np.array(ratios[:3]), side=side), ratios
 
 
 def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:
-    """Embed points in space so that their distances resemble the given ones.
+    """Embed points in 3D so that their distances approximate the given ones.
 
     Parameters
     ----------
     distances
-        Distances of all pairs, symmetric, shape (n, n) with n at least 4.
+        Pairwise distances, symmetric, shape (n, n) with n at least 4.
 
     Returns
     -------
     points : numpy.ndarray
-        Centred positions, shape (n, 3), along axes of falling variance and arbitrary sign; exact if the distances are
-        those of points in space.
+        Centred positions, shape (n, 3), along axes of decreasing variance and arbitrary sign; exact if the distances
+        are those of points in 3D.
     ratios : list of float
-        The four largest eigenvalues over the first. A third and fourth of nearly the same size may change places
-        under a small deformation.
+        The four largest eigenvalues over the first. If the third and fourth are nearly equal, they may swap under a
+        small deformation.
     """
     from baselines._kernels.eigen import centred_eigenpairs
 
@@ -155,7 +155,7 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, list[float]]:
 
 
 def principal_scaling(embedding: FloatArray) -> tuple[FloatArray, list[float]]:
-    """Classic scaling of the distances between points in a space of many dimensions: their principal axes.
+    """Project high-dimensional points onto their principal axes, which is the classic MDS of their distances.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def principal_scaling(embedding: FloatArray) -> tuple[FloatArray, list[float]]:
     -------
     points : numpy.ndarray
     ratios : list of float
-        As from :func:`classic_scaling`.
+        As in :func:`classic_scaling`.
     """
     centred = embedding - embedding.mean(axis=0)
     values, axes = np.linalg.eigh(centred.T @ centred)

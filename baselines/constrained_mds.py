@@ -1,4 +1,4 @@
-"""The input pulled towards its least-squares MDS pose while its details stay."""
+"""Constrained MDS: the input pulled towards its least-squares MDS pose, with its details preserved."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ class ConstrainedMDS(CheckedParameters):
     r"""Deformation towards the MDS pose under a sparse shape regulariser (Sahillioğlu 2015).
 
     Multidimensional scaling finds the pose but crumples the surface. Here the input itself, with rest positions
-    :math:`p`, moves to the least-squares MDS positions :math:`m` of its own vertices while an as-rigid-as-possible
-    energy keeps the details:
+    :math:`p`, moves towards the least-squares MDS positions :math:`m` of its vertices, while an as-rigid-as-possible
+    energy preserves the details:
 
     .. math:: E(x) = E_\mathrm{ARAP}(x; p) + \lambda \sum_i a_i \|x_i - m_i\|^2
 
     with vertex areas :math:`a` of sum 1, so that :math:`\lambda` has no unit and does not depend on the sampling.
     Starting from :math:`x = p`, local steps (one rotation per cell) alternate with global steps (one sparse solve), and
-    :math:`\lambda` rises geometrically in cascades, so that large parts swing first and small ones settle later.
+    :math:`\lambda` rises geometrically in cascades, so that large parts move first and small ones later.
 
-    MDS cannot tell a pose from its mirror image, and pulled towards the wrong one a surface turns inside out. Both
-    images of :math:`m` are therefore aligned to :math:`p` by a proper rotation, both deformations run to their end,
-    and the one of lower energy :math:`E` is kept.
+    MDS cannot distinguish a pose from its mirror image, and a surface pulled towards the wrong one turns inside out.
+    Both images of :math:`m` are therefore aligned with :math:`p` by a proper rotation, and of both deformations the one
+    with the lower energy :math:`E` is kept.
 
-    Sahillioğlu deforms the solid behind the surface; a surface energy is used here because it treats open surfaces too.
+    Sahillioğlu deforms the enclosed solid; the surface energy used here also handles open surfaces.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ class ConstrainedMDS(CheckedParameters):
     cascades
         Number of values of :math:`\lambda`.
     iterations
-        Local and global steps per cascade.
+        Number of iterations per cascade, each of a local and a global step.
     start
-        Start of the scaling that gives the targets, see :class:`baselines.least_squares_mds.LeastSquaresMDS`.
+        Start of the MDS that gives the targets, see :class:`baselines.least_squares_mds.LeastSquaresMDS`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -68,8 +68,8 @@ class ConstrainedMDS(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the deformed surface.
 
-        The notes give the mean and the largest edge strain, the final energy and that of the rejected mirror image,
-        both in squared units of the mesh, and whether the mirror image was kept.
+        The notes give the mean and largest edge strain, the final energy and that of the rejected mirror image, both in
+        squared units of the mesh, and whether the mirror image was kept.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class ConstrainedMDS(CheckedParameters):
         return self.deform_towards(shape, LeastSquaresMDS(start=self.start).canonicalise(shape).vertices)
 
     def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Deform the surface towards given positions of its vertices or towards their mirror image.
+        """Deform the surface towards given positions of its vertices or their mirror image.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class ConstrainedMDS(CheckedParameters):
 
 
 def _aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the points moved by the proper rigid motion that brings them nearest to the reference (Kabsch 1976)."""
+    """Return the points after the proper rigid motion that best aligns them with the reference (Kabsch 1976)."""
     from baselines._kernels.arap import nearest_rotation
 
     centre = np.average(points, axis=0, weights=weights)

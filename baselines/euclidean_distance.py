@@ -1,4 +1,4 @@
-"""The surface stretched by pushing a few of its points apart in space while its edges keep their length."""
+"""Euclidean-distance-based form: a few points of the surface repel each other while edges keep their length."""
 
 from __future__ import annotations
 
@@ -11,42 +11,43 @@ from baselines._kernels.checks import require_connected, require_vertices
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
 
 APART = 0.1
-"""Least distance between two tips, in roots of the area: more than between two fingers, less than between two legs."""
+"""Minimum distance between two tips, as a share of the square root of the area: more than between two fingers, less
+than between two legs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EuclideanDistance(CheckedParameters):
-    r"""Form after the Euclidean-distance-based one (Pickup, Sun, Rosin and Martin 2015).
+    r"""Variant of the Euclidean-distance-based canonical form (Pickup, Sun, Rosin and Martin 2015).
 
-    A few points S of the surface are pushed apart in space, and the edges keep their lengths l in the input:
+    A push drives a few points S of the surface apart in space, while the edges keep their lengths l in the input:
 
     .. math:: E(x) = \frac12 \sum_{ij \in \mathrm{edges}} (\|x_i - x_j\| - l_{ij})^2
               - \kappa \sum_{a < b \in S} \|x_a - x_b\| .
 
-    No geodesic distances enter, and a step costs time in proportion to the vertices. Steps are those of stress
-    majorisation, with one factor of the graph Laplacian G for all of them:
+    It needs no geodesic distances, and the time of a step is proportional to the number of vertices. The steps are
+    those of stress majorisation and share one factorisation of the graph Laplacian G:
 
     .. math:: G x \leftarrow \sum_{ij} \frac{l_{ij}}{\|x_i - x_j\|} (e_i - e_j)(x_i - x_j)
-              + \kappa \sum_{ab} \frac{1}{\|x_a - x_b\|} (e_a - e_b)(x_a - x_b),
+              + \kappa \sum_{ab} \frac{1}{\|x_a - x_b\|} (e_a - e_b)(x_a - x_b).
 
-    none of which raises E. The push is :math:`\kappa = 4 \tau \bar l \sqrt n / |S|^2` with the mean length of an edge
-    :math:`\bar l`, so that the pull across a limb, and the strain of its edges, hangs on neither the number of points
-    nor that of vertices. Some last steps without a push give the edges their lengths back. "Euclidean-distance-based
+    None of them raises E. The push is :math:`\kappa = 4 \tau \bar l \sqrt n / |S|^2` with the mean edge length
+    :math:`\bar l`, so that the pull across a limb and the strain of its edges depend neither on the number of points
+    nor on the number of vertices. Final steps without a push restore the edge lengths. "Euclidean-distance-based
     canonical forms for non-rigid 3D shape retrieval", Pattern Recognition 48.
 
     Parameters
     ----------
     points
         ``"global"`` pushes farthest-point samples all over the surface; ``"local"`` pushes the tips of limbs, where the
-        conformal factor is largest (Ben-Chen and Gotsman 2008), and on a surface without any the global points.
+        conformal factor is largest (Ben-Chen and Gotsman 2008), or the global points if there are fewer than two tips.
     count
-        Largest number of points.
+        Maximum number of points.
     tension
         Strength :math:`\tau` of the push.
     iterations
-        Steps with a push.
+        Number of steps with a push.
     settling
-        Steps without.
+        Number of steps without a push.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -70,8 +71,8 @@ class EuclideanDistance(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the stretched surface, centred at the origin.
 
-        The notes give the number of points, by how much the mean distance between them grew, and the mean and the
-        largest edge strain.
+        The notes give the number of points, the factor by which their mean distance grew, and the mean and largest edge
+        strain.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Classic scaling from a few rows of geodesic distances that are continued smoothly over the surface."""
+"""Fast classical scaling: classic MDS from a few rows of geodesic distances, extended smoothly over the surface."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from benchmark.api.contracts import (
 class FastClassicalScaling(CheckedParameters):
     r"""Fast classical scaling (FMDS).
 
-    The squared geodesic distances :math:`F` (p x n) from p farthest-point samples s are continued over the surface by
+    The squared geodesic distances :math:`F` (p x n) from p farthest-point samples s are extended over the surface by
     the matrix P (n x p) whose column j minimises
 
     .. math:: \| A^{-1} L x \|^2 + \mu \| x_s - e_j \|^2,
 
-    with the cotangent matrix L and the vertex areas A. The average of both continuations,
+    with the cotangent matrix L and the vertex areas A. The average of both extensions,
 
     .. math:: D \circ D \approx \tfrac12 (P F + F^\top P^\top),
 
-    is the matrix :math:`Z M Z^\top` of classic scaling with 2p columns in Z, see
-    :func:`baselines._kernels.orientation.low_rank_scaling`. Shamai, Aflalo, Zibulevsky and Kimmel (2015), "Classical
-    scaling revisited", and Shamai, Zibulevsky and Kimmel (2018), "Efficient inter-geodesic distance computation and
-    fast classical scaling"; equations and defaults are those of the code that the authors released.
+    has the form :math:`Z M Z^\top` with 2p columns in Z, see :func:`baselines._kernels.orientation.low_rank_scaling`.
+    Shamai, Aflalo, Zibulevsky and Kimmel (2015), "Classical scaling revisited", and Shamai, Zibulevsky and Kimmel
+    (2018), "Efficient inter-geodesic distance computation and fast classical scaling"; equations and defaults are those
+    of the authors' released code.
 
     Parameters
     ----------
     samples
         Number p of farthest-point samples.
     fidelity
-        Weight :math:`\mu` of the fit against the smoothness, on a surface of mean vertex area 1.
+        Weight :math:`\mu` of the fit relative to the smoothness, on a surface of mean vertex area 1.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -68,7 +68,7 @@ class FastClassicalScaling(CheckedParameters):
     side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic scaling of the continued distances, centred at the origin.
+        """Return the classic MDS of the extended distances, centred at the origin.
 
         Raises
         ------

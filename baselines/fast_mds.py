@@ -24,29 +24,28 @@ from benchmark.api.contracts import (
 class FastMDS(CheckedParameters):
     r"""FastMap of the geodesic distances.
 
-    Each of three axes runs through two pivots a and b that are far apart. Vertex i lands on it, by the law of
-    cosines, at
+    Each of the three axes passes through two pivots a and b that are far apart. By the law of cosines, vertex i
+    projects to
 
     .. math:: x_i = \frac{d_{ai}^2 + d_{ab}^2 - d_{bi}^2}{2 d_{ab}},
 
-    and the next axis works with the residual distances :math:`d'^2_{ij} = d_{ij}^2 - (x_i - x_j)^2`, where a negative
-    square counts as zero. Pivots are found by walking to the farthest vertex, and on to the one farthest from that,
-    a few times. Only the rows of the pivots are computed, never all pairs. The walk starts at the vertex farthest
-    from the geodesic centre, which is the vertex whose largest distance to four mutually far vertices is smallest;
-    distances along edges are good enough for that. At the end the first two axes are turned to the side of positive
-    area-weighted third moment, and the third decides between the form and its mirror image, see
-    :mod:`baselines._kernels.orientation`. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing,
-    data-mining and visualization of traditional and multimedia datasets".
+    and the next axis uses the residual distances :math:`d'^2_{ij} = d_{ij}^2 - (x_i - x_j)^2`, where negative squares
+    count as zero. Pivots are found by a walk that moves to the farthest vertex a few times; only the rows of the
+    visited vertices are computed, never all pairs. The walk starts at the vertex farthest from the geodesic centre, the
+    vertex with the smallest maximum distance to four mutually far vertices; distances along edges suffice for that.
+    Finally the first two axes are flipped to the side of positive area-weighted third moment, and the third chooses
+    between the form and its mirror image, see :mod:`baselines._kernels.orientation`. Faloutsos and Lin (1995),
+    "FastMap: a fast algorithm for indexing, data-mining and visualization of traditional and multimedia datasets".
 
     Parameters
     ----------
     sweeps
-        Largest number of steps from a pivot to the vertex farthest from it, per axis.
+        Maximum number of steps from a pivot to the vertex farthest from it, per axis.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics_from`.
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -112,18 +111,18 @@ class _Rows:
         self.known: dict[int, FloatArray] = {}
 
     def distances(self, vertex: int) -> FloatArray:
-        """Geodesic distances of all vertices from one, shape (n,)."""
+        """Return the geodesic distances from a vertex to all vertices, shape (n,)."""
         if vertex not in self.known:
             self.known[vertex] = self._shape.geodesics_from([vertex], self._solver)[0]
         return self.known[vertex]
 
     def farthest(self, vertex: int, points: FloatArray) -> int:
-        """Vertex that the axes so far leave farthest from a given one."""
+        """Return the vertex with the largest residual distance from a vertex."""
         from baselines._kernels.orientation import largest
 
         return largest(self.residual(vertex, points), self._shape.mesh.vertices)
 
     def residual(self, vertex: int, points: FloatArray) -> FloatArray:
-        """Squared distances that the axes so far leave to be explained, shape (n,)."""
+        """Return the squared distances from a vertex that the axes so far do not explain, shape (n,)."""
         explained = ((points - points[vertex]) ** 2).sum(axis=1)
         return np.asarray(np.maximum(self.distances(vertex) ** 2 - explained, 0.0))

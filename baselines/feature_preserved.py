@@ -1,4 +1,4 @@
-"""The input in near-rigid parts, each moved rigidly onto the least-squares form."""
+"""Feature-preserved form: near-rigid parts of the input, each moved rigidly onto the least-squares MDS."""
 
 from __future__ import annotations
 
@@ -16,42 +16,42 @@ if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
 
 MIRROR_MARGIN = 0.05
-"""A mirror image must fit better by more than this share: the nearly flat parts of an open surface fit both alike."""
+"""Share by which a mirror image must fit better: the nearly flat parts of an open surface fit both equally well."""
 
 PART_SIZE = 16
-"""Fewest vertices per part on average: with a handful, "rigid" would mean nothing."""
+"""Minimum mean number of vertices per part: with a handful, "rigid" would be meaningless."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeaturePreserved(CheckedParameters):
     r"""Feature-preserved canonical form (Lian, Godil and Xiao 2013).
 
-    Least-squares scaling finds the pose but crumples the surface. Here near-rigid parts of the input, with rest
-    positions p, are moved as they are to where the scaling has them at m:
+    Least-squares MDS finds the pose but crumples the surface. Here near-rigid parts of the input, with rest positions
+    p, move rigidly onto their MDS positions m:
 
-    1. Seeds are spread over the surface by farthest-point sampling, each vertex belongs to the seed nearest along it,
-       and the seams shift to where the parts fit m better.
-    2. Part c moves by the rigid motion that brings it and the vertices next to it nearest to m,
-       :math:`\min_{R_c, t_c} \sum_{i \in c} a_i \|R_c p_i + t_c - m_i\|^2`, and the parts then shift so that they meet
-       at their seams (:func:`baselines._kernels.rigid_parts.close_gaps`).
-    3. The seams are smoothed over a narrow band; beyond it a part keeps its shape to the last detail
+    1. Farthest-point sampling spreads seeds over the surface. Each vertex joins the part of the seed that is nearest
+       along the surface, and the seams shift so that the parts fit m better.
+    2. Part c moves by the rigid motion that brings it and its adjacent vertices nearest to m,
+       :math:`\min_{R_c, t_c} \sum_{i \in c} a_i \|R_c p_i + t_c - m_i\|^2`, and the parts then shift to meet at their
+       seams (:func:`baselines._kernels.rigid_parts.close_gaps`).
+    3. The seams are smoothed over a narrow band, outside which parts keep every detail
        (:func:`baselines._kernels.rigid_parts.smooth_seams`).
 
-    Scaling cannot tell a pose from its mirror image: both images of m are tried, and the one that the parts fit better
-    is kept. "Feature-preserved 3D canonical form", International Journal of Computer Vision 102. The source divides
-    the surface by its protrusions and asks for a closed one; parts around spread seeds cut limbs at their joints too
-    and exist on any surface in one piece.
+    MDS cannot distinguish a pose from its mirror image: both images of m are tried, and the one that the parts fit
+    better is kept. "Feature-preserved 3D canonical form", International Journal of Computer Vision 102. The source
+    divides a closed surface by its protrusions; parts around spread seeds also cut limbs at their joints and work on
+    any connected surface.
 
     Parameters
     ----------
     parts
-        Number of parts, less on a surface of few vertices.
+        Number of parts, fewer on a surface with few vertices.
     rounds
-        Largest number of rounds in which seams shift.
+        Maximum number of rounds in which seams shift.
     seam
-        Width of the band in which a seam is smoothed, as a share of the root of the area.
+        Width of the band in which a seam is smoothed, as a share of the square root of the area.
     start
-        Start of the scaling, see :class:`baselines.least_squares_mds.LeastSquaresMDS`.
+        Start of the MDS, see :class:`baselines.least_squares_mds.LeastSquaresMDS`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -72,16 +72,16 @@ class FeaturePreserved(CheckedParameters):
     start: Literal["mesh", "classic"] = "mesh"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the surface with its parts in the pose of the least-squares form.
+        """Return the surface with its parts in the pose of the least-squares MDS.
 
-        The notes give the number of parts, the mean and the largest edge strain, the root of the mean squared distance
-        from the targets, and whether the mirror image of the scaling was kept.
+        The notes give the number of parts, the mean and largest edge strain, the root-mean-square distance from the
+        targets, and whether the mirror image of the MDS was kept.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices or no face, is in several pieces, or has too many vertices for
-            the distances of all pairs.
+            If the shape has fewer than four vertices or no face, is in several pieces, or has too many vertices for all
+            pairwise distances.
         """
         from baselines.least_squares_mds import LeastSquaresMDS
 
@@ -90,7 +90,7 @@ class FeaturePreserved(CheckedParameters):
         return self.move_onto(shape, LeastSquaresMDS(start=self.start).canonicalise(shape).vertices)
 
     def move_onto(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Move the parts of a surface onto given positions of its vertices or onto their mirror image.
+        """Move the parts of a surface onto given positions of its vertices or their mirror image.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class FeaturePreserved(CheckedParameters):
         )
 
     def _around_seeds(self, shape: Shape) -> NDArray[np.int64]:
-        """The part of each vertex before any seam has shifted."""
+        """Return the part of each vertex before any seam shifts."""
         from baselines._kernels.rigid_parts import nearest_seed
         from baselines._kernels.sampling import farthest_points
 
@@ -136,7 +136,7 @@ class FeaturePreserved(CheckedParameters):
     def _divided(
         self, surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], float]:
-        """The parts after their seams shifted, and how far their vertices are from the targets, squared."""
+        """Return the parts after their seams shifted, and the weighted sum of squared distances from the targets."""
         from baselines._kernels.rigid_parts import refit_parts, rigid_motions
 
         parts = refit_parts(surface, targets, masses, parts, self.rounds)

@@ -1,4 +1,4 @@
-"""Global point signature: the surface drawn in its own Laplacian eigenfunctions."""
+"""Global point signature: embedding of a surface by its Laplacian eigenfunctions."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class GPS(CheckedParameters):
     .. math:: \left( \phi_1(x) / \sqrt{\lambda_1},\; \phi_2(x) / \sqrt{\lambda_2},\; \phi_3(x) / \sqrt{\lambda_3}
               \right).
 
-    The eigenfunctions have unit norm on the surface, so the form depends on neither position nor size of the shape.
-    Their signs are open: the first two axes point to the side of positive area-weighted third moment, the third decides
-    between the form and its mirror image, see :mod:`baselines._kernels.orientation`. Neighbouring
-    eigenvalues of nearly the same size let eigenfunctions change places between poses; the smallest relative gap is
-    noted. Rustamov (2007), "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
+    The eigenfunctions have unit norm on the surface, so the form depends on neither the position nor the size of the
+    shape. Their signs are arbitrary: the first two axes point to the side of positive area-weighted third moment, and
+    the third chooses between the form and its mirror image, see :mod:`baselines._kernels.orientation`. Eigenfunctions
+    of nearly equal eigenvalues may swap between poses; the notes give the relative gaps. Rustamov (2007),
+    "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
 
     Parameters
     ----------
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -64,7 +64,7 @@ class GPS(CheckedParameters):
         require_connected(shape)
         laplacian = shape.laplacian()
         values, functions = eigenpairs(laplacian, 5)
-        # The constant function comes first; the fourth non-constant one only tells how far away the next axis is.
+        # The constant function comes first; the fourth non-constant one only gives the gap to the next axis.
         values, functions = values[1:], functions[:, 1:4]
         points = functions / np.sqrt(values[:3])
         points = oriented(shape.mesh, points, values[:3], areas=laplacian.mass, side=self.side)

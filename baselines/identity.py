@@ -1,4 +1,4 @@
-"""The input itself: what the scorer makes of a shape that keeps its pose."""
+"""Identity: the input itself, pose included."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """The prepared surface, untouched.
+    """The prepared surface, unchanged.
 
-    A control: a canonical form is worth its cost only where it retrieves better than this row. On a gallery in which
-    every subject takes the same poses, the row ranks the other subjects in the same pose first.
+    A control: a canonical form is worth its cost only if it retrieves better than this row. On a gallery in which every
+    subject takes the same poses, this row ranks other subjects in the same pose first.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -1,4 +1,4 @@
-"""Heat and wave kernel signatures: how heat and waves of each scale spread from the points of a surface."""
+"""Heat and wave kernel signatures: the spread of heat and waves from the points of a surface at each scale."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, Met
 
 
 def _eigenpairs(shape: Shape, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Eigenvalues, eigenfunctions and vertex areas of a surface of area 1; the constant function comes first.
+    """Return the eigenvalues, eigenfunctions and vertex areas of a shape scaled to area 1, the constant function first.
 
     Raises
     ------
@@ -41,12 +41,12 @@ class MeanHKS(CheckedParameters):
     r"""Mean of the heat kernel signature over the surface.
 
     With the Laplacian eigenpairs :math:`(\lambda_k, \phi_k)` of the surface scaled to area 1, the signature of vertex x
-    at time t, the heat that is left there of a unit put there, is
+    at time t, the heat that remains at x from a unit source there, is
 
     .. math:: \mathrm{HKS}(x, t) = \sum_k e^{-\lambda_k t} \phi_k(x)^2.
 
-    Its area-weighted mean is the heat trace :math:`\sum_k e^{-\lambda_k t}`. Two shapes differ by the Euclidean
-    distance. A control: no canonical form. Sun, Ovsjanikov and Guibas (2009), "A concise and provably informative
+    Its area-weighted mean is the heat trace :math:`\sum_k e^{-\lambda_k t}`. Shapes are compared by Euclidean distance.
+    A control without a canonical form. Sun, Ovsjanikov and Guibas (2009), "A concise and provably informative
     multi-scale signature based on heat diffusion".
 
     Parameters
@@ -54,7 +54,7 @@ class MeanHKS(CheckedParameters):
     eigenpairs
         Number of non-constant eigenpairs.
     times
-        Number of times, evenly spaced in the logarithm from 4 ln 10 over the last eigenvalue to 4 ln 10 over the first.
+        Number of times, logarithmically spaced from 4 ln 10 over the last eigenvalue to 4 ln 10 over the first.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -83,7 +83,7 @@ class MeanHKS(CheckedParameters):
         return np.asarray(np.exp(-np.outer(times, values)).sum(axis=1))
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """Return the Euclidean distances of the descriptors, shape (N, N)."""
+        """Return the Euclidean distances between the descriptors, shape (N, N)."""
         return _pairwise(descriptors)
 
 
@@ -91,14 +91,14 @@ class MeanHKS(CheckedParameters):
 class ScaleInvariantHKS(CheckedParameters):
     r"""Bag of features of the scale-invariant heat kernel signature.
 
-    At times :math:`t = 2^\tau`, scaling a surface shifts its heat kernel signature in :math:`\tau` and multiplies it.
-    The derivative of its logarithm by :math:`\tau` removes the factor, and the moduli of its Fourier transform remove
-    the shift; the lowest frequencies describe a vertex. The words are the k-means of all vertices of the gallery.
-    With :math:`\sigma^2` twice the median distance of two words, vertex p counts for word w by
-    :math:`e^{-\|p - w\|^2 / 2 \sigma^2}`, normalised over the words; a shape is the area-weighted mean of its vertices.
-    Two shapes differ by the sum of absolute differences. A control: no canonical form. Bronstein and Kokkinos (2010),
-    "Scale-invariant heat kernel signatures for non-rigid shape recognition"; for the words Bronstein, Bronstein,
-    Guibas and Ovsjanikov (2011), "Shape Google".
+    At times :math:`t = 2^\tau`, scaling a surface shifts its heat kernel signature in :math:`\tau` and multiplies it by
+    a factor. The derivative of its logarithm with respect to :math:`\tau` removes the factor, and the moduli of its
+    Fourier transform remove the shift; the lowest frequencies describe a vertex. The words are the k-means centres of
+    all vertices of the gallery. With :math:`\sigma^2` twice the median distance between two words, vertex p has the
+    weight :math:`e^{-\|p - w\|^2 / 2 \sigma^2}` for word w, normalised over the words. The bag of features of a shape
+    is the area-weighted mean over its vertices. Shapes are compared by the sum of absolute differences. A control
+    without a canonical form. Bronstein and Kokkinos (2010), "Scale-invariant heat kernel signatures for non-rigid shape
+    recognition"; for the words Bronstein, Bronstein, Guibas and Ovsjanikov (2011), "Shape Google".
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class ScaleInvariantHKS(CheckedParameters):
     words: Annotated[int, Interval(2)] = 48
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the area and the frequencies of each vertex, by the lowest frequency, shape (n * (1 + frequencies),).
+        """Return the area and frequencies of each vertex, sorted by the lowest one, shape (n * (1 + frequencies),).
 
         Raises
         ------
@@ -134,8 +134,8 @@ class ScaleInvariantHKS(CheckedParameters):
             If the shape has too few vertices for that many eigenpairs, no face, or several pieces.
         """
         values, functions, areas = _eigenpairs(shape, self.eigenpairs)
-        # 24 octaves in steps of 1/16, as in the source. By Weyl's law the eigenvalues at area 1 lie about 4 pi k; the
-        # range centres on the geometric mean of 1 / (4 pi) and 1 / (400 pi), some 2^-7.
+        # 24 octaves in steps of 1/16, as in the source. By Weyl's law the eigenvalues at area 1 are about 4 pi k; the
+        # range is centred at the geometric mean of 1 / (4 pi) and 1 / (400 pi), about 2^-7.
         times = 2.0 ** np.arange(-19, 5 + 1 / 16, 1 / 16)
         heat = np.exp(-np.outer(values, times))
         slope = -np.log(2) * times * (functions**2 @ (values[:, None] * heat)) / (functions**2 @ heat)
@@ -169,18 +169,19 @@ class MeanWKS(CheckedParameters):
     .. math:: \mathrm{WKS}(x, e) = \frac{\sum_k \phi_k(x)^2 g_k(e)}{\sum_k g_k(e)}, \qquad
               g_k(e) = \exp\left( -\frac{(e - \log \lambda_k)^2}{2 \sigma^2} \right).
 
-    Its arithmetic mean over the surface says nothing: every eigenfunction has norm 1, so the mean is 1 / A for every
-    shape and every energy. The descriptor therefore takes the root of the area-weighted mean of the square, times the
-    area A; a value of 1 means that waves of that energy visit the whole surface evenly. Two shapes differ by the
-    Euclidean distance. A control: no canonical form. Aubry, Schlickewei and Cremers (2011), "The wave kernel
-    signature: a quantum mechanical approach to shape analysis".
+    Its arithmetic mean over the surface is uninformative: every eigenfunction has norm 1, so the mean is 1 / A for
+    every shape and energy. The descriptor is therefore the area-weighted root mean square, times the area A; a value of
+    1 means that waves of that energy cover the surface evenly. Shapes are compared by Euclidean distance. A control
+    without a canonical form. Aubry, Schlickewei and Cremers (2011), "The wave kernel signature: a quantum mechanical
+    approach to shape analysis".
 
     Parameters
     ----------
     eigenpairs
         Number of non-constant eigenpairs.
     energies
-        Number of energies, evenly spaced from the logarithm of the first eigenvalue to that of the last over 1.02.
+        Number of energies, evenly spaced from the logarithm of the first eigenvalue to that of the last divided by
+        1.02.
     width
         Standard deviation of the bands, in energy steps.
     """
@@ -216,5 +217,5 @@ class MeanWKS(CheckedParameters):
         return np.asarray(np.sqrt(areas @ signatures**2))
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """Return the Euclidean distances of the descriptors, shape (N, N)."""
+        """Return the Euclidean distances between the descriptors, shape (N, N)."""
         return _pairwise(descriptors)

@@ -1,4 +1,4 @@
-"""Least-squares scaling of distances on the surface by stress majorisation."""
+"""Least-squares MDS of distances on a surface by stress majorisation."""
 
 from __future__ import annotations
 
@@ -27,33 +27,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class LeastSquaresMDS(CheckedParameters):
-    r"""Least-squares scaling of the geodesic distances (SMACOF).
+    r"""Least-squares MDS of the geodesic distances (SMACOF).
 
-    Lowers the stress :math:`\sum_{i<j} w_{ij} (\|x_i - x_j\| - \delta_{ij})^2` between the form and the geodesic
-    distances :math:`\delta` by Guttman transforms :math:`X \leftarrow V^+ B(X) X`, none of which raises it. With
-    uniform weights and unless ``algorithm`` says otherwise, a quasi-Newton method takes its steps from the transforms,
-    and a few spread vertices go ahead, see :func:`least_squares_scaling`. Elad and Kimmel (2003), "On bending invariant
+    Minimises the stress :math:`\sum_{i<j} w_{ij} (\|x_i - x_j\| - \delta_{ij})^2` of the form with respect to the
+    geodesic distances :math:`\delta` by Guttman transforms :math:`X \leftarrow V^+ B(X) X`, which never raise it. With
+    uniform weights, the default ``algorithm`` takes quasi-Newton steps from these transforms, after a coarse start on a
+    few well-spread vertices, see :func:`least_squares_scaling`. Elad and Kimmel (2003), "On bending invariant
     signatures for surfaces"; de Leeuw (1977), "Applications of convex analysis to multidimensional scaling"; Borg and
     Groenen (2005), chapter 8.
 
     Parameters
     ----------
     start
-        ``"mesh"`` starts from the surface itself, so that limbs unfold from where they are and the form keeps some of
-        the pose and the position in space of the input; ``"classic"`` starts from classic scaling, which knows
-        nothing of the pose.
+        ``"mesh"`` starts from the surface itself, so that limbs unfold from their position and the form keeps some of
+        the pose and the orientation of the input; ``"classic"`` starts from classic MDS, which ignores the pose.
     weights
-        ``"uniform"`` counts every pair of vertices once; ``"area"`` weighs a pair by the product of the two vertex
+        ``"uniform"`` counts every pair of vertices once; ``"area"`` weights a pair by the product of the two vertex
         areas, so that the stress is an integral over the surface and does not depend on the sampling.
     algorithm
         With uniform weights: ``"quasi-newton"``, or ``"majorization"`` for plain Guttman transforms from the start.
-        With area weights the transforms are always plain.
+        Area weights always use plain transforms.
     max_iterations
-        Largest number of Guttman transforms, each of which is one pass over all pairs.
+        Maximum number of Guttman transforms, each of which is one pass over all pairs.
     rtol
         Stop when a transform lowers the stress by less than this fraction.
     metric, time, eigenfunctions
-        Which distances :math:`\delta` are, see :class:`baselines.classic_mds.ClassicMDS`.
+        Metric of the distances :math:`\delta`, see :class:`baselines.classic_mds.ClassicMDS`.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
@@ -81,13 +80,13 @@ class LeastSquaresMDS(CheckedParameters):
     solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the least-squares scaling of the distances, centred at the origin.
+        """Return the least-squares MDS of the distances, centred at the origin.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
-            distances of all pairs.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for all pairwise
+            distances.
         """
         from baselines._kernels.smacof import normalised_stress, smacof
 
@@ -112,7 +111,7 @@ class LeastSquaresMDS(CheckedParameters):
 
 
 class Limits(TypedDict):
-    """Limits of an iteration: the names of the parameters are those of :class:`LeastSquaresMDS`."""
+    """Stopping criteria of an iteration, named as in :class:`LeastSquaresMDS`."""
 
     max_iterations: int
     rtol: float
@@ -121,27 +120,27 @@ class Limits(TypedDict):
 def least_squares_scaling(
     distances: FloatArray, start: FloatArray, vertices: FloatArray, *, max_iterations: int = 100, rtol: float = 1e-3
 ) -> Scaling:
-    """Least-squares scaling with equal weights, from a coarse start by quasi-Newton steps.
+    """Compute the least-squares MDS with equal weights, by quasi-Newton steps from a coarse start.
 
-    Comes to rest below the stress of plain majorisation, in a tenth of its passes over all pairs.
+    Converges to a lower stress than plain majorisation, in a tenth of its passes over all pairs.
 
     Parameters
     ----------
     distances
-        Distances to be met, symmetric, shape (n, n).
+        Target distances, symmetric, shape (n, n).
     start
-        First positions, shape (n, 3).
+        Initial positions, shape (n, 3).
     vertices
-        Positions that tell equally far vertices apart, shape (n, 3).
+        Positions that break ties between equally far vertices, shape (n, 3).
     max_iterations
-        Largest number of passes over all pairs, and over those of the samples.
+        Maximum number of passes over all pairs, and over the pairs of samples.
     rtol
-        Stop when a pass lowers the stress by less than this fraction; the samples, by less than a tenth of it.
+        Stop when a pass lowers the stress by less than this fraction; for the samples, by less than a tenth of it.
 
     Returns
     -------
     Scaling
-        As from :func:`baselines._kernels.smacof.smacof`; the course of the stress begins where the samples left off.
+        As in :func:`baselines._kernels.smacof.smacof`; the stresses begin with that of the coarse start.
     """
     from baselines._kernels.coarse_start import coarse_start
     from baselines._kernels.quasi_newton import minimise
@@ -170,7 +169,7 @@ def least_squares_scaling(
 
 
 def start_positions(shape: Shape, distances: FloatArray, start: Literal["mesh", "classic"]) -> FloatArray:
-    """Positions from which an iterative scaling sets out, shape (n, 3)."""
+    """Return the initial positions of an iterative MDS, shape (n, 3)."""
     from baselines.classic_mds import oriented_classic_scaling
 
     return shape.mesh.vertices if start == "mesh" else oriented_classic_scaling(shape.mesh, distances)[0]

@@ -1,4 +1,4 @@
-"""The surface unfolded by the mutual repulsion of its vertices, without geodesic distances."""
+"""Mesh unfolding: the vertices of the surface repel each other, without geodesic distances."""
 
 from __future__ import annotations
 
@@ -16,32 +16,33 @@ from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, 
 class MeshUnfolding(CheckedParameters):
     r"""Detail-preserving mesh unfolding (Sahillioğlu & Kavan 2016).
 
-    All vertices push each other apart while an elastic energy keeps the surface whole:
+    All vertices repel each other while an elastic energy preserves the surface:
 
     .. math:: E(x) = -\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x; p)
 
     with vertex areas :math:`a` of sum 1 on a surface of unit area with rest positions :math:`p`. The stiffness
-    :math:`\beta` doubles from cascade to cascade: a soft surface swings its limbs apart, a stiffer one takes its
-    details back. The cascades end as soon as the mean edge strain is at most ``strain_bound``. No geodesic distances
-    enter, so that a hand that touches a knee does no harm beyond the touch.
+    :math:`\beta` doubles with each cascade: a soft surface spreads its limbs, a stiffer one restores its details. The
+    cascades end as soon as the mean edge strain is at most ``strain_bound``. Without geodesic distances, a hand that
+    touches a knee affects only the contact.
 
-    The source repels by squared distances, which have no upper bound unless the surface is stiff enough; distances
-    themselves push with a bounded force at any stiffness. It regularises with finite elements; the as-rigid-as-possible
-    energy of Sorkine & Alexa (2007), co-rotated elements of a surface, serves closed and open surfaces alike.
+    The source repels by squared distances, which have no upper bound unless the surface is stiff enough; the distances
+    used here give a bounded force at any stiffness. The source regularises with finite elements; the
+    as-rigid-as-possible energy of Sorkine & Alexa (2007), co-rotated elements of a surface, handles closed and open
+    surfaces alike.
 
     Parameters
     ----------
     first_stiffness
         Stiffness :math:`\beta` of the first cascade.
     iterations
-        Steps of the first cascade, which unfolds the surface.
+        Number of steps of the first cascade, which unfolds the surface.
     later_iterations
-        Steps of each later cascade. A few suffice to take back the stretch; with many, a stiff surface would bend back
-        towards its rest pose.
+        Number of steps of each later cascade. A few suffice to undo the stretch; with many, a stiff surface would bend
+        back towards its rest pose.
     strain_bound
-        Largest mean edge strain of the result.
+        Maximum mean edge strain of the result.
     max_cascades
-        Largest number of cascades. A bound that is not met by then shows in the notes.
+        Maximum number of cascades. The notes show if the strain is still above the bound.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -65,7 +66,7 @@ class MeshUnfolding(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the unfolded surface.
 
-        The notes give the mean and the largest edge strain, the number of cascades and the final stiffness.
+        The notes give the mean and largest edge strain, the number of cascades and the final stiffness.
 
         Raises
         ------

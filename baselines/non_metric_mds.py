@@ -1,4 +1,4 @@
-"""Non-metric scaling: only the order of the geodesic distances counts."""
+"""Non-metric MDS: only the order of the geodesic distances counts."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
     from baselines._kernels.isotonic import RankedPairs
 
 _KNOTS = 256
-"""Dissimilarities between which disparities are interpolated."""
+"""Number of dissimilarities between which disparities are interpolated."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NonMetricMDS(CheckedParameters):
-    r"""Non-metric scaling of the geodesic distances.
+    r"""Non-metric MDS of the geodesic distances.
 
-    Lowers the stress :math:`\sum_{i<j} (\hat d_{ij} - d_{ij})^2` between the distances d of the form and their
+    Minimises the stress :math:`\sum_{i<j} (\hat d_{ij} - d_{ij})^2` between the distances d of the form and their
     disparities :math:`\hat d`: the isotonic regression of d in the order of the geodesic distances :math:`\delta`,
     rescaled to :math:`\sum \hat d^2 = \sum \delta^2` so that the form cannot shrink to a point. Equal geodesic
-    distances keep equal disparities. At its best disparities the stress has the gradient that the Guttman transform
-    towards them gives, and a quasi-Newton method takes its steps from it. The start is classic scaling, from which a
-    few spread vertices go ahead. Kruskal (1964), "Nonmetric multidimensional scaling: a numerical method"; Borg and
+    distances keep equal disparities. At the optimal disparities, the Guttman transform towards them gives the gradient
+    of the stress, from which a quasi-Newton method takes its steps. They begin at classic MDS, after a coarse start on
+    a few well-spread vertices. Kruskal (1964), "Nonmetric multidimensional scaling: a numerical method"; Borg and
     Groenen (2005), chapter 9.
 
     Parameters
     ----------
     max_iterations
-        Largest number of regressions with a Guttman transform, each of which is one pass over all pairs.
+        Maximum number of regressions with a Guttman transform, each of which is one pass over all pairs.
     rtol
         Stop when an iteration lowers the stress by less than this fraction.
     solver
@@ -65,13 +65,13 @@ class NonMetricMDS(CheckedParameters):
     solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the non-metric scaling of the geodesic distances.
+        """Return the non-metric MDS of the geodesic distances.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
-            distances of all pairs.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for all pairwise
+            distances.
         """
         from baselines._kernels.coarse_start import coarse_start
         from baselines._kernels.smacof import normalised_stress
@@ -108,16 +108,16 @@ def non_metric_scaling(
     rtol: float = 1e-3,
     grain: float | None = None,
 ) -> tuple[FloatArray, list[float]]:
-    r"""Find positions whose distances come in the order of the dissimilarities.
+    r"""Find positions whose distances follow the order of the dissimilarities.
 
     Parameters
     ----------
     dissimilarities
         Symmetric, shape (n, n); only their order and their sum of squares matter.
     start
-        First positions, shape (n, 3).
+        Initial positions, shape (n, 3).
     max_iterations
-        Largest number of regressions with a Guttman transform, each of which is one pass over all pairs.
+        Maximum number of regressions with a Guttman transform, each of which is one pass over all pairs.
     rtol
         Stop when an iteration lowers the raw stress by less than this fraction.
     grain
@@ -128,8 +128,8 @@ def non_metric_scaling(
     points : numpy.ndarray
         Centred positions, shape (n, 3).
     course : list of float
-        Root of the stress over :math:`\sum \hat d^2`, before the first and after every iteration; never rises. At
-        convergence it equals Kruskal's stress-1 up to terms of its own cube.
+        Square root of the stress over :math:`\sum \hat d^2`, before the first and after every iteration; never rises.
+        At convergence it equals Kruskal's stress-1 up to terms of its own cube.
     """
     from baselines._kernels.isotonic import RankedPairs
     from baselines._kernels.quasi_newton import minimise
@@ -150,19 +150,19 @@ def non_metric_scaling(
 
 
 def disparities_like(dissimilarities: FloatArray, points: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Return what turns any dissimilarities into disparities in the way that suits a scaling of some.
+    """Return a function that maps any dissimilarities to disparities, fitted to the MDS of a sample.
 
     Parameters
     ----------
     dissimilarities
-        Those that were scaled, symmetric, shape (p, p).
+        Dissimilarities of the sample, symmetric, shape (p, p).
     points
-        Their scaling, shape (p, 3).
+        Positions of the sample, shape (p, 3).
 
     Returns
     -------
     callable
-        Linear between a few hundred of the dissimilarities, spread by rank, with 0 for 0.
+        Linear between a few hundred of the dissimilarities, evenly spaced by rank; maps 0 to 0.
     """
     from baselines._kernels.isotonic import RankedPairs
 

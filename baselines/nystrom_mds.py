@@ -1,4 +1,4 @@
-"""Classic scaling from a few rows of geodesic distances by the Nyström approximation."""
+"""Nyström MDS: classic MDS from a few rows of geodesic distances by the Nyström approximation."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ class NystromMDS(CheckedParameters):
     r"""Nyström MDS (NMDS).
 
     With the squared geodesic distances :math:`F` (p x n) from p farthest-point samples s and those between the samples,
-    :math:`W = F_{:, s}`, the matrix of all squared distances is nearly
+    :math:`W = F_{:, s}`, the matrix of all squared distances is approximately
 
     .. math:: D \circ D \approx F^\top W_r^+ F,
 
-    where the pseudo-inverse keeps the r eigenvalues of W of largest magnitude: the small ones are errors of the
-    distances, and W has eigenvalues of both signs. Shamai, Zibulevsky and Kimmel (2018), "Efficient inter-geodesic
-    distance computation and fast classical scaling".
+    where the pseudo-inverse keeps the r eigenvalues of W of largest magnitude: small ones are errors of the distances,
+    and W has eigenvalues of both signs. Shamai, Zibulevsky and Kimmel (2018), "Efficient inter-geodesic distance
+    computation and fast classical scaling".
 
-    :class:`baselines.accelerated_mds.AcceleratedMDS` reads :math:`P W P^\top` from the same rows with an interpolation
-    P that knows the surface but not the distances. Here :math:`P = F^\top W_r^+` is learned from the distances alone:
-    no Laplacian enters, and any metric would do.
+    :class:`baselines.accelerated_mds.AcceleratedMDS` computes :math:`P W P^\top` from the same rows with an
+    interpolation P that depends on the surface but not on the distances. Here :math:`P = F^\top W_r^+` is learned from
+    the distances alone: it needs no Laplacian and works for any metric.
 
     Parameters
     ----------
     samples
         Number p of farthest-point samples.
     rank
-        Largest number r of eigenvalues that are kept, up to a gap between their magnitudes.
+        Maximum number r of eigenvalues to keep; the last one lies at a gap between their magnitudes.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -67,7 +67,7 @@ class NystromMDS(CheckedParameters):
     side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic scaling of the approximate distances, centred at the origin.
+        """Return the classic MDS of the approximate distances, centred at the origin.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The input in the frame of its principal axes: pose kept, rotation removed."""
+"""PCA: the input in the frame of its principal axes, without its rotation but with its pose."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 
 @dataclass(frozen=True, kw_only=True)
 class PCA:
-    """The surface turned into its principal axes, largest variance first.
+    """Surface rotated to its principal axes, largest variance first.
 
-    A control: with the frame fixed, what is left between two shapes is subject and pose. Variances are weighted by
-    vertex area, so that the frame belongs to the surface and not to its sampling. The first two axes point to the
-    side of positive third moment, the third completes a right-handed frame: the form is a rotation of the input,
-    never a mirror image. Nothing is whitened.
+    A control: with the frame fixed, two shapes differ only in subject and pose. Variances are weighted by vertex area,
+    so that the frame depends on the surface and not on its sampling. The first two axes point to the side of positive
+    third moment, and the third completes a right-handed frame: the form is a rotation of the input, never a mirror
+    image. There is no whitening.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

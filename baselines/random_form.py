@@ -1,4 +1,4 @@
-"""A form that knows nothing of the shape: the lower bound of every table."""
+"""Random positions: the lower bound of every table."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 
 @dataclass(frozen=True, kw_only=True)
 class RandomForm:
-    """Independent normal positions for the vertices, over the triangles of the shape.
+    """Independent normal positions of the vertices, joined by the triangles of the shape.
 
-    A control: what it scores above chance leaks through the number of vertices and triangles, or through a fault of
-    the scorer. Centre and root mean square radius are those of the shape, so that size alone gives nothing away that
-    the other rows hide.
+    A control: any score above chance level comes from the number of vertices and triangles, or from a fault of the
+    scorer. Centre and root-mean-square radius are those of the shape, so that size gives no advantage over other rows.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -1,4 +1,4 @@
-"""Classic scaling of distances on the surface by scikit-learn, to stand beside our own."""
+"""Classic MDS of distances on a surface by scikit-learn, for comparison with our own."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSo
 
 @dataclass(frozen=True, kw_only=True)
 class ScikitLearnClassicalMDS(CheckedParameters):
-    """Classic (Torgerson) scaling of the geodesic distances by ``sklearn.manifold.ClassicalMDS``.
+    """Classic MDS (Torgerson scaling) of the geodesic distances by ``sklearn.manifold.ClassicalMDS``.
 
-    A witness of :class:`baselines.classic_mds.ClassicMDS`: the distances and the choice of axes and side are the same,
-    the eigensolver is the library's. Pedregosa et al. (2011), "Scikit-learn: Machine learning in Python".
+    A cross-check of :class:`baselines.classic_mds.ClassicMDS`: the distances and the choice of axes and side are the
+    same, the eigensolver is that of scikit-learn. Pedregosa et al. (2011), "Scikit-learn: Machine learning in Python".
 
     Parameters
     ----------
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -38,13 +38,13 @@ class ScikitLearnClassicalMDS(CheckedParameters):
     side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic scaling of the distances, centred at the origin.
+        """Return the classic MDS of the distances, centred at the origin.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
-            distances of all pairs.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for all pairwise
+            distances.
         """
         from sklearn.manifold import ClassicalMDS
 

@@ -1,4 +1,4 @@
-"""Isomap of a surface by scikit-learn: classic scaling of shortest paths through near neighbours."""
+"""Isomap of a surface by scikit-learn: classic MDS of shortest paths through near neighbours."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from baselines._kernels.orientation import Side, oriented, side_notes, vertex_ar
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSolver, Interval, MethodInfo, Shape
 
 MARGIN = 1e-6
-"""Share by which the radius is larger than the distance that it is made of."""
+"""Relative margin by which the radius exceeds the distance that defines it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScikitLearnIsomap(CheckedParameters):
     """Isomap of the geodesic distances by ``sklearn.manifold.Isomap``.
 
-    Vertices are joined up to the distance on the surface at which each has so many neighbours, distances are shortest
-    paths over these joints, and the form is their classic scaling. Where that leaves pieces, the nearest vertices of
-    two are joined as well. With all vertices as neighbours the form is that of the geodesic distances.
+    Vertices are joined up to the geodesic distance at which each has ``neighbours`` neighbours, and the form is the
+    classic MDS of the shortest paths in this graph. If the graph has several components, the nearest vertices of two of
+    them are joined as well. With all vertices as neighbours, the form is the classic MDS of the geodesic distances.
     Tenenbaum, de Silva and Langford (2000), "A global geometric framework for nonlinear dimensionality reduction";
     Pedregosa et al. (2011), "Scikit-learn: Machine learning in Python".
 
     Parameters
     ----------
     neighbours
-        Vertices that each vertex is joined with at least, or all of fewer. The default is twice the mean number of
-        neighbours in a mesh.
+        Minimum number of neighbours of each vertex, or all vertices if there are fewer. The default is twice the mean
+        number of neighbours in a mesh.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, which is ours; ``"off"``
-        leaves it to the signs of the axes, as the source does.
+        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
+        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -55,13 +55,13 @@ class ScikitLearnIsomap(CheckedParameters):
     side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic scaling of the shortest paths, centred at the origin.
+        """Return the classic MDS of the shortest paths, centred at the origin.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
-            distances of all pairs.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for all pairwise
+            distances.
         """
         from sklearn.manifold import Isomap
 
@@ -69,14 +69,14 @@ class ScikitLearnIsomap(CheckedParameters):
         require_connected(shape)
         require_pairs(shape)
         distances = shape.geodesics(self.solver)
-        # One radius, with a margin: of neighbours that are equally far, rounding errors would choose some.
+        # One radius with a margin: rounding errors would otherwise choose among equally far neighbours.
         count = min(self.neighbours, len(distances) - 1)
         radius = (1 + MARGIN) * float(np.partition(distances, count, axis=1)[:, count].max())
         isomap = Isomap(
             n_neighbors=None, radius=radius, n_components=3, metric="precomputed", eigen_solver="dense", path_method="D"
         )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it joins what the radius leaves apart, and says so at length
+            warnings.simplefilter("ignore")  # scikit-learn joins separate components with a long warning
             points = isomap.fit_transform(distances)
         values = isomap.kernel_pca_.eigenvalues_
         points = oriented(shape.mesh, points, values[:3] / values[0], side=self.side)

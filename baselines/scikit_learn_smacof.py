@@ -1,4 +1,4 @@
-"""Least-squares scaling of distances on the surface by scikit-learn, to stand beside our own."""
+"""Least-squares MDS of distances on a surface by scikit-learn, for comparison with our own."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from benchmark.api.contracts import CanonicalForm, CheckedParameters, GeodesicSo
 
 @dataclass(frozen=True, kw_only=True)
 class ScikitLearnSMACOF(CheckedParameters):
-    """Least-squares scaling of the geodesic distances by ``sklearn.manifold.smacof``.
+    """Least-squares MDS of the geodesic distances by ``sklearn.manifold.smacof``.
 
-    A witness of :class:`baselines.least_squares_mds.LeastSquaresMDS`: the distances and the start are the same, each
-    step is a plain Guttman transform of the library. Pedregosa et al. (2011), "Scikit-learn: Machine learning in
+    A cross-check of :class:`baselines.least_squares_mds.LeastSquaresMDS`: the distances and the start are the same,
+    each step is a plain Guttman transform of scikit-learn. Pedregosa et al. (2011), "Scikit-learn: Machine learning in
     Python".
 
     Parameters
     ----------
     start
-        As of :class:`baselines.least_squares_mds.LeastSquaresMDS`.
+        As in :class:`baselines.least_squares_mds.LeastSquaresMDS`.
     max_iterations
-        Largest number of Guttman transforms; the default is the library's.
+        Maximum number of Guttman transforms; the default is that of scikit-learn.
     rtol
         Stop when a transform lowers the stress by less than this fraction of the sum of the squared distances of the
-        form; the default is the library's.
+        form; the default is that of scikit-learn.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
@@ -45,13 +45,13 @@ class ScikitLearnSMACOF(CheckedParameters):
     solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the least-squares scaling of the distances, centred at the origin.
+        """Return the least-squares MDS of the distances, centred at the origin.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for the
-            distances of all pairs.
+            If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for all pairwise
+            distances.
         """
         from sklearn.manifold import smacof
 

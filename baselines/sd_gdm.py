@@ -14,12 +14,12 @@ from benchmark.api.contracts import CheckedParameters, FloatArray, GeodesicSolve
 
 @dataclass(frozen=True, kw_only=True)
 class SDGDM(CheckedParameters):
-    r"""The largest singular values of the geodesic distance matrix.
+    r"""Largest singular values of the geodesic distance matrix.
 
-    The values :math:`s_1 \ge s_2 \ge \dots` do not depend on how the vertices are numbered, and hardly on the pose;
-    divided by their sum, neither on size nor on the number of vertices. Two shapes differ by the mean-normalised
-    Manhattan distance :math:`\sum_k 2 |s_k - t_k| / (s_k + t_k)`. A control: it reads the very matrix that the MDS rows
-    read, and makes no canonical form of it. Smeets, Hermans, Vandermeulen and Suetens (2012), "Isometric deformation
+    The values :math:`s_1 \ge s_2 \ge \dots` do not depend on the order of the vertices, and hardly on the pose; divided
+    by their sum, they depend neither on the size nor on the number of vertices. Shapes are compared by the
+    mean-normalised Manhattan distance :math:`\sum_k 2 |s_k - t_k| / (s_k + t_k)`. A control: it uses the same matrix as
+    the MDS rows, but without a canonical form. Smeets, Hermans, Vandermeulen and Suetens (2012), "Isometric deformation
     invariant 3D shape recognition".
 
     Parameters
@@ -49,23 +49,23 @@ class SDGDM(CheckedParameters):
         ------
         UnsupportedShape
             If the shape has too few vertices for that many singular values, no face, or several pieces, or too many
-            vertices for the distances of all pairs.
+            vertices for all pairwise distances.
         """
         from scipy.sparse.linalg import eigsh
 
         require_vertices(shape, self.count + 1)
         require_pairs(shape)
         distances = shape.geodesics(self.solver)
-        # The matrix is symmetric, so its singular values are the sizes of its eigenvalues.
-        # Fixed, and without the symmetries that a shape may have: those of a constant never leave the iteration again
-        # but for rounding errors, and with them half of the eigenvalues would.
+        # The matrix is symmetric, so its singular values are the absolute values of its eigenvalues. The start is fixed
+        # and has no symmetry: up to rounding errors the iteration keeps the symmetries of its start, so from a constant
+        # vector it would miss half of the eigenvalues of a symmetric shape.
         start = np.random.default_rng(0).standard_normal(len(distances))
         values = eigsh(distances, k=self.count, which="LM", v0=start, return_eigenvectors=False)
         sizes = np.sort(np.abs(values))[::-1]
         return np.asarray(sizes / sizes.sum())
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """Return the mean-normalised Manhattan distances of the descriptors, shape (N, N)."""
+        """Return the mean-normalised Manhattan distances between the descriptors, shape (N, N)."""
         stacked = np.stack(descriptors)
         first, second = stacked[:, None], stacked[None]
         return np.asarray((2 * np.abs(first - second) / (first + second)).sum(axis=2))

@@ -1,4 +1,4 @@
-"""ShapeDNA: a surface told by the lowest frequencies at which it would sound."""
+"""ShapeDNA: the lowest eigenvalues of the Laplacian of a surface."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, Met
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeDNA(CheckedParameters):
-    r"""The first non-zero eigenvalues of the Laplacian, times the surface area.
+    r"""First non-zero eigenvalues of the Laplacian, times the surface area.
 
-    With :math:`L \phi_k = \lambda_k M \phi_k` the descriptor is :math:`(A \lambda_1, \dots, A \lambda_k)`: bending
-    leaves it alone, and the area A takes the size out. Two shapes differ by the Euclidean distance. A control: no
-    canonical form. Reuter, Wolter and Peinecke (2006), "Laplace-Beltrami spectra as Shape-DNA of surfaces and solids".
+    With :math:`L \phi_k = \lambda_k M \phi_k`, the descriptor is :math:`(A \lambda_1, \dots, A \lambda_k)`. It is
+    invariant under bending, and the area A removes the scale. Shapes are compared by Euclidean distance. A control
+    without a canonical form. Reuter, Wolter and Peinecke (2006), "Laplace-Beltrami spectra as Shape-DNA of surfaces and
+    solids".
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ class ShapeDNA(CheckedParameters):
         return np.asarray(values[1:] * laplacian.mass.sum())
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """Return the Euclidean distances of the descriptors, shape (N, N)."""
+        """Return the Euclidean distances between the descriptors, shape (N, N)."""
         from scipy.spatial.distance import pdist, squareform
 
         return np.asarray(squareform(pdist(np.stack(descriptors))))

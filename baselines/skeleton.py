@@ -1,4 +1,4 @@
-"""The canonical pose of a curve skeleton, transferred back to the surface."""
+"""Skeleton-based form: the canonical pose of a curve skeleton, transferred back to the surface."""
 
 from __future__ import annotations
 
@@ -30,30 +30,31 @@ if TYPE_CHECKING:
 class Skeleton(CheckedParameters):
     r"""Skeleton-based canonical form (Pickup, Sun, Rosin & Martin 2016).
 
-    1. A curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed to a graph and
-       centred (Au et al. 2008). An open surface, such as one that a depth camera sees, would be eaten from its borders:
-       there the joints are the pieces of bands between level sets of the geodesic distance from an extremity. A closed
-       surface whose contraction fails is treated so too.
-    2. The pose. Shortest paths along the bones are the distances between joints, and least-squares MDS, started at the
-       joints, places the joints anew.
-    3. The surface. Each bone turns by the least rotation from its old to its new direction, each triangle with the bone
-       that it belongs to, and the surface follows (Sumner & Popović 2004; Yan et al. 2008).
+    1. Curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed to a graph and
+       centred (Au et al. 2008). Contraction would erode an open surface, such as a depth view, from its borders. Its
+       joints are the connected pieces of bands between level sets of the geodesic distance from an extremity. A closed
+       surface whose contraction fails is treated in the same way.
+    2. Pose. Shortest paths along the bones are the distances between joints, and least-squares MDS, started at the
+       joints, gives their new positions.
+    3. Surface. Each bone turns by the minimal rotation from its old to its new direction, each triangle turns with its
+       bone, and the surface follows (Sumner & Popović 2004; Yan et al. 2008).
 
-    Contraction and collapse multiply the least difference until it makes another skeleton. They therefore see the
-    surface in the frame of its principal axes, with coordinates rounded to a millionth of its size: rounding errors of
-    what came before end there, and the form is the same on any processor.
+    Contraction and collapse amplify the smallest difference until the skeleton changes. They therefore work in the
+    frame of the principal axes, with coordinates rounded to a millionth of the size of the surface: this removes
+    earlier rounding errors, and the form is the same on any processor.
 
     Parameters
     ----------
     max_iterations, rtol
-        End of the scaling of the joints: number of Guttman transforms, and relative fall of the stress.
+        Stopping criteria of the MDS of the joints: number of Guttman transforms, and relative decrease of the stress.
     sampling
-        Weight of even spacing against shape when the contracted surface collapses to a graph; the released code has 1.
+        Weight of even spacing relative to shape when the contracted surface collapses to a graph; 1 in the released
+        code.
     bands
-        Number of level bands of an open surface.
+        Number of level-set bands of an open surface.
     open_border
-        A surface is open if its border is longer than this multiple of the root of its area. A hemisphere has 2.5; the
-        pinholes of a scan stay far below 1.
+        A surface is open if its border is longer than this multiple of the square root of its area. A hemisphere has
+        2.5; the pinholes of a scan stay far below 1.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -79,7 +80,7 @@ class Skeleton(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the surface in the pose of its scaled skeleton.
 
-        The notes name the skeleton (``"contraction"`` or ``"level-set"``) and give the reason for a level-set one, the
+        The notes give the kind of skeleton (``"contraction"`` or ``"level-set"``), the reason for a level-set one, the
         numbers of joints, bones and leaves, the stress of the joints, and the mean edge strain.
 
         Raises
@@ -93,8 +94,8 @@ class Skeleton(CheckedParameters):
 
         require_vertices(shape)
         require_connected(shape)
-        # Sums over the surface must not depend on how the vertices are numbered, and ties must not on rounding: so the
-        # vertices are put in the order of their coordinates, first the given and then the rounded ones.
+        # Sums over the surface must not depend on the numbering of the vertices, nor ties on rounding: so the vertices
+        # are sorted by their coordinates, first the given and then the rounded ones.
         order = np.asarray(np.lexsort(shape.mesh.vertices.T[::-1]), dtype=np.int64)
         mesh = _relabelled(shape.mesh, order)
         frame = principal_frame(mesh)
@@ -145,7 +146,7 @@ class Skeleton(CheckedParameters):
 def geodesics_from_extremity(shape: Shape) -> FloatArray:
     """Return the geodesic distances from an extremity of the surface, shape (n,), in units of the mesh.
 
-    The extremity is the vertex farthest along the surface from the one that is farthest in space from the centroid.
+    The extremity is the vertex with the largest geodesic distance from the vertex farthest from the centroid in space.
     """
     areas = vertex_areas(shape.mesh)
     centroid = areas @ shape.mesh.vertices / areas.sum()
@@ -155,13 +156,13 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
 
 
 def border_length(mesh: Mesh) -> float:
-    """Return the total length of the edges that belong to one triangle only, in units of the mesh."""
+    """Return the total length of the edges that belong to a single triangle, in units of the mesh."""
     border = edges_of(mesh.faces).boundary
     return float(np.linalg.norm(mesh.vertices[border[:, 0]] - mesh.vertices[border[:, 1]], axis=1).sum())
 
 
 def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int64]) -> FloatArray:
-    """Return the least rotation of each bone, without twist, shape (b, 3, 3) (Rodrigues' formula).
+    """Return the minimal rotation of each bone, without twist, shape (b, 3, 3) (Rodrigues' formula).
 
     Parameters
     ----------
@@ -173,7 +174,7 @@ def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int6
     old, new = (_unit(joints[bones[:, 1]] - joints[bones[:, 0]]) for joints in (before, after))
     cosine = np.einsum("bi,bi->b", old, new)
     axis = np.cross(old, new)
-    # A bone that turns right round has no least rotation; any half turn about a perpendicular axis will do.
+    # The minimal rotation of a reversed bone is not unique; any half turn about a perpendicular axis will do.
     reversed_ = cosine < -1 + 1e-12
     axis[reversed_] = 0.0
     skew = np.zeros((len(bones), 3, 3))
@@ -189,9 +190,9 @@ def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int6
 def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]:
     """Return the bone that each triangle follows, shape (m,).
 
-    A triangle across the border of two parts follows the bone between their joints. Any other follows, among the bones
-    at its joint, that whose direction is nearest to the direction of the triangle's centroid: the planes of bisection
-    between the bones part the triangles of a joint.
+    A triangle across the border of two parts follows the bone between their joints. Any other triangle follows, among
+    the bones at its joint, the one whose direction is nearest to that of the triangle's centroid: the bisecting planes
+    between the bones divide the triangles of a joint.
     """
     bones, k = skeleton.bones, len(skeleton.joints)
     corners = np.sort(skeleton.owners[mesh.faces], axis=1)
@@ -199,14 +200,14 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
     across = (low != high) & ((low == middle) | (middle == high))
     chosen: NDArray[np.int64] = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high)
     offsets = mesh.vertices[mesh.faces].mean(axis=1) - skeleton.joints[middle]
-    # Bones are sorted, so the search finds each pair that exists; the other triangles are dealt with joint by joint.
+    # Bones are sorted, so the search finds each pair that exists; the loop treats the other triangles joint by joint.
     for joint in np.unique(middle[~across]):
         incident = np.flatnonzero((bones == joint).any(axis=1))
         directions = _unit(skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint])
         own = np.flatnonzero(~across & (middle == joint))
         along = offsets[own] @ directions.T
         near = along >= along.max(axis=1, keepdims=True) - TIE * np.linalg.norm(offsets[own], axis=1, keepdims=True)
-        # Of equally near directions the first: argmax finds the first True.
+        # argmax finds the first True, hence the first of equally near directions.
         chosen[own] = incident[near.argmax(axis=1)]
     return chosen
 

@@ -1,4 +1,4 @@
-"""Least-squares scaling among smooth displacements of the surface, from few samples to more."""
+"""Subspace MDS: least-squares MDS by smooth displacements of the surface, from few samples to more."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from benchmark.api.contracts import (
 )
 
 NEGLIGIBLE = 1e-2
-"""A combination of functions whose size at the samples is below this share of the largest is not seen by them: fitted
-all the same, it would throw the vertices between the samples about."""
+"""Combinations of functions whose size at the samples is below this share of the largest are left out. The samples do
+not determine them, so a fit would scatter the vertices between the samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SubspaceMDS(CheckedParameters):
-    r"""Subspace least-squares scaling (Boyarski, Bronstein and Bronstein 2017).
+    r"""Subspace least-squares MDS (Boyarski, Bronstein and Bronstein 2017).
 
     The surface :math:`X_0` moves to :math:`X = X_0 + \Phi_p A` by displacements in the span of its first p
-    Laplace-Beltrami eigenfunctions, so that a few samples s are enough to measure the stress
+    Laplace-Beltrami eigenfunctions, so that a few samples s suffice to measure the stress
     :math:`\sum_{i<j \in s} (\|x_i - x_j\| - \delta_{ij})^2`. With the Guttman transform :math:`\tilde X_s` of the
-    samples, stress majorisation inside the span is
+    samples, stress majorisation in the span is
 
     .. math:: A \leftarrow (\Phi_s^\top J \Phi_s)^+ \Phi_s^\top J (\tilde X_s - X_{0,s}), \qquad
               X_s \leftarrow X_{0,s} + \Phi_s A,
 
     which moves the samples to the point of the span nearest to the transform and never raises their stress
-    (:math:`J = I - 11^\top / q` leaves translations out). Few functions and samples settle the pose first; each finer
-    level starts from the form before it. Details finer than the last eigenfunction stay those of the input. With all
+    (:math:`J = I - 11^\top / q` removes translations). Few functions and samples determine the pose first; each finer
+    level starts from the previous form. Details finer than the last eigenfunction remain those of the input. With all
     functions and samples it is :class:`baselines.least_squares_mds.LeastSquaresMDS` from the mesh. "Subspace least
     squares multidimensional scaling", SSVM 2017.
 
     Parameters
     ----------
     eigenfunctions
-        Number p of eigenfunctions on each level, at most; a level ends at a gap of the spectrum.
+        Maximum number p of eigenfunctions on each level; the last one lies at a gap of the spectrum.
     oversampling
-        Samples on a level for each of its eigenfunctions.
+        Number of samples per eigenfunction on a level.
     max_iterations
-        Largest number of transforms on each level.
+        Maximum number of transforms on each level.
     rtol
-        A level ends when a transform lowers the stress by less than this fraction.
+        End a level when a transform lowers the stress by less than this fraction.
     solver
         Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
@@ -111,7 +111,7 @@ class SubspaceMDS(CheckedParameters):
     def _descend(
         self, basis: FloatArray, points: FloatArray, samples: list[int], distances: FloatArray
     ) -> tuple[FloatArray, int]:
-        """The displacement of all vertices that lowers the stress of the samples, and the number of transforms."""
+        """Return the displacement of all vertices that lowers the samples' stress, and the number of transforms."""
         from baselines._kernels.smacof import StressProblem, attractions
 
         problem = StressProblem(distances, None)

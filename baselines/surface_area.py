@@ -1,4 +1,4 @@
-"""One number per shape: the area of its surface."""
+"""Surface area: one number per shape."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from benchmark.api.contracts import FloatArray, MethodInfo, Shape, UnsupportedSh
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceArea:
-    """The area of the surface as it stands in the file, before decimation and scaling.
+    """Area of the surface in the file, before decimation and scaling.
 
-    A control: bending keeps the area, so where the files share one unit of length this single number may retrieve
-    subjects well, and a row below it has learned little about shape. Two shapes differ by the absolute difference.
+    A control: bending preserves the area. If all files share one unit of length, this single number may retrieve
+    subjects well, and a row below it has learned little about shape. Shapes are compared by absolute difference.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

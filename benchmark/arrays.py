@@ -1,4 +1,4 @@
-"""Archives of arrays that describe their own content, so that reading notices whatever is damaged or missing."""
+"""Archives of arrays that describe their own content, so that reading detects damaged and missing arrays."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def save_arrays(file: Any, key: str, arrays: Arrays, *, compressed: bool) -> Non
     kinds = {name: [*_kind(array), *([_UPPER] if name in halved else [])] for name, array in whole.items()}
     kept = {name: array[_upper(len(array))] if name in halved else array for name, array in whole.items()}
     contents = np.array(json.dumps({"key": key, "arrays": kinds}))
-    # Not by numpy.savez, whose own arguments are names that no array can have.
+    # numpy.savez does not accept arrays with the names of its own arguments.
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED) as archive:
         for name, array in {**kept, _CONTENTS: contents}.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
@@ -109,7 +109,7 @@ def load_arrays(
     UnsafeArrays
         If it is too large, or an array holds Python objects.
     Exception
-        Of many kinds, if the file is damaged or not such an archive.
+        Of various types, if the file is damaged or not such an archive.
     """
     with zipfile.ZipFile(source) as archive:
         parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
@@ -172,7 +172,7 @@ def _upper(count: int) -> NDArray[np.bool_]:
 
 
 def read_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read one array of an archive; raise ``ValueError`` if its size differs from what the file says."""
+    """Read one array of an archive; raise ``ValueError`` if its size differs from the declared one."""
     with archive.open(part) as file:
         content = file.read(part.file_size)  # at most the declared size, whatever the data unpack to
         if len(content) != part.file_size or file.read(1):

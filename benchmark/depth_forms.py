@@ -82,7 +82,7 @@ def canonical_form_of_depth(
         Half the side of the square frame that must contain the object, in metres; networks that see size are trained
         with the default.
     seed
-        Base seed.
+        Seed of all random choices.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def form_of_object(
     maker
         The method; see :func:`method_of_depth`.
     name
-        Identifier of the shape; with the seed, it determines random draws.
+        Identifier of the shape.
     half_width, seed
         As in :func:`canonical_form_of_depth`.
 
@@ -155,7 +155,7 @@ def form_of_object(
 
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
-    """Return the form of a shape, whose notes are the first ones, those of the method, and those on its fit."""
+    """Return the form of a shape with the given notes, those of the method, and those on the fit."""
     form, notes = form_of(maker, shape)
     plain = {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
     fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}

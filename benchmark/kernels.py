@@ -105,7 +105,7 @@ _PACKAGE = Path(__file__).parent
 
 
 def choose_kernel_cache() -> None:
-    """Set a temporary folder for compiled kernels, for this process and its children, if numba would find none.
+    """Set a temporary folder for compiled kernels, for this process and its children, if numba has no writable one.
 
     Only the user may write to it, because its content is executed.
     """

@@ -1,4 +1,4 @@
-"""Cores and memory that a process may use; it computes with one thread, so that results do not depend on the number."""
+"""Cores and memory of a process, and its limit of one thread: results must not depend on the number of threads."""
 
 from __future__ import annotations
 

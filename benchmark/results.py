@@ -1,4 +1,4 @@
-"""Runs from Python, and what a results folder holds as pandas data frames and arrays.
+"""Run the benchmark from Python, and read a results folder as pandas data frames and arrays.
 
 >>> import benchmark
 >>> records = benchmark.run(data="tosca", methods=["classic-mds", "gps"], input="mesh")     # doctest: +SKIP
@@ -51,21 +51,21 @@ __all__ = ["ResultsFolder", "frame_of", "open_results", "run"]
 
 @dataclass(frozen=True)
 class ResultsFolder:
-    """The finished jobs of a results folder: those done here, and those that came with the suite.
+    """Finished jobs of a results folder: those run here, and those that came with the suite.
 
-    Where several records belong to one method, gallery, input and seed, the one counts that tables show. Every record
-    has a *key*, which all methods but :meth:`records` take.
+    If several records belong to the same method, gallery, input, seed and scorer, the record that tables show is used.
+    Every record has a *key*, which all methods except :meth:`records` take.
 
     Parameters
     ----------
     folder
         The results folder.
     data_root
-        Folder of the official data sets; forms of their shapes cannot be told apart without it.
+        Folder of the official data sets; required to read forms of their shapes.
     plugins
-        Plugin files of the methods and data sets that are wanted.
+        Plugin files of the methods, scorers and data sets to use.
     published
-        Whether the jobs done here, and the models trained here, are passed over.
+        Whether to ignore jobs run here and models trained here.
     """
 
     folder: Path
@@ -74,29 +74,29 @@ class ResultsFolder:
     published: bool = False
 
     def records(self) -> DataFrame:
-        """One row for each record, by key.
+        """Return one row for each record, indexed by key.
 
         Returns
         -------
         pandas.DataFrame
             ``gallery``, ``dataset``, ``stand_in``, ``quick``, ``input``, ``method``, ``title``, ``family``, ``scorer``
-            ("" for a descriptor), ``seed``, ``status``, ``reason``; each measure, mean over the queries in [0, 1], and
-            what chance gives as ``chance_NN`` and so on, NaN where there are no scores; ``n_shapes``, ``n_classes``,
-            ``unsupported`` (shapes without a result), ``coverage`` (the share of those with one), measures over these
-            alone as ``NN_supported`` and so on where there are others, standard deviation over jittered
-            preparations as ``NN_preparation_sd`` where there are some, ``seconds`` a
-            shape, ``peak_mib``, ``finished``, ``origin`` (``"here"`` or ``"published"``), and ``outdated``: what
-            has changed since it was made, "" if nothing has.
+            ("" for a descriptor), ``seed``, ``status``, ``reason``; each measure, a mean over queries in [0, 1], NaN
+            without scores; chance levels (``chance_NN``, ...); ``n_shapes``, ``n_classes``, ``unsupported`` (number of
+            shapes without a result), ``coverage`` (share of shapes with one); measures over these shapes only
+            (``NN_supported``, ...), if some have no result; standard deviations over jittered preparations
+            (``NN_preparation_sd``, ...), if there are at least two; ``seconds`` per shape, ``peak_mib``, ``finished``,
+            ``origin`` (``"here"`` or ``"published"``), and ``outdated`` (what has changed since the run; "" if nothing
+            has).
         """
         return frame_of(self._results.values())
 
     def queries(self, *keys: str) -> DataFrame:
-        """Measures of single queries, of some records or of all.
+        """Return the measures of single queries, for some records or all.
 
         Parameters
         ----------
         *keys
-            Of the records; all with scores by default.
+            Keys of records; by default, all records with scores.
 
         Returns
         -------
@@ -123,19 +123,20 @@ class ResultsFolder:
         return concat(frames, ignore_index=True) if frames else DataFrame()
 
     def distances(self, key: str) -> DataFrame:
-        """Dissimilarities of all pairs of shapes, the mean over the codebooks where there are several.
+        """Return the dissimilarities of all pairs of shapes, averaged over codebooks if there are several.
 
         Returns
         -------
         pandas.DataFrame
-            Shape (n, n), symmetric with zero diagonal, of the shapes with a result, which name rows and columns.
+            Shape (n, n), zero diagonal, symmetric except for some matrices of other programs; rows and columns are
+            named by the shapes with a result.
 
         Raises
         ------
         ConfigurationError
             If there is no such record, or it has no scores.
         StorageError
-            If the matrices are not kept here.
+            If the matrices are not stored here.
         """
         from pandas import DataFrame
 
@@ -143,7 +144,7 @@ class ResultsFolder:
         return DataFrame(self.distance_matrices(key).mean(axis=0), index=shapes, columns=shapes)
 
     def distance_matrices(self, key: str) -> NDArray[np.float64]:
-        """The same before the mean: shape (k, N, N), one matrix for each of the k codebooks, in no order."""
+        """Return the matrices before averaging: shape (k, N, N), one per codebook, in no particular order."""
         record = self._scored(key)
         matrices = list(self._artefacts.distances(record))
         if not matrices:
@@ -151,14 +152,14 @@ class ResultsFolder:
         return np.stack(matrices).astype(np.float64)
 
     def forms(self, key: str) -> dict[str, Mesh]:
-        """Canonical forms of the shapes with a result, in the order of the distance matrix.
+        """Return the canonical forms of the shapes with a result, in the order of the distance matrix.
 
         Raises
         ------
         ConfigurationError
-            If there is no such record, it has no scores, or its method makes no forms.
+            If there is no such record, it has no scores, or its method computes no forms.
         StorageError
-            If not all of them are kept here, as this code would make them.
+            If some are not stored here, as computed by the current code.
         """
         record = self._scored(key)
         method_run = self._artefacts.method_run(record)
@@ -167,7 +168,7 @@ class ResultsFolder:
         return self._of_shapes(record, "forms", method_run.stored_form)
 
     def descriptors(self, key: str) -> DataFrame:
-        """Descriptors, one row for each shape; errors as of :meth:`forms`."""
+        """Return descriptors, one row for each shape; raises the errors of :meth:`forms`."""
         from pandas import DataFrame
 
         from benchmark.pipeline.method_run import require_arrays
@@ -205,7 +206,7 @@ class ResultsFolder:
         return {result.record["key"]: result for results in chosen for result in results}
 
     def _of_shapes(self, record: Record, what: str, read: Callable[[Entry], T | None]) -> dict[str, T]:
-        """What is stored of each shape with a result, by name; raises ``StorageError`` unless all of it is."""
+        """Return the stored content of each shape with a result, by name; raise ``StorageError`` if any is missing."""
         entries = {entry.identifier: entry for entry in self._artefacts.dataset(record).entries}
         names = [name for name in answered_shapes(record) if name in entries]
         stored = {name: content for name in names if (content := read(entries[name])) is not None}
@@ -257,7 +258,7 @@ def run(data: object = (), methods: object = (), input: object = (), **options: 
     Parameters
     ----------
     data, methods, input
-        Names or folders of data sets, names of methods, and ``"mesh"`` or ``"view"``; one, or several in a list.
+        Names or folders of data sets, names of methods, and ``"mesh"`` or ``"view"``; one value or a list.
     **options
         Other options of ``python -m benchmark run``, such as ``plugin="smooth.py"``, ``table=["I", "III"]``,
         ``results="results"``, ``quick=True``, ``jobs=2`` or ``timeout="10m"``.
@@ -265,12 +266,12 @@ def run(data: object = (), methods: object = (), input: object = (), **options: 
     Returns
     -------
     pandas.DataFrame
-        The records of the selection, as of :meth:`ResultsFolder.records`; failed jobs have a ``reason``.
+        The records of the selection, as in :meth:`ResultsFolder.records`; failed jobs have a ``reason``.
 
     Raises
     ------
     ConfigurationError
-        If the command line refuses the selection.
+        If the command line rejects the selection.
     """
     from pandas import read_json
 
@@ -284,7 +285,7 @@ def run(data: object = (), methods: object = (), input: object = (), **options: 
                 for line in process.stdout or ():
                     say(line.rstrip())
             except BaseException:
-                process.terminate()  # which keeps what is finished
+                process.terminate()  # finished jobs are kept
                 raise
         if not frame.is_file():
             problem, _, hint = line.strip().removeprefix("error: ").rpartition("; ")
@@ -293,14 +294,14 @@ def run(data: object = (), methods: object = (), input: object = (), **options: 
 
 
 def _words(name: str, values: object) -> Iterator[str]:
-    """Return an option as it is written on the command line."""
+    """Yield the words of an option on the command line."""
     for value in values if isinstance(values, list | tuple) else (values,):
         if value is not None and value is not False:
             yield from (f"--{name.replace('_', '-')}", *(() if value is True else (str(value),)))
 
 
 def frame_of(results: Iterable[Result]) -> DataFrame:
-    """Return one row for each record, by key; see :meth:`ResultsFolder.records`."""
+    """Return one row for each record, indexed by key; see :meth:`ResultsFolder.records`."""
     from pandas import DataFrame
 
     rows = {result.record["key"]: _row(result) for result in results}

@@ -67,7 +67,7 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
 
 
 def _skeleton(node: Any) -> Any:
-    """Return a syntax tree as lists, without empty fields, in which versions of Python differ."""
+    """Return a syntax tree as lists, without empty fields, which depend on the version of Python."""
     if isinstance(node, ast.AST):
         fields = ((name, value) for name, value in ast.iter_fields(node) if name not in ("kind", "type_comment"))
         return [type(node).__name__, *([n, _skeleton(v)] for n, v in fields if v is not None and v != [])]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import click
 
-#: Longest reason in tables and lists of jobs, in characters; records have it in full.
+#: Longest reason in tables and lists of jobs, in characters; records contain the full text.
 LONGEST_REASON = 500
 
 #: Longest name, in characters: names become parts of file names.

@@ -1,7 +1,7 @@
-"""The networks that learn canonical forms.
+"""Networks that learn canonical forms.
 
-``paired`` is the paper's, trained on pairs; ``streamed`` learns from bodies that are never seen twice; ``field`` does
-so from complete surfaces; ``training`` is what all trainings share. Here is what all networks share: ``learner`` (a
-model, and what is asked of it), ``described`` (named configurations), ``images`` and ``surface`` (between images and
-networks), ``frame`` (of a complete surface) and ``weights`` (on disk).
+Subpackages: ``paired`` (the paper's network, trained on pairs), ``streamed`` (trained on images of bodies that are
+never seen twice), ``field`` (trained on complete surfaces) and ``training`` (shared by all trainings). Modules:
+``learner`` (base classes), ``described`` (named configurations), ``images`` (resampling, and surfaces behind images),
+``frame`` (of a complete surface) and ``weights`` (on disk).
 """

@@ -1,4 +1,4 @@
-"""Named configurations of networks, and how a card tells the one of its model."""
+"""Named configurations of networks, and how to read them from model cards."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmark.errors import ConfigurationError, did_you_mean
 
 
 class Named(Protocol):
-    """A frozen dataclass whose fields, but for the name, declare what they take."""
+    """A frozen dataclass whose fields, except for the name, declare the values that they accept."""
 
     @property
     def name(self) -> str:
@@ -24,30 +24,30 @@ C = TypeVar("C", bound=Named)
 
 
 def configuration_named(name: str, known: Mapping[str, C]) -> C:
-    """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
+    """Return the configuration of this name, or raise ``ConfigurationError`` with the closest names."""
     if name not in known:
         raise did_you_mean("configuration", name, known)
     return known[name]
 
 
 def described_in(card: Mapping[str, Any], kind: str, folder: Path, title: str) -> Mapping[str, Any]:
-    """Return what the card of the model in ``folder`` tells of its configuration.
+    """Return the configuration on the card of the model in ``folder``.
 
     Parameters
     ----------
     card
         The card.
     kind
-        What it calls the configurations of this kind of network.
+        Key of the configuration on the cards of this kind of network.
     folder
         Folder of the model.
     title
-        This kind of network in words.
+        This kind of network in words, for messages.
 
     Raises
     ------
     ConfigurationError
-        If it is the card of another kind of model.
+        If the card belongs to another kind of model.
     """
     described = card.get(kind)
     if not isinstance(described, dict):
@@ -56,24 +56,24 @@ def described_in(card: Mapping[str, Any], kind: str, folder: Path, title: str) -
 
 
 def without_settled(described: Mapping[str, Any], settled: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a card describes without the fields that have one value now, where it has that value."""
+    """Return the fields of a card without those that have a single value now, unless theirs differs."""
     return {name: value for name, value in described.items() if name not in settled or settled[name] != value}
 
 
 def described_by(described: object, plain: C) -> C:
-    """Configuration that a card describes.
+    """Return the configuration that a card describes.
 
     Parameters
     ----------
     described
-        All fields by name, as the card has them.
+        All fields of the configuration on the card, by name.
     plain
-        Some configuration of the same kind.
+        Any configuration of the same kind.
 
     Raises
     ------
     ConfigurationError
-        If it is not one.
+        If the card describes another kind of network.
     """
     kind: Any = type(plain)
     known = {entry.name for entry in fields(kind)}

@@ -1,4 +1,4 @@
-"""Frame of a surface: position, orientation and size, of which a network of surfaces is told nothing."""
+"""Frame of a surface: its position, orientation and size, which are removed before a network sees the surface."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh, Points
 
 SECOND_PERTURBATION = 0.05
-"""Standard deviation of what training adds to the covariance, as a share of its trace: axes that nearly tie are seen
-in either order."""
+"""Standard deviation of the training noise on the covariance, as a share of its trace: nearly tied axes occur in either
+order."""
 
 THIRD_PERTURBATION = 0.2
-"""Standard deviation of what training adds to the skewness along an axis: one that is nearly even is seen from either
-side."""
+"""Standard deviation of the training noise on the skewness along an axis: a nearly symmetric axis occurs in either
+direction."""
 
 FLAT = 1e-9
 """Share of the variance below which a surface has no extent along an axis."""
 
 TILT = 0.17
-"""Largest angle in radians by which training turns a frame: ten degrees."""
+"""Largest angle in radians by which training rotates a frame: about ten degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ class Frame:
     origin
         Centroid of the surface, shape (3,).
     axes
-        Rows, shape (3, 3): a rotation.
+        Rotation matrix with the axes as rows, shape (3, 3).
     unit
-        Root of the area, positive.
+        Square root of the area, positive.
     """
 
     origin: FloatArray
@@ -45,42 +45,43 @@ class Frame:
     unit: float
 
     def seen(self, mesh: Mesh) -> Mesh:
-        """Return a surface of space in this frame."""
+        """Return a mesh in the coordinates of this frame."""
         return mesh.with_vertices((mesh.vertices - self.origin) @ self.axes.T / self.unit)
 
 
 def centred(mesh: Mesh) -> Mesh:
-    """The surface with its centroid at the origin and unit area; how it stands and faces stays.
+    """Move the centroid to the origin and scale to unit area, without rotation.
 
     Raises
     ------
     UnsupportedShape
-        If the surface has no area, or coordinates so large that it is infinite.
+        If the area is zero, or infinite because the coordinates are too large.
     """
     _, origin, unit = _spread(mesh)
     return mesh.with_vertices((mesh.vertices - origin) / unit)
 
 
 def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
-    """Frame of the principal axes of a surface, the longest first, in units of the root of its area.
+    """Return the frame of the principal axes of a surface, longest first, with the square root of its area as unit.
 
-    Moments are integrals over the triangles, so that how a surface is divided does not matter. The two axes along
-    which the surface is least even look to the side of the positive third moment, and the other one makes the frame a
-    proper one. A surface that is even along two axes, but for rounding errors, looks the same to its moments when it is
-    turned by half a circle about the third, and either frame will do. What looks the same after a third or a quarter
-    of a turn, without being round, has axes that hang on rounding errors; no body does.
+    Moments are integrals over the triangles, so the triangulation does not matter. The two axes with the largest
+    skewness point to the side of the positive third moment; the third axis makes the frame right-handed. If a surface
+    has no skewness along two axes, up to rounding errors, a half turn about the third leaves its moments unchanged, and
+    either frame will do. A surface with threefold or fourfold rotational symmetry that is not round has axes that
+    depend on rounding errors; no body is of this kind.
 
     Parameters
     ----------
     mesh
         The surface.
     random
-        Perturbs the frame as training does, so that a network learns what happens near ties; None does not.
+        Source of the perturbations of training, from which a network learns the frames near ties; None for no
+        perturbation.
 
     Raises
     ------
     UnsupportedShape
-        If the surface has no area, or coordinates so large that it is infinite.
+        If the area is zero, or infinite because the coordinates are too large.
     """
     shares, origin, unit = _spread(mesh)
     corners = [(mesh.vertices[mesh.faces[:, k]] - origin) / unit for k in range(3)]
@@ -101,12 +102,12 @@ def frame_of(mesh: Mesh, random: np.random.Generator | None = None) -> Frame:
 
 
 def of_unit_area(mesh: Mesh, vertices: Points) -> Points:
-    """Return where a network puts the vertices of a surface, shape (n, 3), scaled so that its area is 1.
+    """Scale the predicted vertices of a surface, shape (n, 3), to unit area.
 
     Raises
     ------
     UnsupportedShape
-        If that is no surface.
+        If a vertex is not finite, or the area is zero.
     """
     area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
     if not area > 0:
@@ -117,7 +118,7 @@ def of_unit_area(mesh: Mesh, vertices: Points) -> Points:
 
 
 def _spread(mesh: Mesh) -> tuple[FloatArray, FloatArray, float]:
-    """Shares of the area of all triangles, shape (m,), the centroid, shape (3,), and the root of the area."""
+    """Return the share of the area of each triangle, shape (m,), the centroid, shape (3,), and the root of the area."""
     areas = mesh.face_areas
     total = float(areas.sum())
     if not np.isfinite(total):
@@ -130,14 +131,14 @@ def _spread(mesh: Mesh) -> tuple[FloatArray, FloatArray, float]:
 
 
 def _covariance(corners: Sequence[Points], areas: FloatArray) -> FloatArray:
-    """Second moments, shape (3, 3), of triangles with shares of area, shape (m,), about the origin."""
+    """Return the second moments about the origin, shape (3, 3), of triangles with these shares of the area."""
     a, b, c = corners
     vectors = (a, b, c, a + b + c)
     return np.asarray(sum((areas[:, None] * vectors_at).T @ vectors_at for vectors_at in vectors) / 12)
 
 
 def _skewness(corners: Sequence[Points], areas: FloatArray) -> FloatArray:
-    """Third moments along each axis in units of the standard deviation, shape (3,), of triangles with shares of area.
+    """Return the third standardised moment along each axis, shape (3,), of triangles with these shares of the area.
 
     The mean of t^3 over a triangle is a tenth of the complete homogeneous polynomial of its corners.
     """
@@ -145,12 +146,12 @@ def _skewness(corners: Sequence[Points], areas: FloatArray) -> FloatArray:
     first, second, third = a + b + c, a * a + b * b + c * c, a * a * a + b * b * b + c * c * c
     homogeneous = (first * (first * first + 3 * second) + 2 * third) / 6
     variance = areas @ (first * first + second) / 12
-    # Along the normal of a flat surface there is nothing but rounding errors.
+    # Along the normal of a flat surface there are only rounding errors.
     return np.asarray(areas @ homogeneous / 10 / np.maximum(variance, FLAT * variance.sum()) ** 1.5)
 
 
 def _tilt(random: np.random.Generator) -> FloatArray:
-    """Rotation about a random axis by a random angle up to ``TILT``, shape (3, 3)."""
+    """Draw a rotation about a random axis by a random angle up to ``TILT``, shape (3, 3)."""
     from scipy.spatial.transform import Rotation
 
     axis = random.normal(size=3)

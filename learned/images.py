@@ -1,4 +1,4 @@
-"""Depth images of networks: resized, cropped to the foreground, and turned into surfaces."""
+"""Depth images for networks: resampling, cropping to the foreground, and the surfaces behind images."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from benchmark.geometry.mesh import Mesh
 Floats = NDArray[np.float32]
 
 COVERED = 0.5
-"""Share of a coarse pixel that must show the shape, and probability of the mask above which a pixel shows it."""
+"""Share of a coarse pixel that the shape must cover, and mask probability above which a pixel is foreground."""
 
 
 LEAST_DEPTH = 1e-3
-"""Smallest predicted depth, for 0 is the background."""
+"""Smallest predicted depth, because 0 is the background."""
 
 
 def checked_image(image: DepthImage) -> Floats:
-    """The image, if a network can read it.
+    """Return the image as float32 if a network can read it.
 
     Raises
     ------
     InvalidMesh
-        If it does not have 500 x 500 pixels in [0, 1].
+        If the image does not have 500 x 500 pixels in [0, 1].
     UnsupportedShape
-        If it shows nothing.
+        If the image is empty.
     """
     image = np.asarray(image, dtype=np.float32)
     if image.shape != (SIZE, SIZE):
@@ -50,10 +50,10 @@ def checked_image(image: DepthImage) -> Floats:
 
 
 def shrink(image: Floats, resolution: int) -> Floats:
-    """Depth and mask at another resolution.
+    """Resample depth and mask to another resolution.
 
-    A coarse pixel gets the mean depth of what it sees of the shape, never a mixture with the background, which would be
-    a depth where nothing is.
+    A coarse pixel gets the mean depth of its foreground; a mixture with the background would be a depth at which
+    nothing is.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def shrink(image: Floats, resolution: int) -> Floats:
     Returns
     -------
     numpy.ndarray
-        Shape (2, resolution, resolution), float32: depth, and the mask of zeros and ones.
+        Shape (2, resolution, resolution), float32: depth and binary mask.
     """
     fine = torch.from_numpy(np.stack([image, image > 0]).astype(np.float64))[None]
     depth, cover = functional.adaptive_avg_pool2d(fine, resolution)[0]
@@ -75,7 +75,7 @@ def shrink(image: Floats, resolution: int) -> Floats:
 
 
 def smooth(prediction: Tensor, deviation: float) -> Tensor:
-    """Average the depth over neighbours inside the mask, with the weights of a Gaussian; the mask stays as it is.
+    """Smooth the depth with a Gaussian over the pixels inside the mask; the mask stays unchanged.
 
     Parameters
     ----------
@@ -104,9 +104,9 @@ def smooth(prediction: Tensor, deviation: float) -> Tensor:
 
 
 def enlarge(prediction: Tensor) -> Floats:
-    """Depth image of the size of the camera's from a prediction.
+    """Upsample a prediction to the size of a camera image.
 
-    Depths are interpolated among pixels inside the mask alone, so that the rim does not fall towards the background.
+    Depths are interpolated between pixels inside the mask only, so the rim does not fall off towards the background.
 
     Parameters
     ----------
@@ -122,25 +122,25 @@ def enlarge(prediction: Tensor) -> Floats:
     inside = (mask > COVERED).double()
     coarse = torch.stack([depth * inside, inside, mask])[None]
     depth, weight, mask = functional.interpolate(coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0]
-    # Where the finer mask exceeds a half, so does one of the coarse pixels around; rounding errors know no such rule.
+    # If the fine mask exceeds a half, so does one of the coarse pixels around it, except for rounding errors.
     seen = (mask > COVERED) & (weight > 0)
     result = torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0)
     return np.asarray(result.numpy(), dtype=np.float32)
 
 
 def surface_behind(predicted: DepthImage, jump: float | None = None) -> tuple[Mesh, dict[str, float | str]]:
-    """Surface behind a predicted image, of unit area, and facts about it; sampled like the view input.
+    """Return the surface of unit area behind a predicted image, sampled like the view input, and notes about it.
 
-    A camera's image shows where one part hides another by a jump of its depth alone, so the view input is cut there. A
-    predicted image comes with a mask that was learned for saying what is surface, and its depth with a noise as large
-    as such jumps: cut there, it falls into shreds.
+    In a camera image, only a jump in depth shows that one part hides another, so the view input is cut at jumps. A
+    predicted image has a mask that was trained to show the surface, and its depth noise is as large as such jumps: cuts
+    would tear the surface to pieces.
 
     Parameters
     ----------
     predicted
         Depth image, shape (500, 500), 0 outside the predicted mask.
     jump
-        Largest depth difference along an edge, as a share of the half width; None cuts nowhere inside the mask.
+        Largest depth difference along an edge, as a share of the half width; None for no cuts inside the mask.
 
     Raises
     ------
@@ -161,8 +161,8 @@ def surface_behind(predicted: DepthImage, jump: float | None = None) -> tuple[Me
 def outline_blur(mask: Tensor) -> float:
     """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r); 0 for an empty one.
 
-    A network predicts a sharp outline for shapes like those that it was trained on. The width is the sum of 4 m (1 - m)
-    over all pixels m, divided by the length of the outline in sides of pixels.
+    A network predicts sharp outlines for shapes like those in its training. The width is the sum of 4 m (1 - m) over
+    all pixels m, divided by the length of the outline in pixel sides.
     """
     inside = mask > COVERED
     length = sum(int(torch.count_nonzero(inside.diff(dim=axis))) for axis in (0, 1))
@@ -174,21 +174,21 @@ FILL = 0.9
 """Share of the frame that the longer side of the foreground's bounding box fills."""
 
 _TIE = 1e-6
-"""Shares that differ by less are equal: far above the rounding errors of a sum of pixels."""
+"""Difference below which shares are equal, far above the rounding errors of a sum of pixels."""
 
 
 def cropped(images: Floats, resolution: int) -> Floats:
-    """Depth at another resolution, in a frame that the foreground of the first image fills.
+    """Crop depth images to the foreground of the first and resample them.
 
-    A pixel gets the mean depth of what it sees of the shape, never a mixture with the background. Depths are scaled
-    like lengths, so that angles stay what they are, and shifted so that the mean depth of the first image is that of
-    the middle of the frame. What size a body had in its frame is lost, and a form of unit area knows no size.
+    A pixel gets the mean depth of its foreground, without the background. Depths are scaled like lengths, which
+    preserves angles, and shifted so that the mean depth of the first image is in the middle of the frame. The size of a
+    body in its frame is lost; a form of unit area does not depend on it.
 
     Parameters
     ----------
     images
-        Depth images of one mask and frame, shape (k, s, s), in [0, 1] with 0 as background: an image, or the front and
-        the back of one shape. The first must show something.
+        Depth images with the same mask and frame, shape (k, s, s), in [0, 1] with 0 as background: one image, or front
+        and back of a shape. The first must not be empty.
     resolution
         Pixels per side.
 
@@ -206,7 +206,7 @@ def cropped(images: Floats, resolution: int) -> Floats:
 
 
 def window(image: Floats) -> tuple[tuple[float, float], float]:
-    """Return the first row and column of the frame that the foreground of an image fills, and its side, in pixels."""
+    """Return first row, first column and side, in pixels, of the frame that the foreground of an image fills."""
     seen = image > 0
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     length = float(max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1) / FILL
@@ -215,14 +215,14 @@ def window(image: Floats) -> tuple[tuple[float, float], float]:
 
 
 def shrunk(images: Floats, resolution: int) -> Floats:
-    """The same without leaving the frame: depth at another resolution, shape (k, resolution, resolution)."""
+    """Resample depth images to shape (k, resolution, resolution) without cropping; see :func:`cropped`."""
     size = images.shape[-1]
     whole = _resampling(0.0, float(size), size, resolution)
     return _resampled(images, whole, whole, 0.5, 1.0)
 
 
 def _resampling(start: float, length: float, size: int, resolution: int) -> csr_array:
-    """Share of each new pixel that each old one covers, shape (resolution, size), most of which are zero."""
+    """Return the share of each new pixel that each old one covers, shape (resolution, size), sparse."""
     edges = start + length * np.arange(resolution + 1) / resolution
     first = np.floor(edges[:-1]).astype(np.int64)
     old = first[:, None] + np.arange(math.ceil(length / resolution) + 2)
@@ -235,7 +235,7 @@ def _resampling(start: float, length: float, size: int, resolution: int) -> csr_
 
 def _resampled(images: Floats, rows: csr_array, columns: csr_array, middle: float, scale: float) -> Floats:
     seen = (images[0] > 0).astype(np.float64)
-    # A sparse product adds in one order on every machine.
+    # A sparse product adds in the same order on every machine.
     cover = (columns @ (rows @ seen).T).T
     mask = cover >= COVERED - _TIE
     sums = np.stack([(columns @ (rows @ (image * seen)).T).T for image in images])

@@ -1,4 +1,4 @@
-"""Base classes of all networks: their model; and for those that read images, what comes in and goes out."""
+"""Base classes of methods with a trained network, and of those that read depth images."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from benchmark.geometry.depth import DepthImage
 
 LARGEST_SEED = 2**63 - 1
-"""Largest seed that torch takes."""
+"""Largest seed that torch accepts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,18 +43,18 @@ class TrainedMethod(CheckedParameters):
     training_seed
         Seed of the training whose model is used.
     training
-        Name of the training data; "" takes what the table says.
+        Name of the training data; "" for that of the table.
 
     Attributes
     ----------
     model
-        Folder of the model that was loaded; no parameter, for the harness loads the one that fits each shape.
+        Folder of the loaded model; not a parameter, because the harness loads the model that fits each shape.
     """
 
     info: ClassVar[MethodInfo]
     shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
     default_training: ClassVar[str]
-    """Training data of the model that is used where no table chooses one."""
+    """Training data of the model to use if no table chooses one."""
 
     configuration: str
     training_seed: Annotated[int, Interval(0, LARGEST_SEED)] = 0
@@ -68,19 +68,19 @@ class TrainedMethod(CheckedParameters):
 
     @property
     def model_folder(self) -> Path:
-        """Folder of the model: the one that was loaded, else the shipped one."""
+        """Folder of the loaded model, or else of the shipped one."""
         return self.model or self.shipped_models / (self.training or self.default_training) / self.model_name
 
     @abstractmethod
     def configuration_in(self, card: Mapping[str, Any], folder: Path) -> str:
-        """Name of the network that the card of the model in ``folder`` describes, or a ``ConfigurationError``."""
+        """Return the name of the network on the card of the model in ``folder``, or raise ``ConfigurationError``."""
 
     @abstractmethod
     def check_weights(self, folder: Path) -> None:
-        """Raise ``ConfigurationError`` unless the weights in ``folder`` are whole and those of its card."""
+        """Raise ``ConfigurationError`` unless the weights in ``folder`` are intact and match its card."""
 
     def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
-        """Raise ``ConfigurationError`` unless the card of the model in ``folder`` is one of this configuration."""
+        """Raise ``ConfigurationError`` unless the card of the model in ``folder`` has this configuration."""
         name = self.configuration_in(card, folder)
         if name != self.configuration:
             raise ConfigurationError(
@@ -104,10 +104,10 @@ class TrainedMethod(CheckedParameters):
 
 @dataclass(frozen=True, kw_only=True)
 class StreamLearner(TrainedMethod):
-    """A network that is trained on a stream of fresh bodies; see :class:`TrainedMethod` for its parameters."""
+    """A network trained on a stream of fresh bodies; see :class:`TrainedMethod` for its parameters."""
 
     kind: ClassVar[str]
-    """What its models are, as the first word of their names."""
+    """Kind of its models, the first word of their names."""
     split: ClassVar[Split] = "sampled"
     default_training: ClassVar[str] = "humans-varied"
 
@@ -124,11 +124,11 @@ class DepthImageLearner(TrainedMethod):
     """Canonical form of a depth image by a trained network; see :class:`TrainedMethod` for its parameters."""
 
     usual_blur: ClassVar[float] = math.inf
-    """Width of the outline, in pixels, that 90 % of validation images of the shipped model do not exceed, if known."""
+    """Outline width in pixels that 90 % of the validation images of the shipped model do not exceed, if known."""
 
     @abstractmethod
     def mask(self, depth: DepthImage) -> Tensor:
-        """Predicted mask, shape (r, r), from 0 to 1."""
+        """Predict the mask, shape (r, r), with values from 0 to 1."""
 
     def measure_fit(self, shape: Shape) -> dict[str, float | str]:
         """Return the width of the predicted outline in pixels, and a doubt if it is unusual.
@@ -147,10 +147,10 @@ class DepthImageLearner(TrainedMethod):
 
     @abstractmethod
     def predict(self, depth: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
-        """Surface of unit area behind the predicted images, and facts about it."""
+        """Return the surface of unit area behind the predicted images, and notes about it."""
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Predict the canonical pose and return the surface behind it, of unit area.
+        """Predict the canonical pose and return its surface, of unit area.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Weights of a network: to a file in half precision, and back into a network that is ready to predict."""
+"""Weights of a network: stored in half precision, and loaded for prediction."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ Network = TypeVar("Network", bound=nn.Module)
 
 
 def as_stored(network: nn.Module) -> None:
-    """Round the weights to half precision, which halves the file: what is tested is then what is on disk."""
+    """Round the weights to half precision, which halves the file, so that tests use the weights on disk."""
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.copy_(parameter.half().float())
 
 
 def stored(network: nn.Module) -> bytes:
-    """Content of the file of weights."""
+    """Return the content of the weights file."""
     halves = {name: tensor.detach().cpu().half().contiguous() for name, tensor in network.state_dict().items()}
     content: bytes = save(halves)
     return content
 
 
 def with_weights(network: Network, folder: Path, name: str) -> Network:
-    """Fill a network with the weights in a folder, in double precision.
+    """Load the weights in a folder into a network, in double precision.
 
-    The last bits of sums in single precision depend on the processor, and would decide pixels of a mask.
+    In single precision, the last bits of sums depend on the processor and would decide pixels of a mask.
 
     Parameters
     ----------
     network
-        As built; it is changed.
+        Network of the configuration, modified in place.
     folder
         Folder of the model.
     name
@@ -52,7 +52,7 @@ def with_weights(network: Network, folder: Path, name: str) -> Network:
     Raises
     ------
     ConfigurationError
-        If the weights are not those that the card describes, or belong to another configuration.
+        If the weights do not match the card, or belong to another configuration.
     """
     try:
         tensors = {key: tensor.double() for key, tensor in load(checked_weights(folder)).items()}
@@ -71,5 +71,5 @@ def with_weights(network: Network, folder: Path, name: str) -> Network:
 
 
 def n_parameters(network: nn.Module) -> int:
-    """Number of trainable numbers."""
+    """Return the number of trainable parameters."""
     return sum(parameter.numel() for parameter in network.parameters())

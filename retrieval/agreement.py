@@ -10,10 +10,10 @@ from scipy.stats import permutation_test
 
 from benchmark.errors import ConfigurationError
 
-#: Orders that are tried where there are too many to try all; more than 7 methods have more than these.
+#: Number of random orders if there are too many to try all, which is the case for more than 7 methods.
 N_PERMUTATIONS = 9999
 
-#: Scores that differ by less than this are one score: what a table prints has two decimals, records have all of them.
+#: Scores that differ by less than this are equal: tables print two decimals, records hold all of them.
 SAME = 1e-9
 
 FEWEST = 3
@@ -26,11 +26,11 @@ class Agreement:
     Parameters
     ----------
     tau
-        Kendall's tau-b in [-1, 1]; NaN where all scores of one side are equal.
+        Kendall's tau-b in [-1, 1]; NaN if all scores of one side are equal.
     p_value
-        Share of the orders of the second side in which tau is at least as far from 0; NaN with tau.
+        Share of the orders of the second side with tau at least as far from 0; NaN if tau is NaN.
     n
-        Methods that both sides rank.
+        Number of methods that both sides rank.
     """
 
     tau: float
@@ -39,7 +39,7 @@ class Agreement:
 
 
 def agreement(first: Sequence[float], second: Sequence[float]) -> Agreement:
-    """Compare the orders in which two lists of scores put the same methods.
+    """Compare the rankings of the same methods by two lists of scores.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def agreement(first: Sequence[float], second: Sequence[float]) -> Agreement:
 
     before, after = np.triu_indices(len(x), 1)
     signs = np.sign(x[before] - x[after])
-    # Of all orders of the second side the same pairs are equal, so the root that allows for ties is one for all.
+    # All orders of the second side have the same number of ties, hence the same normalisation for ties.
     untied = np.sqrt(np.count_nonzero(signs) * np.count_nonzero(y[before] != y[after]))
 
     def tau(of_second: np.ndarray, axis: int = -1) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Chance level: the scores of a ranking without knowledge of the class, printed under every table."""
+"""Chance level: the expected scores of a random ranking, printed under every table."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from retrieval.measures import MEASURES, RandomOrder
 
 
 def chance_levels(labels: ArrayLike) -> dict[str, float]:
-    """Exact expectation of the measures for a random ranking.
+    """Compute the exact expectation of the measures for a random ranking.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def chance_levels(labels: ArrayLike) -> dict[str, float]:
 
 
 def chance_of_queries(n_results: NDArray[Any], n_relevant: NDArray[Any]) -> dict[str, float]:
-    """The same for queries that each have results of their own: how many, and how many of them are relevant."""
+    """Compute the chance level of queries with separate results, from their numbers of results and relevant results."""
     if not (n_relevant > 0).any():
         raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
     sizes, multiplicity = np.unique(np.column_stack([n_results, n_relevant]), axis=0, return_counts=True)

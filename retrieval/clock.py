@@ -1,8 +1,8 @@
-"""Clock matching: compare two forms over the 24 ways to turn one view sphere against the other.
+"""Clock matching: compare two forms over the 24 rotations of one view sphere against the other.
 
-Only views of the same orbit of the cube group ever meet: of the 4356 pairs of 66 views 1332. View by view, the sums of
-minima with the views of a whole block of forms come from an inverted index, word by word, so that the work is
-proportional to the words that two forms share; each is then added to the turns in which it counts.
+Only views of the same orbit of the cube group ever meet: 1332 of the 4356 pairs of 66 views. For each view, an inverted
+index gives the sums of minima with the views of a whole block of forms, word by word, so that the work is proportional
+to the words that two forms share; each sum is then added to the rotations in which it counts.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ Forms = NDArray[np.int16]
 Targets = NDArray[np.uint16]
 Progress = Callable[[int, int], None]
 
-#: Forms in one inverted index: the table of what one view shares with 24 views of each of them, and the sums over the
-#: 24 turns, stay in the first-level cache.
+#: Number of forms in one inverted index: the similarities of one view with 24 views of each form, and the sums over the
+#: 24 rotations, stay in the first-level cache.
 BLOCK = 96
-#: Rows that are compared with a block without a pause, so that an interrupt is obeyed in a fraction of a second.
+#: Number of rows compared with a block at once, so that an interrupt takes effect in a fraction of a second.
 ROWS = 512
 
 
 class _Orbits(NamedTuple):
     """Views by their orbit of the cube group."""
 
-    #: Orbit of each view, shape (V,), the place of the view inside it, and the views sorted by both.
+    #: Orbit of each view, place of the view in it, and views sorted by both, shape (V,) each.
     of_view: Counts
     places: Counts
     by_orbit: Counts
-    #: Place of the view that meets each view after each of the 24 turns, shape (24, V).
+    #: Place of the view that meets each view after each of the 24 rotations, shape (24, V).
     places_met: Counts
-    #: Number of views of each orbit, and where it begins among the sorted views.
+    #: Number of views of each orbit, and its start among the sorted views.
     sizes: Counts
     starts: Counts
     #: Adding and subtracting this rounds a number in [0, 1] to a multiple of 2^-45 (66 views). Sums over all views are
-    #: then exact, whatever their order: exchanging or renaming two forms cannot change the last bit of a distance and
-    #: so break a tie.
+    #: then exact in any order: exchanging or renaming two forms cannot change the last bit of a distance and break a
+    #: tie.
     rounding: float
 
 
@@ -63,18 +63,18 @@ def _orbits_of(n_views: int) -> _Orbits:
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Counts of each word in each view of one form.
+    """Word counts of each view of one form.
 
     Parameters
     ----------
     words
         Shape (k,), int32: words of view 0 in ascending order, then those of view 1, and so on.
     counts
-        Shape (k,), int32: their numbers of occurrences, at least 1.
+        Shape (k,), int32: number of occurrences of each, at least 1.
     view_offsets
         Shape (number of views + 1,), int32: view v owns the entries ``view_offsets[v]`` to ``view_offsets[v + 1]``.
     mirrored
-        Signature of the mirror image of the form, if the scorer asks for it.
+        Signature of the mirror image of the form, if the scorer needs it.
     """
 
     words: Counts
@@ -94,7 +94,7 @@ class Signature:
         return np.repeat(np.arange(len(self.view_offsets) - 1, dtype=np.int32), np.diff(self.view_offsets))
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Plain arrays for an ``.npz`` file."""
+        """Return plain arrays for an ``.npz`` file."""
         arrays = {"words": self.words, "counts": self.counts, "view_offsets": self.view_offsets}
         if self.mirrored is not None:
             arrays |= {f"mirrored_{name}": array for name, array in self.mirrored.to_arrays().items()}
@@ -131,19 +131,19 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
 def match_all(
     signatures: Sequence[Signature], threads: int = 1, progress: Progress | None = None
 ) -> NDArray[np.float64]:
-    """Clock-matching dissimilarities of all pairs.
+    """Compute the clock-matching dissimilarities of all pairs.
 
-    Two views compare by 1 - sum_k min(h1_k, h2_k) / max(sum h1, sum h2); two empty views are equal (0), an empty and a
-    filled one share nothing (1). Two forms compare by the smallest sum over the views among the 24 rotations.
+    The dissimilarity of two views is 1 - sum_k min(h1_k, h2_k) / max(sum h1, sum h2), with 0 for two empty views and 1
+    for an empty and a non-empty one. That of two forms is the smallest sum over the views among the 24 rotations.
 
     Parameters
     ----------
     signatures
         One per form, N in all, all with the same views.
     threads
-        Threads that share the work; the result does not depend on it.
+        Number of threads; the result does not depend on it.
     progress
-        Told how many of the N columns are done, and N, after each block of them.
+        Called with the number of finished columns, and N, after each block of columns.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def match_all(
     """
     distances = _match(signatures, signatures, threads, progress, symmetric=True)
     for start in range(0, len(distances), BLOCK):
-        # Only what lies above the diagonal was filled in.
+        # So far only entries above the diagonal are filled.
         square = distances[start : start + BLOCK, start : start + BLOCK]
         square += square.T
         distances[start + BLOCK :, start : start + BLOCK] = distances[start : start + BLOCK, start + BLOCK :].T
@@ -166,7 +166,7 @@ def match_all(
 def match_across(
     first: Sequence[Signature], second: Sequence[Signature], threads: int = 1, progress: Progress | None = None
 ) -> NDArray[np.float64]:
-    """Dissimilarities as in :func:`match_all`, of each of M forms to each of N others, shape (M, N)."""
+    """Compute the dissimilarities of :func:`match_all` of each of M forms to each of N others, shape (M, N)."""
     return _match(first, second, threads, progress, symmetric=False)
 
 
@@ -210,29 +210,29 @@ def _match(
             if progress is not None:
                 progress(start + len(block), len(columns))
     finally:
-        # After an interrupt, what has not begun never does.
+        # After an interrupt, pending tasks never start.
         pool.shutdown(cancel_futures=True)
     return distances
 
 
 def _groups(signature: Signature, orbits: _Orbits) -> Counts:
-    """Number of the (word, orbit) of each entry."""
+    """Return the number of the (word, orbit) group of each entry."""
     return signature.words * np.int32(len(orbits.sizes)) + orbits.of_view[signature.views]
 
 
 def _invert(
     signatures: Sequence[Signature], n_words: int, orbits: _Orbits
 ) -> tuple[NDArray[np.int64], Forms, Targets, Counts]:
-    """Inverted index of a block: postings of each (word, orbit), sorted by form.
+    """Build the inverted index of a block: postings of each (word, orbit) group, sorted by form.
 
-    Returns the offsets of the groups, and for each posting its form, place of the view in its orbit * number of forms
-    + form, and its count.
+    Returns the offsets of the groups, and for each posting its form, its target (place of the view in its orbit *
+    number of forms + form) and its count.
     """
     forms = np.repeat(np.arange(len(signatures)), [len(s.words) for s in signatures])
     views = np.concatenate([s.views for s in signatures])
     groups = np.concatenate([_groups(s, orbits) for s in signatures])
     counts = np.concatenate([s.counts for s in signatures])
-    # Narrow, so that the postings of a block stay in the second-level cache.
+    # Narrow types keep the postings of a block in the second-level cache.
     targets = (orbits.places[views] * len(signatures) + forms).astype(np.uint16)
     index: tuple[NDArray[np.int64], Forms, Targets, Counts] = _sorted_by_group(
         groups, forms.astype(np.int16), targets, counts, n_words * len(orbits.sizes)
@@ -244,7 +244,7 @@ def _invert(
 def _sorted_by_group(
     groups: Counts, forms: Forms, targets: Targets, counts: Counts, n_groups: int
 ) -> tuple[NDArray[np.int64], Forms, Targets, Counts]:
-    """Counting sort of postings, whose groups lie below the given number; inside a group they keep their order."""
+    """Sort postings by group with a counting sort; postings of a group keep their order."""
     offsets = np.zeros(n_groups + 1, dtype=np.int64)
     for group in groups:
         offsets[group + 1] += 1
@@ -278,10 +278,10 @@ def _match_rows(
     rounding: float,
     distances: NDArray[np.float64],
 ) -> None:
-    """Fill the given rows, ascending, of one block of columns, from the first column that each row asks for."""
+    """Fill the given rows, ascending, of one block of columns, from the first column of each row."""
     n_turns, n_views = places_met.shape
     n_columns = column_sizes.shape[1]
-    # Per place in an orbit, of which the largest has 24, and form.
+    # One number per place in an orbit (the largest has 24) and form.
     shared = np.empty(orbit_sizes.max() * n_columns, dtype=np.int32)
     similarity = np.empty((orbit_sizes.max(), n_columns))
     totals = np.empty((n_turns, n_columns))
@@ -298,7 +298,7 @@ def _match_rows(
             for entry in range(row_offsets[row, view], row_offsets[row, view + 1]):
                 group, count = row_groups[entry], row_counts[entry]
                 end = posting_offsets[group + 1]
-                # The first column never falls from row to row: what it has passed is never looked at again.
+                # The first column never decreases from row to row: skipped postings are never needed again.
                 while begins[group] < end and posting_forms[begins[group]] < first:
                     begins[group] += 1
                 targets, counts = posting_targets[begins[group] : end], posting_counts[begins[group] : end]

@@ -1,6 +1,6 @@
 """CM-BOF: bag-of-features signatures of depth images from all sides, compared by clock matching.
 
-The stages are pure functions, so that a caller can keep the result of each: ``extract`` per form, ``train_codebook``
+The stages are pure functions, so that a caller can store the result of each: ``extract`` per form, ``train_codebook``
 per gallery, ``quantise`` per form and codebook, ``distances`` per gallery.
 """
 
@@ -30,7 +30,7 @@ REFLECTION = np.diag([-1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, kw_only=True)
 class CMBOF:
-    """The scorer of canonical forms.
+    """Scorer of canonical forms.
 
     Parameters
     ----------
@@ -39,16 +39,15 @@ class CMBOF:
     image_size
         Height and width of a depth image in pixels.
     codebook_seed
-        Seed of the draw of the words.
+        Seed of the random draw of words.
     pose
         Candidates of the pose normalisation, ``"pca"`` and ``"rectilinearity"``; empty keeps the orientation.
     allow_mirror
         Whether a form may also match the mirror image of another.
     peak_threshold
-        Smallest absolute difference of Gaussians at a keypoint, for depths in [0, 1]; that of the original
-        is 0.
+        Minimum absolute difference of Gaussians at a keypoint, for depths in [0, 1]; 0 in the original.
     subdivisions
-        How often the view sphere, an octahedron, is subdivided: 6, 18, 66 or 258 views.
+        Number of subdivisions of the view sphere, an octahedron: 6, 18, 66 or 258 views.
 
     References
     ----------
@@ -79,25 +78,25 @@ class CMBOF:
         return len(view_sphere(self.subdivisions).directions)
 
     def signature(self, form: Mesh) -> SignatureArrays:
-        """Arrays of the :class:`Features` of a form; raises ``InvalidMesh`` if it has no extent."""
+        """Return the arrays of the :class:`Features` of a form; raise ``InvalidMesh`` if it has no extent."""
         return self.extract(form).to_arrays()
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
-        """Dissimilarities of all pairs of forms under the codebook that is drawn with this seed, shape (N, N)."""
+        """Return the dissimilarities of all pairs of forms with the codebook of seed ``draw``, shape (N, N)."""
         features = [Features.from_arrays(arrays) for arrays in signatures]
         codebook = self.train_codebook(features, draw)
         return self.distances([self.quantise(feature, codebook) for feature in features])
 
     def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
-        """The codebook of a gallery, whose signatures are read one at a time; see :meth:`train_codebook`."""
+        """Draw the codebook of a gallery, reading one signature at a time; see :meth:`train_codebook`."""
         return {"words": self.train_codebook(map(Features.from_arrays, signatures), draw)}
 
     def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
-        """Arrays of the :class:`Signature` of a form; see :meth:`quantise`."""
+        """Return the arrays of the :class:`Signature` of a form; see :meth:`quantise`."""
         return self.quantise(Features.from_arrays(signature), codebook["words"]).to_arrays()
 
     def match(self, rows: Sequence[SignatureArrays], columns: Sequence[SignatureArrays]) -> NDArray[np.float64]:
-        """Dissimilarities of each of M encoded forms to each of N others, shape (M, N)."""
+        """Return the dissimilarities of each of M encoded forms to each of N others, shape (M, N)."""
         first, second = ([Signature.from_arrays(arrays) for arrays in forms] for forms in (rows, columns))
         distances = match_across(first, second)
         if self.allow_mirror:
@@ -107,7 +106,7 @@ class CMBOF:
         return distances
 
     def extract(self, mesh: Mesh) -> Features:
-        """Normalise the pose of a form, draw its views, and describe their keypoints.
+        """Normalise the pose of a form, render its views, and describe their keypoints.
 
         Raises
         ------
@@ -121,7 +120,8 @@ class CMBOF:
     def train_codebook(self, features: Iterable[Features], seed: int | None = None) -> Descriptors:
         """Draw the words of a gallery from all descriptors of all its views, shape (n_words, 128), uint8.
 
-        With fewer distinct descriptors than words, all of them become words. The order of the forms does not matter.
+        If there are fewer distinct descriptors than words, all of them become words. The order of the forms does not
+        matter.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ class CMBOF:
         Raises
         ------
         DatasetError
-            If there is no descriptor at all.
+            If there are no descriptors.
         """
         chosen = self.codebook_seed if seed is None else seed
         return sample_codebook((form.descriptors for form in features), self.n_words, chosen)
@@ -150,14 +150,14 @@ class CMBOF:
     def distances(
         self, signatures: Sequence[Signature], threads: int = 1, progress: Progress | None = None
     ) -> NDArray[np.float64]:
-        """Dissimilarities of all pairs of forms, shape (N, N), float64, symmetric, zero diagonal.
+        """Return the dissimilarities of all pairs of forms, shape (N, N), float64, symmetric, zero diagonal.
 
         Parameters
         ----------
         signatures
             One per form, all of one codebook; with their mirror images if the scorer allows them.
         threads
-            Threads that share the work; the result does not depend on it.
+            Number of threads; the result does not depend on it.
         progress
             As in :func:`retrieval.clock.match_all`.
         """

@@ -1,4 +1,4 @@
-"""The visual words of a gallery, and the nearest word of a descriptor."""
+"""Visual words of a gallery, and the nearest word of each descriptor."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from benchmark.errors import DatasetError
 
 Descriptors = NDArray[np.uint8]
 
-#: Descriptors compared with the codebook at once: 1024 x 1500 single-precision scores stay in the cache.
+#: Number of descriptors compared with the codebook at once: 1024 x 1500 single-precision scores stay in the cache.
 BLOCK = 1024
 
-#: Descriptors from which words are drawn at once.
+#: Number of descriptors from which words are drawn at once.
 POOL = 2**18
 
 
 def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int) -> Descriptors:
-    """Draw distinct descriptors at random as words; nothing is clustered.
+    """Draw distinct descriptors at random as words, without clustering.
 
-    Every distinct descriptor has the same chance, and the draw depends on the set of descriptors and the seed alone,
-    not on the order of the shapes: the words are the descriptors with the smallest values of a seeded hash.
+    Every distinct descriptor has the same chance. The draw depends only on the set of descriptors and the seed, not on
+    the order of the shapes: the words are the descriptors with the smallest values of a seeded hash.
 
     Parameters
     ----------
     descriptors
         One array of shape (k, 128), uint8, per form of the gallery; read once.
     n_words
-        Size of the codebook. With fewer distinct descriptors, all of them become words.
+        Size of the codebook. If there are fewer distinct descriptors, all of them become words.
     seed
-        Seed of the draw.
+        Seed of the random draw.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
     Raises
     ------
     DatasetError
-        If there is no descriptor at all.
+        If there are no descriptors.
 
     References
     ----------
@@ -52,7 +52,7 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
     for pool in _pooled(descriptors):
         of_pool = _hash(pool, seed)
         if len(words) == n_words:
-            below = of_pool <= hashes[-1]  # all others are words no more
+            below = of_pool <= hashes[-1]  # no others can become words
             pool, of_pool = pool[below], of_pool[below]
         words, hashes = _smallest(np.concatenate([words, pool]), np.concatenate([hashes, of_pool]), n_words)
     if not len(words):
@@ -64,7 +64,7 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
 
 
 def _pooled(descriptors: Iterable[Descriptors]) -> Iterator[Descriptors]:
-    """Descriptors of a few forms at a time: those of a large gallery together would need its memory twice."""
+    """Yield the descriptors of a few forms at a time: those of a large gallery together would need its memory twice."""
     pool: list[Descriptors] = []
     size = 0
     for part in descriptors:
@@ -78,8 +78,8 @@ def _pooled(descriptors: Iterable[Descriptors]) -> Iterator[Descriptors]:
 
 
 def _smallest(rows: Descriptors, hashes: NDArray[np.uint64], count: int) -> tuple[Descriptors, NDArray[np.uint64]]:
-    """The distinct rows with the smallest hashes, in the order of these and of their bytes, at most a given number."""
-    # More than needed, because equal rows stand side by side; all of them in the rare case that this is too few.
+    """Return the distinct rows with the smallest hashes, at most ``count``, sorted by hash and then by bytes."""
+    # More than needed, because of duplicates; all rows in the rare case that this is too few.
     for taken in (min(len(rows), 4 * count), len(rows)):
         if taken < len(rows):
             nearest = np.flatnonzero(hashes <= np.partition(hashes, taken - 1)[taken - 1])
@@ -94,10 +94,10 @@ def _smallest(rows: Descriptors, hashes: NDArray[np.uint64], count: int) -> tupl
 
 
 def nearest_words(descriptors: Descriptors, codebook: Descriptors) -> NDArray[np.int32]:
-    """Index of the nearest word of each descriptor in the Euclidean metric; the lowest index wins a tie.
+    """Return the index of the nearest word of each descriptor in Euclidean distance; the lowest index wins a tie.
 
-    The search is exact and gives the same bits with any BLAS: a word c is nearest to x when 2 x.c - c.c is largest, and
-    every partial sum of that is an integer below 2^24, which single precision holds exactly.
+    The search is exact and gives the same bits with any BLAS: the nearest word c to x maximises 2 x.c - c.c, and every
+    partial sum of this is an integer below 2^24, which single precision holds exactly.
 
     Parameters
     ----------

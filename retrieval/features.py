@@ -1,8 +1,8 @@
 """SIFT on depth images in single precision: the local features of the scorer.
 
 The settings are those of vl_sift: no upsampling of the image, three levels per octave, an initial scale of 1.6 pixels
-and a nominal blur of 0.5, edge ratio 10, descriptors as unsigned bytes. Depth is never reduced to eight bits, because a
-staircase of grey levels puts keypoints on contour lines that the surface does not have.
+and a nominal blur of 0.5, edge ratio 10, descriptors as unsigned bytes. Depth is never reduced to eight bits: the steps
+between grey levels would put keypoints on contour lines that the surface does not have.
 
 References
 ----------
@@ -34,7 +34,7 @@ from retrieval.scale_space import (
 )
 
 EDGE_RATIO = 10.0
-#: Largest absolute value of a pixel that is searched.
+#: Largest accepted absolute value of a pixel.
 LARGEST_VALUE = 1e6
 
 
@@ -55,7 +55,7 @@ class Features:
     view_offsets: NDArray[np.int32]
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Plain arrays for an ``.npz`` file."""
+        """Return plain arrays for an ``.npz`` file."""
         return {"descriptors": self.descriptors, "view_offsets": self.view_offsets}
 
     @classmethod
@@ -64,15 +64,15 @@ class Features:
         return cls(arrays["descriptors"], arrays["view_offsets"])
 
     def mirrored(self, view_permutation: NDArray[np.int32]) -> Features:
-        """Features of the mirror image of the form.
+        """Return the features of the mirror image of the form.
 
-        The mirror image of a view shows every keypoint with its descriptor flipped along its own axis, so nothing has
-        to be rendered.
+        The mirror image of a view has the same keypoints with descriptors flipped along their own axes, so no rendering
+        is needed.
 
         Parameters
         ----------
         view_permutation
-            Shape (number of views,): the view in which the mirror image of view v is seen.
+            Shape (number of views,): the view that shows the mirror image of view v.
         """
         cells = self.descriptors.reshape(-1, 4, 4, 8)
         flipped = cells[:, ::-1, :, (-np.arange(8)) % 8].reshape(-1, DESCRIPTOR_SIZE)
@@ -83,23 +83,23 @@ class Features:
 
 
 def detect_views(images: NDArray[np.float32], *, peak_threshold: float, background: float) -> Features:
-    """Describe every view of a form.
+    """Detect and describe the keypoints of every view of a form.
 
     Parameters
     ----------
     images
         Shape (number of views, height, width), float32.
     peak_threshold
-        Smallest absolute difference of Gaussians at a keypoint, in units of the images, which lie in [0, 1].
+        Minimum absolute difference of Gaussians at a keypoint, in units of the images, which lie in [0, 1].
     background
-        Value of pixels where nothing was seen; the search leaves out what lies far from all other pixels.
+        Value of pixels that show no surface; the search skips regions far from all other pixels.
     """
     _, descriptors, offsets = _detect_all(_checked(images), np.float32(background), peak_threshold, EDGE_RATIO)
     return Features(descriptors, offsets)
 
 
 def _checked(images: NDArray[np.float32]) -> NDArray[np.float32]:
-    # The square of a gradient must not overflow: the bin of an angle that is not a number lies outside every histogram.
+    # The square of a gradient must not overflow: the bin of a NaN angle lies outside every histogram.
     if not (images.max(initial=0.0) <= LARGEST_VALUE and images.min(initial=0.0) >= -LARGEST_VALUE):
         raise InvalidMesh(
             f"a depth image has pixels that are NaN, infinite or beyond {LARGEST_VALUE:g}, where depths lie in [0, 1]",
@@ -120,7 +120,7 @@ def _detect_all(
     points = np.empty((1024, 4))
     peaks = np.empty(MAX_ORIENTATIONS)  # no more are written
     count = 0
-    # A window never exceeds its image, so that what is made of it fits into memory that is asked for once.
+    # A window never exceeds its image, so memory for its levels is allocated only once.
     room = images.shape[1] * images.shape[2]
     memory = np.empty(N_GAUSSIANS * room, dtype=np.float32), np.empty((N_GAUSSIANS - 1) * room, dtype=np.float32)
     for index in range(n_images):
@@ -142,7 +142,7 @@ def _detect_all(
             _paste(base, base_row, base_column, crop, row0, column0)
             build_octave(crop, gaussians, differences, octave == 0)
             n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
-            # Counted even where there is no room: the search again has room for all.
+            # Extrema beyond the capacity are counted, so a second search has room for all.
             if n_points > len(points):
                 points = np.empty((2 * n_points, 4))
                 n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
@@ -175,7 +175,7 @@ def _detect_all(
 
 @njit(cache=True, nogil=True)
 def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int, int, int, int]:
-    """Bounding box (top, bottom, left, right) of all pixels unlike the background, ends excluded; empty: all zero."""
+    """Return the bounding box (top, bottom, left, right) of the foreground, ends excluded; all zero if it is empty."""
     height, width = image.shape
     top, bottom, left, right = height, 0, width, 0
     for row in range(height):
@@ -188,7 +188,7 @@ def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int
 
 @njit(cache=True, nogil=True)
 def _blurred(background: np.float32, is_first: bool) -> np.float32:
-    """The background in the next octave: blurring changes its last bits, and the search finds the edge between both."""
+    """Return the background in the next octave: blur changes its last bits, and an edge between both would be found."""
     base = np.full((1, 1), background, dtype=np.float32)
     gaussians = np.empty((N_GAUSSIANS, 1, 1), dtype=np.float32)
     build_octave(base, gaussians, gaussians[1:].copy(), is_first)
@@ -205,7 +205,7 @@ def _paste(
     target_row: int,
     target_column: int,
 ) -> None:
-    """Copy the overlap of two windows, each given with the position of its first pixel in the octave."""
+    """Copy the overlap of two windows, each given by the position of its first pixel in the octave."""
     row0, row1 = max(source_row, target_row), min(source_row + source.shape[0], target_row + target.shape[0])
     column0 = max(source_column, target_column)
     column1 = min(source_column + source.shape[1], target_column + target.shape[1])

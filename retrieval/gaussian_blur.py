@@ -1,12 +1,12 @@
-"""Separable Gaussian blur in single precision, written in vectors: the loop that SIFT spends most of its time in.
+"""Separable Gaussian blur in single precision with explicit vectors: the loop in which SIFT spends most of its time.
 
-A loop over pixels in Python has a compiler load both pixels of each product again, and do the end of each row one by
-one. Here a block of four rows and eight columns stays in registers while the weights pass over it: the rows above and
-below slide from one weight to the next, so that each weight loads two new rows for four sums. A pass leaves its result
-transposed, and two passes blur both ways.
+A compiled Python loop over pixels reloads both pixels of each product and processes the end of each row one by one.
+Here a block of four rows and eight columns stays in registers while the weights pass over it: the rows above and below
+slide from one weight to the next, so that each weight loads two new rows for four sums. A pass transposes its result,
+so two passes blur in both directions.
 
-Products and sums are rounded one by one, in the order of the weights: fused where the processor can, they would give
-other bits on another one.
+Products and sums are rounded separately, in the order of the weights: fused operations, which only some processors
+have, would give other bits.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 SingleArray = NDArray[np.float32]
 
-#: Gaussians are cut at four standard deviations.
+#: Gaussians are cut off at this many standard deviations.
 SUPPORT = 4.0
-#: As plain Python, for a debugger or a tracer, kernels have no vectors and take the loops of small images.
+#: As plain Python, for a debugger or a tracer, kernels have no vectors and use the loops for small images.
 HAS_VECTORS = not config.DISABLE_JIT
 #: Rows and columns of a block.
 ROWS, LANES = 4, 8
@@ -34,7 +34,7 @@ _VECTOR = ir.VectorType(ir.FloatType(), LANES)
 
 @njit(cache=True, nogil=True)
 def gaussian_kernel(sigma: float) -> SingleArray:
-    """Right half of a sampled Gaussian of unit sum, float32, shape (radius + 1,)."""
+    """Return the right half of a sampled Gaussian of unit sum, float32, shape (radius + 1,)."""
     radius = int(np.ceil(SUPPORT * sigma))
     half = np.exp(-0.5 * (np.arange(radius + 1) / sigma) ** 2)
     half /= 2.0 * half.sum() - half[0]
@@ -53,7 +53,7 @@ def blur(source: SingleArray, target: SingleArray, kernel: SingleArray) -> None:
         From :func:`gaussian_kernel`.
     """
     height, width = source.shape
-    # Rows of a power of two would all fall into the same few places of the cache.
+    # Rows with a power-of-two length would all map to the same few cache sets.
     stride = height + 16 if height % 128 == 0 else height
     turned = np.empty((width, stride), dtype=np.float32)
     _blur_columns(source, height, kernel, turned)
@@ -62,22 +62,22 @@ def blur(source: SingleArray, target: SingleArray, kernel: SingleArray) -> None:
 
 @njit(cache=True, nogil=True)
 def _blur_columns(source: SingleArray, height: int, kernel: SingleArray, target: SingleArray) -> None:
-    """Convolve along the first axis; ``target``, of shape (width, at least height), gets the transposed result."""
+    """Convolve along the first axis; write the transposed result to ``target``, shape (width, at least height)."""
     width, radius = source.shape[1], len(kernel) - 1
-    # Blocks at the end overlap those before them; what is written twice is the same both times.
+    # Blocks at the end overlap the previous ones; values written twice are equal.
     for block in range(0, height, ROWS):
         row = min(block, height - ROWS)
         if not HAS_VECTORS or row < 0 or width < LANES:
             _blur_few(source, height, kernel, target, block)
             continue
         for begin in range(0, width, LANES):
-            # Rows are cut to those that exist, and a block lies inside: nothing outside the arrays is read or written.
+            # Row indices are clamped and blocks lie inside: nothing outside the arrays is read or written.
             _blur_block(source, height, kernel, radius, row, min(begin, width - LANES), target)
 
 
 @njit(cache=True, nogil=True)
 def _blur_few(source: SingleArray, height: int, kernel: SingleArray, target: SingleArray, first: int) -> None:
-    """The same sums one by one, for the rows from ``first`` on of an image that is smaller than a block."""
+    """Compute the same sums one by one, for the rows from ``first`` on of an image smaller than a block."""
     for row in range(first, min(first + ROWS, height)):
         total = kernel[0] * source[row]
         for j in range(1, len(kernel)):
@@ -96,7 +96,7 @@ def _blur_block(  # type: ignore[no-untyped-def]  # noqa: ANN202
     column,  # noqa: ANN001
     target,  # noqa: ANN001
 ):
-    """Blur the block of ``ROWS`` rows and ``LANES`` columns at (row, column); its transpose goes to ``target``."""
+    """Blur the block of ``ROWS`` rows and ``LANES`` columns at (row, column); write its transpose to ``target``."""
     signature = types.void(source, types.intp, kernel, types.intp, types.intp, types.intp, target)
     return signature, _build_block
 
@@ -105,7 +105,7 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
     index = context.get_value_type(types.intp)
 
     def array(argument: int) -> tuple[Any, Any]:
-        """Return where an array begins, and the elements between its rows."""
+        """Return the start of an array, and the number of elements between its rows."""
         array_of = context.make_array(signature.args[argument])(context, builder, args[argument])
         size = context.get_constant(types.intp, 4)
         return array_of.data, builder.sdiv(cgutils.unpack_tuple(builder, array_of.strides, 2)[0], size)
@@ -122,7 +122,7 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
     zero = ir.Constant(index, 0)
 
     def load(of_row: Any, *, cut: bool = False) -> Any:
-        """Eight pixels of a row; cut, of the nearest row that exists."""
+        """Load eight pixels of a row; with ``cut``, of the nearest row that exists."""
         if cut:
             of_row = builder.select(builder.icmp_signed("<", of_row, last), of_row, last)
             of_row = builder.select(builder.icmp_signed(">", of_row, zero), of_row, zero)
@@ -154,7 +154,7 @@ def _build_block(context: Any, builder: ir.IRBuilder, signature: Any, args: Any)
 
     reach = builder.add(plus(row, ROWS - 1), radius)
     inside = builder.and_(builder.icmp_signed(">=", row, radius), builder.icmp_signed("<=", reach, last))
-    # Rows are asked whether they exist only where some do not.
+    # Row indices are clamped only at the border.
     with builder.if_else(inside) as (then, otherwise):
         with then:
             add_neighbours(cut=False)
@@ -172,10 +172,10 @@ def _mask(places: list[int]) -> ir.Constant:
 
 
 def _transposed(builder: ir.IRBuilder, rows: list[Any]) -> list[Any]:
-    """Columns of four rows as vectors of four, by the interleaving that processors have instructions for."""
+    """Return the columns of four rows as vectors of four, by interleaving, for which processors have instructions."""
 
     def mixed(first: Any, second: Any, places: tuple[int, ...]) -> Any:
-        """Of each four lanes those at the places; 4 to 7 are those of the second vector."""
+        """Return the lanes at the given places of each group of four; places 4 to 7 refer to the second vector."""
         return builder.shuffle_vector(
             first,
             second,

@@ -10,7 +10,7 @@ FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
 ORIENTATION_BINS = 36
-#: A second peak of the orientation histogram makes a second keypoint when it reaches this share of the highest one.
+#: A second peak of the orientation histogram gives a second keypoint if it exceeds this share of the highest one.
 SECONDARY_PEAK = 0.8
 MAX_ORIENTATIONS = 4
 SPATIAL_BINS = 4
@@ -22,14 +22,14 @@ MAGNIFICATION = 3.0
 #: Standard deviation of the descriptor's window, in spatial bins.
 WINDOW = 2.0
 CLIP = 0.2
-#: Bins between the first of four neighbouring cells and each of them.
+#: Offsets, in bins, of four neighbouring cells from the first.
 CORNERS = np.array([0, 1, PADDED, PADDED + 1], dtype=np.uint64) * np.uint64(ANGULAR_BINS)
 TURN = np.float32(2.0 * np.pi)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gradients(gaussian: SingleArray, magnitudes: SingleArray, angles: SingleArray) -> None:
-    """Central differences of a Gaussian level in polar form.
+    """Compute the central differences of a Gaussian level in polar form.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def gradients(gaussian: SingleArray, magnitudes: SingleArray, angles: SingleArra
 def orientations(
     magnitudes: SingleArray, angles: SingleArray, x: float, y: float, sigma: float, peaks: FloatArray
 ) -> int:
-    """Dominant gradient directions around a keypoint [Lowe 2004, section 5].
+    """Find the dominant gradient directions around a keypoint [Lowe 2004, section 5].
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def orientations(
     Returns
     -------
     int
-        Number of directions, 1 to 4; 0 where the window has no gradient.
+        Number of directions, 1 to 4; 0 if the window has no gradient.
     """
     height, width = magnitudes.shape
     spread = 1.5 * sigma
@@ -89,7 +89,7 @@ def orientations(
     histogram = np.zeros(ORIENTATION_BINS + 2, dtype=np.float32)
     per_radian, half, one = np.float32(ORIENTATION_BINS / (2.0 * np.pi)), np.float32(0.5), np.float32(1.0)
     window_x = np.exp(-0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2).astype(np.float32)
-    # Of a row, at most as wide as the window: what can be done for many samples at once, before they are dealt out.
+    # Buffers of one row, at most as wide as the window, for the vectorised work before samples are added to the bins.
     lowers, shares, weights = np.empty(len(window_x), np.int32), np.empty_like(window_x), np.empty_like(window_x)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
         window_y = np.float32(np.exp(-0.5 * ((r - y) / spread) ** 2))
@@ -128,7 +128,7 @@ def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
     count = 0
     for i in range(ORIENTATION_BINS):
         h, before, after = histogram[i], histogram[i - 1], histogram[(i + 1) % ORIENTATION_BINS]
-        # Of two equal neighbours, as gradients along an axis make them, the first is the peak.
+        # Of two equal neighbours, as from gradients along an axis, the first is the peak.
         if h > SECONDARY_PEAK * highest and h > before and h >= after and count < MAX_ORIENTATIONS:
             offset = -0.5 * (after - before) / (after + before - 2.0 * h)
             peaks[count] = (2.0 * np.pi * (i + offset + 0.5) / ORIENTATION_BINS) % (2.0 * np.pi)
@@ -146,7 +146,7 @@ def describe(
     angle: float,
     descriptor: NDArray[np.uint8],
 ) -> None:
-    """Gradient histograms over 4 x 4 spatial and 8 angular bins, turned by ``angle`` [Lowe 2004, section 6].
+    """Compute gradient histograms over 4 x 4 spatial and 8 angular bins, rotated by ``angle`` [Lowe 2004, section 6].
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def describe(
         Direction of the keypoint in radians.
     descriptor
         Shape (128,), uint8, overwritten: spatial row, spatial column, angle (fastest); 512 times the unit vector,
-        cut at 255, as vl_sift stores it.
+        clipped at 255, as in vl_sift.
     """
     height, width = magnitudes.shape
     bin_width = MAGNIFICATION * sigma
@@ -166,11 +166,11 @@ def describe(
     column, row = int(x + 0.5), int(y + 0.5)
     decay = -0.5 / (WINDOW * bin_width) ** 2
     window_x = np.exp(decay * (np.arange(column - radius, column + radius + 1) - x) ** 2).astype(np.float32)
-    # One bin of padding on each spatial side takes the spill of trilinear interpolation, so that no test is needed.
+    # One bin of padding on each spatial side takes the spill of trilinear interpolation without a test.
     histogram = np.zeros(PADDED * PADDED * ANGULAR_BINS, dtype=np.float32)
     per_radian, turned = np.float32(ANGULAR_BINS / (2.0 * np.pi)), np.float32(angle - 2.0 * np.pi)
     one, step_u, step_v = np.float32(1.0), np.float32(cosine), np.float32(-sine)
-    # Of a row, at most as wide as the window: what can be done for many samples at once, before they are dealt out.
+    # Buffers of one row, at most as wide as the window, for the vectorised work before samples are added to the bins.
     room = len(window_x)
     cells, bins, shares = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room, np.float32)
     weights = np.empty((4, room), np.float32)
@@ -191,7 +191,7 @@ def describe(
         for s in range(count):
             u = start_u + step_u * np.float32(np.int32(begin + s))
             v = start_v + step_v * np.float32(np.int32(begin + s))
-            # Rounding may put a sample a hair outside the square.
+            # Rounding may move a sample slightly outside the square.
             i = min(max(np.int32(u), np.int32(0)), np.int32(SPATIAL_BINS))
             j = min(max(np.int32(v), np.int32(0)), np.int32(SPATIAL_BINS))
             u, v = u - np.float32(i), v - np.float32(j)
@@ -202,7 +202,7 @@ def describe(
             weights[0, s], weights[1, s] = lower * (one - u), lower * u
             weights[2, s], weights[3, s] = upper * (one - u), upper * u
         for s in range(count):
-            # Unsigned: where an index cannot be negative, no instruction is spent on that case.
+            # Unsigned indices need no instruction for negative ones.
             near, far = np.uint64(bins[s] & (ANGULAR_BINS - 1)), np.uint64((bins[s] + 1) & (ANGULAR_BINS - 1))
             share, rest, cell = shares[s], one - shares[s], np.uint64(cells[s])
             for corner in range(4):
@@ -220,7 +220,7 @@ def describe(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _span(constant: float, slope: float, reach: float, first: float, last: float) -> tuple[float, float]:
-    """Narrow the interval [first, last] to where abs(constant + slope * t) <= reach."""
+    """Narrow the interval [first, last] to the t with abs(constant + slope * t) <= reach."""
     if abs(slope) < 1e-12:
         return (first, last) if abs(constant) <= reach else (1.0, 0.0)
     one, other = (-reach - constant) / slope, (reach - constant) / slope

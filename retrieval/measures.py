@@ -1,7 +1,7 @@
-"""The measures of retrieval: one table with what a measure is for a query, by chance, and over parts of a gallery.
+"""Retrieval measures: one table of their values for a query, at chance level, and over parts of a gallery.
 
 For a query of a class of size C there are c = C - 1 relevant models among the N - 1 others; g_i = 1 if the model at
-rank i is relevant. A measure is added here and nowhere else.
+rank i is relevant. New measures are added here and nowhere else.
 
 References
 ----------
@@ -23,22 +23,22 @@ __all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults"]
 
 FloatArray = NDArray[np.float64]
 
-#: Length of the result list that the E-measure looks at.
+#: Length of the result list that the E-measure evaluates.
 E_MEASURE_DEPTH = 32
 
 
 @dataclass(frozen=True, eq=False)
 class RankedResults:
-    """The results of one query in their order.
+    """Ranked results of one query.
 
     Parameters
     ----------
     gains
-        Relevance of each rank, shape (N - 1,): 0 or 1, and its expectation where results tie.
+        Relevance at each rank, shape (N - 1,): 0 or 1, or its expectation if results tie.
     hits_up_to
-        Relevant results up to each rank, given that there is one at it, shape (N - 1,).
+        Number of relevant results up to each rank, given that there is one at this rank, shape (N - 1,).
     n_relevant
-        Relevant results in the whole list.
+        Number of relevant results in the whole list.
     """
 
     gains: FloatArray
@@ -47,24 +47,24 @@ class RankedResults:
 
     @property
     def ranks(self) -> NDArray[np.int64]:
-        """The ranks 1 ... N - 1."""
+        """Ranks 1 ... N - 1."""
         return np.arange(1, len(self.gains) + 1)
 
 
 @dataclass(frozen=True)
 class RandomOrder:
-    """A list of N - 1 results in random order."""
+    """List of N - 1 results in random order."""
 
     n_results: int
     n_relevant: int
 
     @property
     def share(self) -> float:
-        """Share of the results that is relevant."""
+        """Share of relevant results."""
         return self.n_relevant / self.n_results
 
     def hits(self, rank: int) -> float:
-        """Return the relevant results that are expected up to a rank."""
+        """Return the expected number of relevant results up to a rank."""
         return self.share * min(rank, self.n_results)
 
 
@@ -79,16 +79,16 @@ class Measure:
     title
         Name in words.
     formula
-        What it is for one query.
+        Definition for one query.
     source
-        Who defines it so.
+        Source of the definition.
     of_query
-        Its value for a query.
+        Value for a query.
     by_chance
-        Its expectation for a query whose results come in random order.
+        Expected value for a query with results in random order.
     cumulated
-        What the first k ranks of a query with ``n_relevant`` relevant results add at most, for an array of the numbers
-        k = 0 ... N - 1; None for a measure that is no weighted sum over ranks.
+        Maximum contribution of the first k ranks of a query with ``n_relevant`` relevant results, for an array of the
+        numbers k = 0 ... N - 1; None for a measure that is not a weighted sum over ranks.
     """
 
     name: str
@@ -101,12 +101,12 @@ class Measure:
 
 
 def discounts(count: int) -> FloatArray:
-    """Weights of the ranks 1 ... ``count`` in the benchmark's DCG, shape (count,): 1, then 1 / log2(i)."""
+    """Return the weights of the ranks 1 ... ``count`` in the benchmark's DCG, shape (count,): 1, then 1 / log2(i)."""
     return 1.0 / np.log2(np.maximum(np.arange(1, count + 1), 2))
 
 
 def _text_discounts(count: int) -> FloatArray:
-    """Weights of the ranks in evaluation packages for text: 1 / log2(i + 1)."""
+    """Return the weights of the ranks in evaluation packages for text retrieval: 1 / log2(i + 1)."""
     return 1.0 / np.log2(np.arange(1, count + 1) + 1)
 
 
@@ -146,8 +146,7 @@ def _e_measure_by_chance(order: RandomOrder) -> float:
 def _average_precision_by_chance(order: RandomOrder) -> float:
     """Return the expected average precision.
 
-    A relevant result has another one at each of the ranks before it with probability
-    ``(n_relevant - 1) / (n_results - 1)``.
+    Each rank before a relevant result holds another one with probability ``(n_relevant - 1) / (n_results - 1)``.
     """
     before = np.arange(order.n_results) * (order.n_relevant - 1) / max(order.n_results - 1, 1)
     return float(((1.0 + before) / np.arange(1, order.n_results + 1)).mean())
@@ -197,7 +196,7 @@ MEASURES: tuple[Measure, ...] = (
         _average_precision_by_chance,
     ),
 )  # fmt: skip
-"""All measures that a record holds."""
+"""All measures in a record."""
 
 PRINTED: tuple[str, ...] = tuple(measure.name for measure in MEASURES[:4])
-"""The measures that the paper prints, in its order; tables print these."""
+"""Measures that the paper and the tables print, in the order of the paper."""

@@ -1,7 +1,7 @@
 """Scores of a distance matrix: each measure for each query, and its mean.
 
-The query itself is removed by its index, so that a duplicate at distance 0 counts as a result. What the measures are
-stands in :mod:`retrieval.measures`.
+The query itself is removed by its index, so that a duplicate at distance 0 counts as a result. For the measures, see
+:mod:`retrieval.measures`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from retrieval.measures import MEASURES, FloatArray, RankedResults
 
 #: Largest asymmetry of a distance matrix, relative to its largest entry off the diagonal.
 ASYMMETRY = 1e-6
-#: Rows of a distance matrix that are looked at together.
+#: Number of rows of a distance matrix that are checked together.
 ROWS = 256
 
 
@@ -31,7 +31,7 @@ class Query:
     distances, relevant
         Distance of each result from the query, and whether it is relevant, shape (n,) each.
     is_answered
-        Whether the query has a result at all; without one it has 0 in every measure.
+        Whether the query has results; without them it scores 0 in every measure.
     """
 
     distances: FloatArray
@@ -50,9 +50,9 @@ class Scores:
     per_query
         The same for each query, each of shape (N,); NaN for the only member of a class.
     tied_queries
-        Number of queries with two results at the same distance of which one is relevant and one is not.
+        Number of queries with a relevant and an irrelevant result at the same distance.
     lone_queries
-        Number of queries without a relevant model; they count in no mean.
+        Number of queries without a relevant model; the means exclude them.
     """
 
     means: dict[str, float]
@@ -69,24 +69,24 @@ def evaluate(
 ) -> Scores:
     """Score a distance matrix against the classes of its shapes.
 
-    A shape without a result is a query with 0 in every measure, and a target behind all shapes that have one.
+    A shape without a result scores 0 in every measure as a query, and ranks behind all other shapes as a target.
 
     Parameters
     ----------
     distances
-        Shape (n, n), symmetric and finite, of the shapes that have a result; the diagonal is ignored.
+        Distances between the shapes that have a result, shape (n, n), symmetric and finite; the diagonal is ignored.
     labels
-        Class of each shape of the gallery, shape (N,), of any type that can be compared.
+        Class of each shape of the gallery, shape (N,), of any comparable type.
     ties
         ``"expected"``: the exact mean over all orders of results at equal distance, so that neither names nor file
-        order matter. ``"index"``: the lower index first, as the benchmark's program psbTable does.
+        order matter. ``"index"``: the lower index first, as in the benchmark's program psbTable.
     answered
-        Places of the n shapes that have a result, in their order; None for all.
+        Indices of the n shapes that have a result, in their order; None for all.
 
     Returns
     -------
     Scores
-        Means, measures per query, and the number of queries with ties.
+        Means, measures per query, and number of queries with ties.
 
     Raises
     ------
@@ -104,20 +104,20 @@ def evaluate_rows(
     ties: Literal["expected", "index"] = "expected",
     answered: ArrayLike | None = None,
 ) -> tuple[Scores, Scores | None]:
-    """Score the rows of a distance matrix one after the other, so that the matrix need not be in memory.
+    """Score the rows of a distance matrix one by one, so that the matrix need not be in memory.
 
     Parameters
     ----------
     rows
         The n rows, shape (n,) each; read once.
     labels, ties, answered
-        As of :func:`evaluate`.
+        As in :func:`evaluate`.
 
     Returns
     -------
     tuple
-        Scores of the gallery; and those of the answered shapes among themselves, None where they are all, of one class,
-        or no two of one class.
+        Scores of the gallery; and those of the answered shapes among themselves, None if these are all shapes, belong
+        to one class, or are of distinct classes.
     """
     classes = np.unique(np.asarray(labels), return_inverse=True)[1]
     count = len(classes)
@@ -129,7 +129,7 @@ def evaluate_rows(
     ]
     values_alone = []
     for number, (place, row) in enumerate(zip(places, rows, strict=True)):
-        whole = np.full(count, 2.0 * np.abs(row).max(initial=0.0) + 1.0)  # what has no result is behind all others
+        whole = np.full(count, 2.0 * np.abs(row).max(initial=0.0) + 1.0)  # shapes without a result rank last
         whole[places] = row
         values[place] = _of_query(Query(np.delete(whole, place), _relevant(classes, place)), ties)
         if is_partial:
@@ -142,7 +142,7 @@ def _relevant(classes: NDArray[np.intp], query: int) -> NDArray[np.bool_]:
 
 
 def evaluate_queries(queries: Iterable[Query], ties: Literal["expected", "index"] = "expected") -> Scores:
-    """Score queries that each have results of their own; see :func:`evaluate`.
+    """Score queries with separate results; see :func:`evaluate`.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def evaluate_queries(queries: Iterable[Query], ties: Literal["expected", "index"
 
 
 def _of_query(query: Query, ties: str) -> tuple[list[float], bool]:
-    """Return all measures of a query, NaN where nothing is relevant, and whether ties matter."""
+    """Return all measures of a query (NaN if nothing is relevant), and whether ties matter."""
     if ties not in ("expected", "index"):
         raise ConfigurationError(f"unknown rule for ties '{ties}'", "choose expected or index")
     if not query.relevant.any():
@@ -181,22 +181,22 @@ def _scores(of_queries: Sequence[tuple[list[float], bool]]) -> Scores:
 def with_missing(
     distances: ArrayLike, labels: ArrayLike, answered: ArrayLike | None
 ) -> tuple[FloatArray, NDArray[np.intp], NDArray[np.bool_]]:
-    """Return the distances of a whole gallery, in which shapes without a result are farther away than all others.
+    """Return the distances of a whole gallery, with shapes without a result farther away than all others.
 
     Parameters
     ----------
     distances, labels, answered
-        As of :func:`evaluate`.
+        As in :func:`evaluate`.
 
     Returns
     -------
     tuple
-        Distances, shape (N, N); number of the class of each shape, shape (N,); which shapes have a result, shape (N,).
+        Distances, shape (N, N); class number of each shape, shape (N,); whether each shape has a result, shape (N,).
 
     Raises
     ------
     ConfigurationError
-        As of :func:`check_distances`.
+        As in :func:`check_distances`.
     """
     names = np.asarray(labels)
     if answered is None:
@@ -212,7 +212,7 @@ def with_missing(
 
 
 def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray, NDArray[np.intp]]:
-    """The matrix of shape (N, N) and the number of the class of each shape, shape (N,).
+    """Check a distance matrix; return it, shape (N, N), and the class number of each shape, shape (N,).
 
     Raises
     ------
@@ -228,13 +228,13 @@ def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray
             f"there are {len(matrix)} rows of distances but labels of shape {names.shape}", "pass one label per shape"
         )
     difference = largest = 0.0
-    for start in range(0, len(matrix), ROWS):  # a copy of the whole matrix may not fit beside it
+    for start in range(0, len(matrix), ROWS):  # a copy of the whole matrix may not fit in memory
         rows, columns = matrix[start : start + ROWS], matrix[:, start : start + ROWS]
         if not np.isfinite(rows).all():
             raise ConfigurationError(
                 "a distance is NaN or infinite", "leave out the shapes that the method cannot treat"
             )
-        with np.errstate(invalid="ignore"):  # what is infinite below is found below
+        with np.errstate(invalid="ignore"):  # infinite entries of later rows are found later
             difference = max(difference, float(np.abs(rows - columns.T).max(initial=0.0)))
         off_diagonal = np.arange(start, start + len(rows))[:, np.newaxis] != np.arange(len(matrix))
         largest = max(largest, float(np.abs(rows).max(initial=0.0, where=off_diagonal)))
@@ -246,7 +246,7 @@ def check_distances(distances: ArrayLike, labels: ArrayLike) -> tuple[FloatArray
 
 
 def _ranked(query: Query, ties: str) -> tuple[RankedResults, bool]:
-    """Return the results of a query in their order, and whether ties matter."""
+    """Return the ranked results of a query, and whether ties matter."""
     order = np.argsort(query.distances, kind="stable")
     relevant = query.relevant[order].astype(np.float64)
     n_relevant, n_results = int(relevant.sum()), len(order)

@@ -14,21 +14,21 @@ from retrieval.views import BACKGROUND, render, view_sphere
 
 Rotation = NDArray[np.float64]
 
-#: Rotations are searched on a grid of Rodrigues vectors (axis times tan of half the angle) with this many values per
-#: axis; the cube [-tan(pi/8), tan(pi/8)]^3 holds every rotation up to the 24 rotations of the cube.
+#: Number of values per axis of the search grid of Rodrigues vectors (axis times tan of half the angle); the cube
+#: [-tan(pi/8), tan(pi/8)]^3 contains every rotation up to the 24 rotations of the cube.
 GRID = 9
-#: How many of the best grid rotations are refined, from which step to which, in radians.
+#: Number of best grid rotations to refine, and first and last step of the refinement in radians.
 STARTS = 8
 FIRST_STEP, LAST_STEP = 0.1, 1e-6
 
-#: Coordinates in the unit sphere are rounded to multiples of this. A form comes with noise in its last digits, which
-#: differ from one processor to the next, and bytes of descriptors, and with them the draw of the words, hang on
-#: every bit. The grid is far coarser than that noise (1e-12 or so), so that nearly every form is the same afterwards
-#: to the last bit; and far finer than what the scorer sees: a pixel is 512 steps wide.
+#: Coordinates in the unit sphere are rounded to multiples of this. The last digits of a form are noise that differs
+#: between processors, and the bytes of descriptors, and with them the draw of the words, depend on every bit. The grid
+#: is far coarser than that noise (about 1e-12), so that nearly every form is then the same to the last bit, and far
+#: finer than the scorer resolves: a pixel is 512 steps wide.
 RESOLUTION = 2.0**-16
-#: A third moment below this share of its largest possible value is that of an axis of symmetry, and says nothing.
+#: A third moment below this share of its largest possible value is that of an axis of symmetry and uninformative.
 NEGLIGIBLE = 1e-6
-#: Two orientations whose projected areas differ by less than this fraction are equally rectilinear, as those are that a
+#: Two orientations whose projected areas differ by less than this fraction are equally rectilinear, such as two that a
 #: mirror symmetry of the form exchanges.
 EQUALLY_RECTILINEAR = 1e-6
 #: Two silhouettes whose numbers of pixels differ by less than this fraction are equally large. Moving a silhouette by
@@ -39,8 +39,8 @@ EQUALLY_LARGE = 1e-3
 def to_unit_sphere(mesh: Mesh) -> Mesh:
     """Move the mean of the vertices to the origin and scale the farthest vertex to distance 1.
 
-    Only vertices that some triangle uses count. The mean of the vertices (not the area centroid) is what the public
-    re-implementation of CM-BOF uses; on the evenly decimated forms of this suite the two nearly coincide.
+    Only vertices of triangles count. The public re-implementation of CM-BOF also uses the mean of the vertices instead
+    of the area centroid; on the evenly decimated forms of this suite the two nearly coincide.
 
     Raises
     ------
@@ -58,17 +58,17 @@ def to_unit_sphere(mesh: Mesh) -> Mesh:
 
 
 def rounded(mesh: Mesh) -> Mesh:
-    """Move the vertices of a form in the unit sphere to the nearest points of a grid of :data:`RESOLUTION`."""
-    # Adding 0.0 makes the negative zeros positive.
+    """Round the vertices of a form in the unit sphere to multiples of :data:`RESOLUTION`."""
+    # Adding 0.0 makes negative zeros positive.
     return mesh.with_vertices(np.round(mesh.vertices / RESOLUTION) * RESOLUTION + 0.0)
 
 
 def pca_rotation(mesh: Mesh) -> Rotation:
-    """Rotation onto the principal axes of the vertices, largest variance first, determinant +1.
+    """Return the rotation onto the principal axes of the vertices, largest variance first, determinant +1.
 
-    The first two axes point to the side of positive third moment, or of the vertex farthest along them where that
-    moment is as good as zero. The clock matching knows no signs, but a turned view has other pixels, and an
-    eigensolver's choice of sign belongs to the processor.
+    The first two axes point to the side of positive third moment, or of the vertex farthest along them if that moment
+    is negligible. Clock matching ignores signs, but a rotated view has other pixels, and the signs of an eigensolver
+    depend on the processor.
     """
     points = mesh.vertices[np.unique(mesh.faces)]
     centred = points - points.mean(axis=0)
@@ -83,12 +83,12 @@ def pca_rotation(mesh: Mesh) -> Rotation:
 
 
 def rectilinearity_rotation(mesh: Mesh) -> Rotation:
-    """Rotation that minimises the summed area of the triangles' projections on the three coordinate planes.
+    """Return the rotation that minimises the summed area of the triangles' projections on the three coordinate planes.
 
-    A grid over all rotations that differ by more than a symmetry of the cube, then a pattern search from the best grid
-    points: deterministic, unlike the random restarts of the original. Of equally good results the one that started at
-    the lowest grid point counts. No step uses BLAS or rounds otherwise on one processor than on another, so one set of
-    coordinates has one rotation.
+    The search covers a grid of all rotations up to symmetries of the cube, followed by a pattern search from the best
+    grid points. It is deterministic, unlike the random restarts of the original. Of equally good results, the one from
+    the lowest grid point wins. No step uses BLAS or rounds differently between processors, so the same coordinates
+    always give the same rotation.
 
     References
     ----------
@@ -106,19 +106,19 @@ def rectilinearity_rotation(mesh: Mesh) -> Rotation:
 
 
 def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
-    """Bring a form into the unit sphere and into the candidate pose that shows least of it.
+    """Bring a form into the unit sphere and into the candidate pose with the smallest silhouettes.
 
-    The coordinates are multiples of :data:`RESOLUTION`, so that noise in the last digits of a form ends here.
+    The coordinates are multiples of :data:`RESOLUTION`, which removes noise in the last digits of a form.
 
     Parameters
     ----------
     mesh
         The form.
     candidates
-        Names out of ``"pca"`` and ``"rectilinearity"``; empty keeps the orientation. Of two, the one with fewer
-        foreground pixels summed over the three axis views wins, a tie (:data:`EQUALLY_LARGE`) goes to the last.
+        Names from ``"pca"`` and ``"rectilinearity"``; empty keeps the orientation. Of two, the one with fewer
+        foreground pixels, summed over the three axis views, wins; a tie (:data:`EQUALLY_LARGE`) goes to the last.
     image_size
-        Height and width in pixels of the images that are counted.
+        Height and width, in pixels, of the images for this count.
 
     Raises
     ------
@@ -146,7 +146,7 @@ ROTATIONS = {"pca": pca_rotation, "rectilinearity": rectilinearity_rotation}
 
 @njit(cache=True, nogil=True)
 def _from_rodrigues(x: float, y: float, z: float) -> Rotation:
-    """Rotation matrix of the unit quaternion along (1, x, y, z)."""
+    """Return the rotation matrix of the unit quaternion along (1, x, y, z)."""
     scale = 2.0 / (1.0 + x * x + y * y + z * z)
     return np.array(
         [
@@ -159,8 +159,8 @@ def _from_rodrigues(x: float, y: float, z: float) -> Rotation:
 
 @njit(cache=True, nogil=True)
 def _projected_area(area_vectors: NDArray[np.float64], rotation: Rotation) -> float:
-    # A sum whose order the compiler may choose has other last digits on another processor. Adding the second half to
-    # the first until one number is left is a fixed order, and can be vectorised as it stands.
+    # If the compiler chooses the order of a sum, its last digits depend on the processor. Adding the second half to the
+    # first until one number is left is a fixed order that still vectorises.
     x, y, z = area_vectors[0], area_vectors[1], area_vectors[2]
     count = area_vectors.shape[1]
     sums = np.empty(count)
@@ -183,7 +183,7 @@ def _projected_area(area_vectors: NDArray[np.float64], rotation: Rotation) -> fl
 def _refine(
     area_vectors: NDArray[np.float64], rotation: Rotation, first_step: float, last_step: float
 ) -> tuple[Rotation, float]:
-    """Turn by a step about each axis while that helps, then halve the step [Hooke & Jeeves 1961]."""
+    """Rotate by a step about each axis while that helps, then halve the step [Hooke & Jeeves 1961]."""
     area = _projected_area(area_vectors, rotation)
     step = first_step
     while step > last_step:
@@ -191,7 +191,7 @@ def _refine(
         for axis in range(3):
             for sign in (-1.0, 1.0):
                 turn = np.zeros(3)
-                # For such angles as good as the tangent of the half.
+                # Half the angle approximates its tangent well enough.
                 turn[axis] = sign * 0.5 * step
                 candidate = _product(_from_rodrigues(turn[0], turn[1], turn[2]), rotation)
                 candidate_area = _projected_area(area_vectors, candidate)

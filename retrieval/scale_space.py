@@ -1,4 +1,4 @@
-"""The Gaussian and difference-of-Gaussian scale space of SIFT, and its extrema (compiled kernels).
+"""Gaussian and difference-of-Gaussian scale space of SIFT, and its extrema (compiled kernels).
 
 Notation of Lowe 2004: three levels per octave; level s of an octave has the scale 1.6 * 2^(s / 3) in pixels of that
 octave. An octave holds the Gaussian levels -1 ... 4, hence five differences and three levels with both neighbours.
@@ -16,22 +16,23 @@ from numpy.typing import NDArray
 
 from retrieval.gaussian_blur import HAS_VECTORS, blur, gaussian_kernel
 
-#: Pixels that are looked at together.
+#: Number of pixels tested together.
 LANES = 16
 _VECTOR = ir.VectorType(ir.FloatType(), LANES)
 
 
 @intrinsic
 def mark_candidates(_context, stack, level, row, column, threshold):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Mark each of the pixels from (level, row, column) on that may be an extremum.
+    """Mark the pixels from (level, row, column) on that may be extrema.
 
-    It is at least as far from zero as the threshold and beyond its neighbours in four directions and in both levels.
-    That rejects nearly every pixel; most blocks hold none that is far from zero, and nothing else of them is read.
+    A marked pixel is at least as far from zero as the threshold and beyond its neighbours in four directions and in
+    both levels. This rejects nearly every pixel; most blocks have none far from zero, and their neighbours are not
+    read.
 
     Parameters
     ----------
     stack
-        Shape (levels, height, width), float32, contiguous. The block and all neighbours of it must lie inside.
+        Shape (levels, height, width), float32, contiguous. The block and all its neighbours must lie inside.
     level, row, column
         The first pixel.
     threshold
@@ -101,7 +102,7 @@ REFINEMENT_STEPS = 5
 
 @njit(cache=True, nogil=True)
 def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleArray, is_first: bool) -> None:
-    """Fill the Gaussian levels and their differences of one octave.
+    """Compute the Gaussian levels of one octave and their differences.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleA
     if is_first:
         blur(base, gaussians[0], gaussian_kernel(np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2)))
     else:
-        for row in range(base.shape[0]):  # assigned as a whole, it takes a second to compile
+        for row in range(base.shape[0]):  # an assignment of the whole array takes a second to compile
             for x in range(base.shape[1]):
                 gaussians[0, row, x] = base[row, x]
     for level in range(1, N_GAUSSIANS):
@@ -130,19 +131,19 @@ def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleA
 
 @njit(cache=True, nogil=True)
 def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: float, points: FloatArray) -> int:
-    """Sub-pixel extrema of the differences of one octave.
+    """Find the sub-pixel extrema of the differences of one octave.
 
     Parameters
     ----------
     differences
         Shape (5, height, width), float32.
     peak_threshold
-        Smallest absolute value at the refined extremum, in units of the image.
+        Minimum absolute value at the refined extremum, in units of the image.
     edge_ratio
-        Largest ratio of the principal curvatures.
+        Maximum ratio of the principal curvatures.
     points
-        Shape (capacity, 4), float64, overwritten: x, y in pixels of the octave, level 0 ... 2 where the extremum lies,
-        offset of the level.
+        Shape (capacity, 4), float64, overwritten: x, y in pixels of the octave, level 0 ... 2 of the extremum, offset
+        of the level.
 
     Returns
     -------
@@ -155,7 +156,7 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
     for level in range(1, LEVELS + 1):
         for row in range(1, height - 1):
             for block in range(1, width - 1, LANES):
-                # Inside the array with their neighbours; those that the block before has seen are shifted out.
+                # The pixels and their neighbours lie inside the array; those of the previous block are shifted out.
                 begin = min(block, width - 1 - LANES)
                 if HAS_VECTORS and begin > 0:
                     marks = mark_candidates(differences, level, row, begin, candidate_threshold) >> (block - begin)
@@ -204,7 +205,7 @@ def _refine(
     height, width = differences.shape[1:]
     hessian = np.empty((3, 3))
     move_x = move_y = 0
-    for _ in range(REFINEMENT_STEPS):  # a move after the last one would leave its fit behind
+    for _ in range(REFINEMENT_STEPS):  # moves precede fits, so that the last fit belongs to the last pixel
         column += move_x
         row += move_y
         a, b, c = differences[level - 1], differences[level], differences[level + 1]

@@ -1,8 +1,8 @@
-"""Energies of spherical harmonics on concentric shells: a signature that no rotation changes, compared without a pose.
+"""Energies of spherical harmonics on concentric shells: a rotation-invariant signature without pose normalisation.
 
-The surface is spread over shells around its centroid; what lies in a shell is a function on the sphere, and the energy
-of such a function in each degree of the spherical harmonics does not depend on how the form is turned. Nothing is
-rendered, drawn at random or matched, so it shares no step with CM-BOF.
+The surface is divided among shells around its centroid. The part in each shell is a function on the sphere, whose
+energy in each degree of the spherical harmonics does not depend on the rotation of the form. There is no rendering,
+random draw or matching, so no step is shared with CM-BOF.
 
 References
 ----------
@@ -30,34 +30,34 @@ __all__ = ["SphericalHarmonics", "energies", "sample_surface"]
 
 Points = NDArray[np.float64]
 
-#: Triangles below which all of them are cut into four, again and again: a count, so the same on every machine.
+#: Minimum number of triangles; with fewer, all are repeatedly split into four. A count is the same on every machine.
 FEWEST_TRIANGLES = 4000
 
-#: Radius that the mean distance from the centroid is scaled to; the outermost shell has radius 1.
+#: Radius to which the mean distance from the centroid is scaled; the outermost shell has radius 1.
 MEAN_RADIUS = 0.5
 
-#: Distances are rounded to multiples of this, so that forms that differ by rounding alone tie on every machine.
+#: Distances are rounded to multiples of this, so that forms that differ only by rounding tie on every machine.
 RESOLUTION = 2.0**-30
 
-#: Rule of degree 4 on the triangle: barycentric coordinates (1 - 2 a, a, a) in every order, and their weights.
+#: Quadrature of degree 4 on the triangle: barycentric coordinates (1 - 2 a, a, a) in every order, and their weights.
 #: Dunavant, "High degree efficient symmetrical Gaussian quadrature rules for the triangle", 1985, table II.
 _RULE = ((0.445948490915965, 0.223381589678011), (0.091576213509771, 0.109951743655322))
 
 
 @dataclass(frozen=True, kw_only=True)
 class SphericalHarmonics:
-    """Shells of a form by the energies of their spherical harmonics, compared by the Euclidean distance.
+    """Energies of spherical harmonics on the shells of a form, compared by Euclidean distance.
 
-    Where the original draws the surface into a grid of 64 x 64 x 64 voxels, the area itself is integrated here, so that
-    the signature is as invariant as arithmetic is; and what lies beyond the outermost shell counts to it instead of
-    being cut off.
+    The original rasterises the surface into a grid of 64 x 64 x 64 voxels. Here the area itself is integrated, so that
+    the signature is as invariant as the arithmetic allows, and area beyond the outermost shell counts towards that
+    shell instead of being cut off.
 
     Parameters
     ----------
     n_shells
         Number of shells, of radii 1/n, 2/n, ..., 1.
     n_degrees
-        Degrees of the harmonics, from 0.
+        Number of degrees of the harmonics, from 0.
 
     References
     ----------
@@ -75,7 +75,7 @@ class SphericalHarmonics:
     n_degrees: Annotated[int, Interval(1, 64)] = 16
 
     def signature(self, form: Mesh) -> SignatureArrays:
-        """Energies by shell and degree: ``energies``, shape (n_shells, n_degrees).
+        """Compute the energies by shell and degree: ``energies``, shape (n_shells, n_degrees).
 
         Raises
         ------
@@ -93,19 +93,19 @@ class SphericalHarmonics:
         return {"energies": energies(directions, shells, self.n_degrees)}
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
-        """Euclidean distances of all pairs of signatures, shape (N, N); there is nothing to draw."""
+        """Return the Euclidean distances of all pairs of signatures, shape (N, N); ``draw`` has no effect."""
         return _rounded(squareform(pdist(_as_rows(signatures))))
 
     def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
-        """Return nothing: a signature is compared as it is."""
+        """Return an empty codebook: signatures are compared directly."""
         return {}
 
     def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
-        """Return the signature."""
+        """Return the signature unchanged."""
         return signature
 
     def match(self, rows: Sequence[SignatureArrays], columns: Sequence[SignatureArrays]) -> NDArray[np.float64]:
-        """Euclidean distances of each of M signatures to each of N others, shape (M, N)."""
+        """Return the Euclidean distances of each of M signatures to each of N others, shape (M, N)."""
         return _rounded(cdist(_as_rows(rows), _as_rows(columns)))
 
 
@@ -118,19 +118,19 @@ def _rounded(distances: Points) -> Points:
 
 
 def sample_surface(mesh: Mesh) -> tuple[Points, Points]:
-    """Points that stand for the surface, and their shares of its area.
+    """Sample the surface by points, weighted by their shares of its area.
 
     Returns
     -------
     points
-        Shape (k, 3), six to each triangle, or to each quarter, sixteenth ... where there are few triangles.
+        Shape (k, 3), six per triangle, or per quarter, sixteenth ... if there are few triangles.
     weights
-        Shape (k,), with sum 1.
+        Shape (k,), sum 1.
 
     Raises
     ------
     InvalidMesh
-        If there is no area.
+        If the form has no area.
     """
     corners = mesh.vertices[mesh.faces]
     areas = mesh.face_areas
@@ -155,7 +155,7 @@ def sample_surface(mesh: Mesh) -> tuple[Points, Points]:
 
 
 def _on_shells(radii: Points, weights: Points, n_shells: int) -> csr_array:
-    """Return the part of each point in each shell, shape (n_shells, k): shared by the two nearest, so nothing jumps."""
+    """Return the weight of each point in each shell, shape (n_shells, k): the two nearest share it, without jumps."""
     place = np.clip(radii * n_shells - 1, 0, n_shells - 1)
     lower = np.minimum(place.astype(np.int64), max(n_shells - 2, 0))
     upper = np.minimum(lower + 1, n_shells - 1)
@@ -167,7 +167,7 @@ def _on_shells(radii: Points, weights: Points, n_shells: int) -> csr_array:
 
 
 def energies(directions: Points, shells: csr_array, n_degrees: int) -> Points:
-    """Energies of measures on the sphere in each degree of the spherical harmonics.
+    """Compute the energies of measures on the sphere in each degree of the spherical harmonics.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def energies(directions: Points, shells: csr_array, n_degrees: int) -> Points:
     shells
         Weight of each direction in each measure, shape (n, k).
     n_degrees
-        Degrees, from 0.
+        Number of degrees, from 0.
 
     Returns
     -------
@@ -191,10 +191,10 @@ def energies(directions: Points, shells: csr_array, n_degrees: int) -> Points:
 
 
 def _harmonics(directions: Points, n_degrees: int) -> Iterator[tuple[int, int, NDArray[np.complex128]]]:
-    """Orthonormal harmonics of all orders from 0: order, degree, values; those of negative order mirror them.
+    """Yield the orthonormal harmonics of all orders from 0: order, degree, values; negative orders mirror them.
 
-    Neither angles nor functions of the system's library: powers of x + iy, and in z the recurrence of the Legendre
-    functions for a fixed order.
+    They need neither angles nor functions of the system library: only powers of x + iy, and in z the recurrence of the
+    Legendre functions for a fixed order.
     """
     x, y, z = directions.T
     around = np.full(len(directions), 0.5 / np.sqrt(np.pi), dtype=np.complex128)

@@ -1,8 +1,8 @@
-"""Scores of every way to choose the test subjects: how much a table depends on which ones it tests.
+"""Scores of every choice of test subjects: how much a table depends on this choice.
 
-A measure of a query is a sum over its relevant results, each with a weight that depends on its rank alone. Within the
+A measure of a query is a sum over its relevant results, each with a weight that depends only on its rank. In the
 gallery of some subjects, the rank of a result is one more than the number of nearer shapes, and that number is a sum
-over the subjects of the gallery. So the counts of nearer shapes by subject, made once, give all galleries.
+over the subjects of the gallery. One count of nearer shapes by subject therefore serves all galleries.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def all_splits(
     kinds: Mapping[Label, str] | None = None,
     wanted: Mapping[str, int] | None = None,
 ) -> list[tuple[Label, ...]]:
-    """Every way to take some subjects for testing, in the order of the subjects.
+    """List every choice of test subjects, in the order of the subjects.
 
     Parameters
     ----------
@@ -56,12 +56,12 @@ def all_splits(
     kinds
         Kind of each subject, e.g. ``"man"``.
     wanted
-        Keep only the ways that take this number of each kind; kinds that are not named may come in any number.
+        Keep only choices with this number of each kind; kinds that are not named may occur any number of times.
 
     Raises
     ------
     ConfigurationError
-        If there is no such way.
+        If there is no such choice.
     """
     known = list(dict.fromkeys(subjects))
     splits = list(combinations(known, size))
@@ -83,10 +83,10 @@ def scores_of_splits(
     splits: Sequence[Sequence[Label]],
     answered: ArrayLike | None = None,
 ) -> dict[str, FloatArray]:
-    """Score the gallery of each split as :func:`retrieval.metrics.evaluate` does, ties by their expected value.
+    """Score the gallery of each split like :func:`retrieval.metrics.evaluate`, with expected values for ties.
 
-    The distances are those of the whole set. Where they rest on words of a codebook, these were drawn from the whole
-    set too, and not anew for each gallery, so a run on one gallery alone may score a little otherwise.
+    The distances are those of the whole set. If they depend on a codebook, its words were also drawn from the whole set
+    and not from each gallery, so a run on one gallery alone may score slightly differently.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def scores_of_splits(
     splits
         Classes of each gallery.
     answered
-        Places of the n shapes that have a result; None for all. See :func:`retrieval.metrics.evaluate`.
+        Indices of the n shapes that have a result; None for all. See :func:`retrieval.metrics.evaluate`.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def scores_of_splits(
     ------
     ConfigurationError
         If the matrix is not square, finite and symmetric or does not fit the labels; if a split names an unknown class
-        or one twice, or holds no class with two members.
+        or a class twice, or has no class with two members.
     """
     names = list(dict.fromkeys(labels))
     number = {name: k for k, name in enumerate(names)}
@@ -142,12 +142,12 @@ def scores_of_splits(
 
 
 def ranges(scores: Mapping[str, FloatArray]) -> dict[str, Range]:
-    """Quantiles .05, .5 and .95 of each measure over the splits."""
+    """Compute the quantiles .05, .5 and .95 of each measure over the splits."""
     return {measure: Range(*np.quantile(values, (0.05, 0.5, 0.95)).tolist()) for measure, values in scores.items()}
 
 
 def _membership(splits: Sequence[Sequence[Label]], number: Mapping[Label, int]) -> NDArray[np.bool_]:
-    """Return which classes each split holds, shape (splits, classes)."""
+    """Return which classes each split contains, shape (splits, classes)."""
     chosen = np.zeros((len(splits), len(number)), dtype=np.bool_)
     for row, split in enumerate(splits):
         unknown = [name for name in split if name not in number]
@@ -162,12 +162,12 @@ def _membership(splits: Sequence[Sequence[Label]], number: Mapping[Label, int]) 
 def _counts(
     matrix: FloatArray, members: Sequence[NDArray[np.intp]], own: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For each query of a class and each relevant result: how many shapes of each class are nearer, and as near.
+    """Count the shapes of each class nearer than, and as near as, each relevant result of each query of a class.
 
     Returns
     -------
     tuple
-        Two arrays of shape (queries x relevant results, classes). The result itself counts as one as near.
+        Two arrays of shape (queries x relevant results, classes). The result itself counts in the second.
     """
     queries = members[own]
     shape = (len(queries), len(queries) - 1, len(members))

@@ -1,4 +1,4 @@
-"""The views of a form: where the cameras stand, what they see, and how the 24 cube rotations permute them."""
+"""Views of a form: cameras, depth images, and permutations of the views by the 24 rotations of the cube."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BACKGROUND = 1.0
 
 @dataclass(frozen=True, eq=False)
 class ViewSphere:
-    """Directions from which a form is seen; they have the symmetry of the cube.
+    """View directions of a form, with the symmetry of the cube.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class ViewSphere:
     directions: NDArray[np.float64]
 
     def permutation_of(self, rotation: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Return where an orthogonal map of the cube sends each view.
+        """Return the permutation of the views by an orthogonal map of the cube.
 
         Parameters
         ----------
@@ -51,18 +51,18 @@ class ViewSphere:
 
     @cached_property
     def opposite(self) -> NDArray[np.int32]:
-        """The view from the other side of each view, shape (V,); it has the same upwards direction."""
+        """Opposite view of each view, shape (V,), with the same up direction."""
         return self.permutation_of(-np.eye(3))
 
     @cached_property
     def orbits(self) -> NDArray[np.int32]:
-        """Return the orbit of the cube group that each view belongs to, counted from 0, shape (V,)."""
+        """Orbit of each view under the cube group, counted from 0, shape (V,)."""
         smallest = self.permutations.min(axis=0)
         return np.asarray(np.unique(smallest, return_inverse=True)[1], dtype=np.int32)
 
     @cached_property
     def cameras(self) -> NDArray[np.float64]:
-        """Rotations whose rows are the image's right, the image's up and the direction to the eye, shape (V, 3, 3)."""
+        """Rotations with rows right, up (both of the image) and direction to the eye, shape (V, 3, 3)."""
         up = np.tile([0.0, 1.0, 0.0], (len(self.directions), 1))
         up[np.abs(self.directions[:, 1]) > 1 - 1e-9] = [0.0, 0.0, 1.0]
         right = np.cross(up, self.directions)
@@ -72,7 +72,7 @@ class ViewSphere:
 
 @cache
 def view_sphere(subdivisions: int) -> ViewSphere:
-    """Views from the corners of an octahedron subdivided so often: 6, 18, 66, 258 ...; each begins with the one before.
+    """Return the views from the vertices of a subdivided octahedron: 6, 18, 66, 258 ...; each extends the previous one.
 
     The 66 of two subdivisions are 6 corners, 12 and 48 edge midpoints.
     """
@@ -93,7 +93,7 @@ def view_sphere(subdivisions: int) -> ViewSphere:
 
 
 def _cube_rotations() -> NDArray[np.float64]:
-    """The 24 rotations of the cube, shape (24, 3, 3): signed permutation matrices of determinant 1."""
+    """Return the 24 rotations of the cube, shape (24, 3, 3): signed permutation matrices of determinant 1."""
     signed = [
         np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3)
     ]
@@ -105,10 +105,10 @@ CUBE_ROTATIONS = _cube_rotations()
 
 
 def render(mesh: Mesh, size: int, sphere: ViewSphere, views: slice = slice(None)) -> NDArray[np.float32]:
-    """Depth images of a form inside the unit sphere.
+    """Render depth images of a form inside the unit sphere.
 
     Each camera is orthographic over [-1, 1] x [-1, 1]; its eye lies on the unit sphere and looks at the origin with
-    the y axis upwards (the z axis for the two views along y). Both sides of the surface are drawn.
+    the y axis up (the z axis for the two views along y). Both sides of the surface are drawn.
 
     Parameters
     ----------
@@ -117,15 +117,15 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere, views: slice = slice(None)
     size
         Height and width of each image in pixels.
     sphere
-        Where the cameras stand.
+        View directions.
     views
-        Which of its views to draw.
+        Slice of the views to render.
 
     Returns
     -------
     numpy.ndarray
         Shape (number of views, size, size), float32: depth (1 - p.v) / 2 in [0, 1] of the nearest point p in
-        direction v, and 1 where there is none.
+        direction v, or 1 if there is none.
 
     References
     ----------
@@ -135,7 +135,7 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere, views: slice = slice(None)
     chosen, opposite = np.arange(len(sphere.directions))[views].tolist(), sphere.opposite
     rows = {view: row for row, view in enumerate(chosen)}
     fronts = [view for view in chosen if not opposite[view] < view or opposite[view] not in rows]
-    # Which image shows the front of each, and which one its back, if that is wanted.
+    # The image of each view, and that of its opposite view, or -1 if that is not wanted.
     sides = np.array([(rows[view], rows.get(opposite[view], -1)) for view in fronts], dtype=np.int64)
     images = np.full((len(chosen), size, size), BACKGROUND, dtype=np.float32)
     _draw_views(mesh.vertices, mesh.faces, sphere.cameras[fronts], sides, images, NOT_BEHIND)

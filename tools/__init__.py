@@ -1,1 +1,1 @@
-"""Programs that developers run: speed, faults, portability, golden results, checked indices."""
+"""Development tools: speed, faults, portability, golden results, bounds checks, documentation."""

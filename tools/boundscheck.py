@@ -1,8 +1,8 @@
-"""``make boundscheck``: run every compiled kernel once with each index checked against the bounds of its array.
+"""``make boundscheck``: run every compiled kernel with bounds checks of all indices.
 
-Compiled code does not look whether an index lies inside an array: a write past the end changes foreign memory and may
-go unnoticed for years. Here an index outside an array raises ``IndexError``, and a kernel that no test marked
-``kernels`` reaches fails the run.
+Compiled code does not check whether an index is inside an array: a write past the end corrupts other memory and may go
+unnoticed for years. Here, an index outside an array raises ``IndexError``. The run also fails if a kernel is run by no
+test marked ``kernels``.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import sys
 from pathlib import Path
 
 FOLDER = Path("build/boundscheck")
-#: Read by numba when it is imported. Kernels of other runs were compiled without the checks, and a kernel that comes
-#: from a cache does not say which others it calls: hence a cache of its own, empty at the start.
-#: Indices are the same however fast the code: it is compiled quickly.
+#: Settings that numba reads on import. The cache is separate and starts empty, because kernels of other runs were
+#: compiled without checks, and a cached kernel does not tell which others it calls. Low optimisation compiles faster
+#: and does not change indices.
 os.environ |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(FOLDER.absolute()), "NUMBA_OPT": "1"}
 
 import numba  # noqa: E402
@@ -41,7 +41,7 @@ def main() -> int:
 
 
 def planted_overrun_is_caught() -> bool:
-    """Whether a kernel that reads one place too far raises an error."""
+    """Return whether a kernel that reads one element past the end raises an error."""
     try:
         numba.njit(lambda array: array[array.size])(np.zeros(3))
     except IndexError:

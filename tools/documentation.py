@@ -1,8 +1,8 @@
-"""Hooks of ``make docs``: what the site shows beside ``docs/``, and how links and docstrings are read.
+"""Hooks of ``make docs``: pages outside ``docs/``, links and docstrings.
 
-mkdocs calls the functions that begin with ``on_``; griffe, which reads the docstrings, makes a :class:`Docstrings`.
-Every page keeps the relative links that it has in the repository: a link to a file that the site has leads there, one
-to anything else, such as code, becomes plain text.
+mkdocs calls the functions that begin with ``on_``; griffe, which reads the docstrings, creates a :class:`Docstrings`.
+Pages use relative links as in the repository: a link to a file on the site leads there; any other link, for example to
+code, becomes plain text.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ ROOT = Path(__file__).resolve().parents[1]
 #: Files outside ``docs/`` that are pages or pictures of the site.
 BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/*/*.png")
 
-#: Modules whose docstrings are the reference: what authors import, results, and the methods and scorers themselves.
+#: Modules whose docstrings form the reference: the interface for authors, results, methods and scorers.
 DOCUMENTED = ("benchmark/api/*.py", "benchmark/results.py", "baselines/*.py", "retrieval/*.py")
 
-#: The repository's front page is that of the site, before the list of pages.
+#: Pages with other addresses: the front page of the repository is that of the site, before the list of pages.
 URIS = {"README.md": "index.md", "docs/README.md": "contents.md"}
 
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
@@ -40,7 +40,7 @@ DISPLAYED = re.compile(r"^\.\. math::[ ]*(.*(?:\n[ ]+\S.*)*)", re.MULTILINE)
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Complete the pages of the menu by those that nobody lists: the published tables and the reference of the code."""
+    """Add the published tables and the reference of the code to the menu."""
     tables = [{_title(path): _uri(path)} for path in _paths("results/tables/table-*.md", "results/tables/*.md")]
     packages: dict[str, list[dict[str, str]]] = {}
     for module in _modules():
@@ -50,7 +50,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the files beside ``docs/``, the gallery, and a page for each documented module."""
+    """Add the files outside ``docs/``, the gallery, and a page for each documented module."""
     files.remove(files.src_uris["README.md"])
     for path in [*_paths(*BESIDE), "docs/README.md"]:
         files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
@@ -65,7 +65,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lead the links of a page to where their files are in the site."""
+    """Convert the links of a page to addresses on the site."""
     address = page.file.src_uri
     if address == "gallery.md" or address.startswith("api/"):
         return markdown
@@ -84,10 +84,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 class Docstrings(Extension):
-    """Turns the roles and formulas of docstrings into links and MathML."""
+    """Extension that converts roles and formulas of docstrings into links and MathML."""
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
-        """Rewrite the docstring of whatever was read."""
+        """Rewrite the docstring of an object."""
         if obj.docstring:
             text = DISPLAYED.sub(lambda match: _formula(match[1], "block"), obj.docstring.value)
             text = FORMULA.sub(lambda match: _formula(match[1], "inline"), text)
@@ -114,7 +114,7 @@ def _modules() -> list[str]:
 
 
 def _uri(path: str) -> str:
-    """Place of a file of the repository in the site."""
+    """Return the address on the site of a file of the repository."""
     inside = path.removeprefix("docs/") if path.startswith("docs/") else f"repository/{path}"
     return URIS.get(path, inside)
 

@@ -1,8 +1,8 @@
-"""``make faults``: kills, bad plugins, damaged files, full disks, odd command lines.
+"""``make faults``: inject kills, bad plugins, damaged files, full disks and odd command lines.
 
-``faults.toml`` lists what is tried. A finished record must not be lost or changed, no half record, process or traceback
-may stay, each command ends in time with a documented exit code and names what is wrong, and scores are those of an
-undisturbed run. ``FAULTS_SEED`` determines all draws.
+``faults.toml`` lists the faults. No finished record may be lost or changed; no partial record, process or traceback may
+remain; each command must end in time with a documented exit code and name the fault; scores must equal those of an
+undisturbed run. ``FAULTS_SEED`` determines all random choices.
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ LISTS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_t
 SEED = os.environ.get("FAULTS_SEED", "0")
 
 OK, NOT_OK, USAGE, INTERRUPTED = 0, 1, 2, 130
-#: Seconds after which a command stands still, those in which the first one compiles, and those in which orphans end.
+#: Timeouts in seconds: of a command, of the first command, which compiles, and for orphans to end.
 STALL, COMPILED, GRACE = 150.0, 900.0, 8.0
-#: Lines that only a program writes that did not expect its fault; a message may quote them.
+#: Lines written only by a program that did not expect a fault; a message may quote them.
 TRACES = re.compile(
     r"^[ +|]*(Exception Group )?(Traceback \(most recent|Fatal Python error|Exception ignored in|Error in atexit)", re.M
 )
-#: The cheapest method: no form, so nothing to draw and no codebook.
+#: The cheapest method: it has no form, so nothing is rendered and there is no codebook.
 INNOCENT = "surface-area"
 METHODS = (INNOCENT, "light-size", "light-children")
 
-#: In place of a file to write to: a pipe whose reader has gone.
+#: Instead of an output file: a pipe without a reader.
 CLOSED = "closed"
 BENCHMARK = "benchmark.cli.main:program"
 
 
 # Commands ------------------------------------------------------------------------------------------------------------
 
-#: What a command runs; its first arguments are the seconds that an inspection of a plugin may take, and a function.
+#: Program of a command; its first arguments are the time limit for inspecting a plugin, in seconds, and a function.
 PROGRAM = """
 import sys
 from importlib import import_module
@@ -74,7 +74,7 @@ class Command:
     ) -> None:  # fmt: skip
         self.folder, self.output, self.error = folder, "", ""
         self.code: int | None = None
-        # Without these capabilities, permissions hold for root too; others have none to give up.
+        # Without these capabilities, permissions hold for root too; other users have none to drop.
         unprivileged = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", "--inh-caps=-all"]
         prefix = [] if rights or os.geteuid() else unprivileged
         environment = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
@@ -90,7 +90,7 @@ class Command:
             )  # fmt: skip
 
     def has_ended(self, seconds: float = 0.0) -> bool:
-        """Wait for some seconds; return whether it has ended."""
+        """Wait for at most ``seconds``; return whether it has ended."""
         with suppress(subprocess.TimeoutExpired):
             self.code = self.process.wait(seconds)
             texts = [self.folder / name for name in ("stdout", "stderr")]
@@ -113,7 +113,7 @@ def opened(path: str) -> BinaryIO:
 
 
 def kill_orphans(grace: float) -> list[str]:
-    """Kill what is still there although its command has ended, after some time to go, and return what that was."""
+    """Kill the processes that outlive their command by more than ``grace`` seconds, and describe them."""
     end, killed = time.monotonic() + grace, []
     while (left := psutil.Process().children(recursive=True)) and time.monotonic() < end:
         with suppress(ChildProcessError):
@@ -131,7 +131,7 @@ def kill_orphans(grace: float) -> list[str]:
 
 
 class Case:
-    """One fault, the folder where it is tried, and the requirements that were violated."""
+    """One fault, its folder, and the violated requirements."""
 
     def __init__(self, name: str, place: Path, expected: dict[str, Any]) -> None:
         self.crossings: list[str] = []
@@ -149,7 +149,7 @@ class Case:
             self.cross(crossing)
 
     def selection(self, data: Path | None = None, plugin: Path | None = None) -> list[str]:
-        """Options that select the innocent method, and those of a plugin file, on the rods or another folder."""
+        """Return options that select the innocent method, and those of a plugin file, on the rods or another folder."""
         words = ["-d", str(data or self.rods), "--input", "mesh", "--results", str(self.results), "-m", INNOCENT]
         return words + (["--plugin", str(plugin)] if plugin else [])
 
@@ -158,7 +158,7 @@ class Case:
 
     def run(self, *words: object, codes: tuple[int, ...] = (OK, NOT_OK, USAGE), may_trace: bool = False,
             seconds: float = STALL, **options: Any) -> Command:  # fmt: skip
-        """Run a command to its end and look at how it ends."""
+        """Run a command to its end and check how it ends."""
         return self.finish(self.start(*words, **options), shown(words), codes, may_trace=may_trace, seconds=seconds)
 
     def finish(
@@ -173,7 +173,7 @@ class Case:
         self.crossings += [f"orphan: {name}: {process}" for process in kill_orphans(GRACE)]
         self.require(may_trace or not TRACES.search(command.output), f"traceback: {name}: {last(command.output)}")
         self.require(command.code in codes, f"exit code: {name}: {command.code}, not {codes}; {last(command.output)}")
-        if command.code and 0 < command.code < 128:  # what a signal ends says nothing
+        if command.code and 0 < command.code < 128:  # a command ended by a signal prints nothing
             self.require(bool(command.output.strip()), f"silence: {name}: exit code {command.code} without a word")
         return command
 
@@ -192,7 +192,7 @@ class Case:
         return contents
 
     def records(self, names: set[str] | None = None) -> dict[str, dict[str, Any]]:
-        """Whole records by method, of all files or of those with some names."""
+        """Return the complete records by method, of all files or of the named ones."""
         records = {}
         for name, content in self.record_files().items():
             if names is None or name in names:
@@ -221,7 +221,7 @@ class Case:
 
 
 def scores_of(record: dict[str, Any]) -> dict[str, Any]:
-    """What of a record depends on the shapes alone, with scores to the six decimals that count."""
+    """Return the parts of a record that depend only on the shapes, with scores rounded to six decimals."""
     parts = {name: record.get(name) for name in ("status", "per_query", "shapes", "labels")}
     return parts | {"scores": {name: round(score, 6) for name, score in record.get("scores", {}).items()}}
 
@@ -234,7 +234,7 @@ def last(text: str) -> str:
     return " | ".join(text.strip().splitlines()[-4:])[-400:]
 
 
-#: What tries each list of faults.toml, and the names of its cases.
+#: Section in the names of cases, and function, for each list of faults.toml.
 LISTED = {
     "shape": ("folders", "try_shape"), "set": ("folders", "try_folder"),
     "results": ("disks", "try_place"), "file": ("damage", "try_damage"),
@@ -267,7 +267,7 @@ def all_cases() -> Iterator[tuple[str, Callable[[Case], None]]]:
 
 
 def kill_and_recover(case: Case) -> None:
-    """Five signals to a run, its workers, and what their methods started, at every age; then the jobs are done."""
+    """Send five signals to a run, its workers or their children, at random ages; then check that the jobs finish."""
     finished: dict[str, bytes] = {}
 
     def look(command: Command, fault: str, codes: tuple[int, ...]) -> bool:
@@ -294,7 +294,7 @@ def kill_and_recover(case: Case) -> None:
         fault = f"{number.name} to the {target} at {age:.2f} s"
         command = start()
         while not (victim := victim_of(command, target, age)):
-            if command.has_ended(0.01):  # the moment comes earlier if the run ends before
+            if command.has_ended(0.01):  # strike earlier if the run ends before
                 look(command, f"run before {fault}", (OK, NOT_OK, USAGE))
                 command, age = start(), age / 2
         finished |= {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
@@ -306,7 +306,7 @@ def kill_and_recover(case: Case) -> None:
 
 
 def victim_of(command: Command, target: str, age: float) -> int:
-    """Number of the process to strike, if it is there and a worker is of the right age; else 0."""
+    """Return the ID of the process to strike if it exists and a worker is old enough; otherwise 0."""
     with suppress(psutil.Error):
         for worker in psutil.Process(command.process.pid).children():
             if "reaper.py" in " ".join(worker.cmdline()) or time.time() - worker.create_time() < age:
@@ -331,7 +331,7 @@ def try_plugin(case: Case, kind: str, template: str, listed: Any) -> None:
 def try_plugin_file(
     case: Case, source: bytes, statuses: str = "", says: str = "", method: str = "bad", *, hangs: bool = False
 ) -> None:
-    """In a run the innocent method keeps its scores, unless the file is refused before; other verbs end well."""
+    """Check that the innocent method keeps its scores unless the file is refused, and that other verbs end well."""
     path, stuck = case.folder / "plugin.py", hangs or statuses == "timeout"
     path.write_bytes(source)
     case.patience = 5.0 if stuck else 30.0
@@ -362,12 +362,12 @@ def try_plugin_file(
 
 # Folders -------------------------------------------------------------------------------------------------------------
 
-#: What the bad shape is called; the others are as in the rods.
+#: Name of the bad shape; the others are as in the rods.
 BAD = "thin9"
 
 
 def evaluate(expression: str, folder: Path, case: Case) -> None:
-    """Make what a line of the lists describes in a folder."""
+    """Create the fault of a line of the lists in a folder."""
     mesh = rod(RADII["thin"], 0.7, rings=14, sides=8)
 
     def put(name: str, content: str | bytes) -> None:
@@ -400,7 +400,7 @@ def evaluate(expression: str, folder: Path, case: Case) -> None:
 
 
 def try_shape(case: Case, expression: str) -> None:
-    """The good shapes are ranked; the bad one is named as missing, with the reason."""
+    """Check that the good shapes are ranked, and that the bad one is named as missing, with the reason."""
     folder = Path(shutil.copytree(case.rods, case.folder / "shapes"))
     evaluate(expression, folder, case)
     done = case.run("run", *case.selection(data=folder), "-j", 1, codes=(OK,), rights=False)
@@ -416,7 +416,7 @@ def try_shape(case: Case, expression: str) -> None:
 
 
 def try_folder(case: Case, expression: str) -> None:
-    """The folder is refused in one line, or used as if the damage were not there."""
+    """Check that the folder is refused in one line, or used as if it were undamaged."""
     folder = Path(shutil.copytree(case.rods, case.folder / "shapes"))
     evaluate(expression, folder, case)
     done = case.run("run", *case.selection(data=folder), "-j", 1, rights=False)
@@ -434,7 +434,7 @@ def try_folder(case: Case, expression: str) -> None:
 
 
 def recover(case: Case, refused: Command) -> None:
-    """With room again, all is done, and what was finished before is left alone."""
+    """Check that all jobs finish once there is space, and that finished records stay unchanged."""
     case.records()
     finished = {name: content for name, content in case.record_files().items() if b'"status": "ok"' in content}
     case.run_all("--retry", "all", codes=(OK,))
@@ -453,7 +453,7 @@ def try_small_disk(case: Case, size: str) -> None:
     case.results.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(case.results)]
     if os.geteuid() or subprocess.run(mount, check=False, capture_output=True).returncode:
-        return  # nobody may mount here
+        return  # mounting is not permitted here
     try:
         refused = case.run_all("--retry", "all")
         shutil.copytree(case.results, case.folder / "saved")
@@ -465,7 +465,7 @@ def try_small_disk(case: Case, size: str) -> None:
 
 
 def try_place(case: Case, expression: str) -> None:
-    """A results folder that cannot be used is named in one line, by every verb that needs it."""
+    """Check that every verb that needs a results folder names an unusable one in one line."""
     evaluate(expression, case.results, case)
     at, selection = ["--results", case.results], case.selection()
     for words in (["run", *selection], ["plan", *selection], ["tables", *selection], ["prune", *at],
@@ -476,7 +476,7 @@ def try_place(case: Case, expression: str) -> None:
 
 
 def try_vanishing(case: Case, part: str) -> None:
-    """Somebody removes a part of the results folder while a run is under way."""
+    """Remove a part of the results folder during a run, and check that the next run finishes."""
     command = case.start("run", *case.selection(plugin=case.light), "-j", 1)
     command.has_ended(case.random.uniform(0.0, 5.0))
     shutil.rmtree(case.results / part, ignore_errors=True)
@@ -486,7 +486,7 @@ def try_vanishing(case: Case, part: str) -> None:
 
 
 def try_two_runs(case: Case, *, is_killed: bool) -> None:
-    """Two runs share one folder; both end, or the one that is left does all."""
+    """Check that two runs in one folder both finish, or that the surviving one does all jobs."""
     (case.folder / "other").mkdir()
     words = ("run", *case.selection(plugin=case.light), "-j", 1)
     first, second = case.start(*words, folder=case.folder / "other"), case.start(*words)
@@ -502,7 +502,7 @@ def try_two_runs(case: Case, *, is_killed: bool) -> None:
 
 
 def try_output(case: Case) -> None:
-    """A device that is full, and a reader that goes away as ``head`` does, cost a verb no traceback."""
+    """Check that a full device, or a reader that exits as ``head`` does, causes no traceback."""
     case.run_all()
     for verb in ("plan", "tables"):
         case.run(verb, *case.selection(), stdout="/dev/full")
@@ -520,7 +520,7 @@ def flip(content: bytes, draw: random.Random) -> bytes:
 
 
 def other_digit(content: bytes, draw: random.Random) -> bytes:
-    """Change a digit to another one, which leaves any text well-formed."""
+    """Replace a digit by another one, which keeps any text well-formed."""
     place = draw.choice([at for at, byte in enumerate(content) if chr(byte) in "123456789"])
     digit = draw.choice([digit for digit in b"123456789" if digit != content[place]])
     return content[:place] + bytes([digit]) + content[place + 1 :]
@@ -538,14 +538,14 @@ DAMAGE: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def try_damage(case: Case, expression: str) -> None:
-    """Every verb copes; a run makes what is damaged again and leaves the rest alone."""
+    """Check that every verb copes with damage, and that a run recomputes damaged results and keeps the others."""
     shutil.copytree(case.place / "undisturbed", case.results)
     before = case.record_files()
     evaluate(expression, case.results, case)
     damaged, selection, at = case.record_files(), case.selection(plugin=case.light), ("--results", case.results)
     case.run("plan", *selection)
     done = case.run("tables", *selection, "--format", "json")
-    with suppress(ValueError):  # refused, which was looked at already
+    with suppress(ValueError):  # refused, which was checked already
         for row in json.loads(done.output):
             scores = case.expected.get(row["method"], {}).get("scores")
             if scores and row["status"] == "ok":
@@ -567,13 +567,13 @@ def try_damage(case: Case, expression: str) -> None:
 
 
 def try_arguments(case: Case) -> None:
-    """Run eight commands that would do little work, each with one to three odd options or arguments."""
+    """Run eight cheap commands, each with one to three odd options or arguments."""
     from benchmark.cli.main import cli
 
     (case.folder / "text").write_text("a file\n")
     (case.folder / "noise.py").write_bytes(bytes(range(256)))
     (case.folder / "empty").mkdir()
-    for name in ("null", "full"):  # links: a command that replaces its output does no harm to the machine
+    for name in ("null", "full"):  # links: a command that replaces its output does not harm the machine
         (case.folder / name).symlink_to(f"/dev/{name}")
     paths = [str(case.folder / name) for name in ("text", "noise.py", "empty", "absent/absent", "null", "full")]
     odd = [*LISTS["values"]["odd"], "\udcff"]
@@ -592,7 +592,7 @@ def try_arguments(case: Case) -> None:
             place = case.random.randrange(n_verbs, len(words) + 1)
             words[place : place + case.random.choice((0, 1))] = name if option and option.is_flag else [*name, value]
         done = case.run(*words)
-        if done.code == USAGE and words[0] != "verify":  # which also ends so for an unreadable bundle
+        if done.code == USAGE and words[0] != "verify":  # 'verify' also returns it for a bad bundle
             lines = done.error.strip().splitlines()
             case.require(len(lines) == 1, f"silence: {shown(tuple(words))}: not one line but {lines[:5]}")
         devices = all((case.folder / name).is_symlink() for name in ("null", "full"))
@@ -604,7 +604,7 @@ def try_arguments(case: Case) -> None:
 
 @pytest.fixture(scope="session")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Return a folder with the results of an undisturbed run, with which cases begin, and its scores by method."""
+    """Return a folder with the results of an undisturbed run, from which cases start, and its scores by method."""
     ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER: become the parent of orphans
     place = tmp_path_factory.mktemp("faults")
     for name, radius in RADII.items():

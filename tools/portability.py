@@ -1,6 +1,6 @@
-"""``make portability``: golden results under the kernels of other processors, two variants side by side.
+"""``make portability``: compare golden results with the kernels of other processors, two variants in parallel.
 
-Environment variables set which kernels BLAS, numba, numpy and torch choose.
+Environment variables select the kernels of BLAS, numba, NumPy and torch.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ import psutil
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 from threadpoolctl import threadpool_info
 
-#: For compiled code and logs.
+#: Folder for compiled code and logs.
 FOLDER = Path("build/portability")
 CPUINFO = Path("/proc/cpuinfo")
 
 
 class Variant(NamedTuple):
-    """Kernels of BLAS, if the processor has the flags, and instructions of 2008 for numba, numpy and torch if asked."""
+    """BLAS kernels, processor flags that they need, and optionally instructions of 2008 for numba, NumPy and torch."""
 
     name: str
     blas: str = ""
@@ -34,7 +34,7 @@ class Variant(NamedTuple):
     numpy: str = ""
 
     def settings(self) -> dict[str, str]:
-        """Environment variables; code that numba compiles for another processor has a cache of its own."""
+        """Return environment variables; code that numba compiles for another processor has a separate cache."""
         cache = str((FOLDER / "numba-generic").resolve()) if self.numba else ""
         values = {
             "OPENBLAS_CORETYPE": self.blas, "NUMBA_CPU_NAME": self.numba, "NUMBA_CACHE_DIR": cache,
@@ -44,7 +44,7 @@ class Variant(NamedTuple):
         return {name: value for name, value in values.items() if value}
 
     def obstacle(self) -> str:
-        """Why the processor cannot run this variant; empty if it can."""
+        """Return the reason why the processor cannot run this variant; "" if it can."""
         if self.blas and platform.machine().lower() not in ("x86_64", "amd64"):
             return "no x86-64 processor"
         known = CPUINFO.read_text().split() if CPUINFO.is_file() else []
@@ -54,14 +54,14 @@ class Variant(NamedTuple):
 
 AVX512 = "avx512f avx512cd avx512bw avx512dq avx512vl"
 DISPATCHED = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
-#: The instructions of 2008 in all libraries.
+#: Instructions of 2008 in all libraries.
 OLDEST = Variant("oldest", "Nehalem", numba="generic", numpy=DISPATCHED)
 #: Without Zen, whose kernels differ from those of Haswell only in block sizes.
 VARIANTS = (OLDEST, Variant("Haswell", "Haswell", "avx2 fma"), Variant("SkylakeX", "SkylakeX", AVX512))
 
 
 def passes(variant: Variant) -> bool:
-    """Compare the golden results under one variant, and print the outcome."""
+    """Compare the golden results with one variant, and print the outcome."""
     start, log = time.perf_counter(), FOLDER / f"{variant.name}.log"
     command, settings = [sys.executable, "-m", "tools.golden"], variant.settings()
     with log.open("w") as output:
@@ -76,7 +76,7 @@ def passes(variant: Variant) -> bool:
 
 
 def main() -> int:
-    """Return 0 if golden results agree under all kernels that the processor can run and does not choose by itself."""
+    """Return 0 if golden results agree with all kernels that the processor supports but does not choose by default."""
     start = time.perf_counter()
     np.zeros((2, 2)) @ np.zeros((2, 2))
     own = {library.get("architecture") for library in threadpool_info() if library["user_api"] == "blas"}

@@ -1,4 +1,4 @@
-"""``python -m tools.speed [GROUP ...]``: this suite beside other programs, measured in one run as one table."""
+"""``python -m tools.speed [GROUP ...]``: compare the speed of this suite and of other programs in one table."""
 # ruff: noqa: E402
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ readable = EngFormatter("s", places=2)
 
 
 class Row(NamedTuple):
-    """One measurement: our work and that of another program, over units, and what makes them comparable."""
+    """One measurement: our work and that of another program, their numbers of units, and details of the comparison."""
 
     name: str
     ours: Work
@@ -76,7 +76,7 @@ class Row(NamedTuple):
     clock: Callable[[], float] = time.process_time
 
     def cells(self) -> tuple[str, ...]:
-        """Measure, and print the times."""
+        """Measure the times, and return the cells of the table."""
         ours = least(self.ours, self.clock) / self.units
         peer = ("", "", "")
         if self.theirs:
@@ -87,7 +87,7 @@ class Row(NamedTuple):
 
 
 def least(work: Work, clock: Callable[[], float] = time.process_time) -> float:
-    """Least time of three runs, after one that compiles and fills the caches; of slow work, of two."""
+    """Return the least time of three runs (of slow work, of one), after a run that compiles and fills the caches."""
     start = clock()
     work()
     return min(timeit.repeat(work, timer=clock, number=1, repeat=3 if clock() - start < 5 else 1))
@@ -99,7 +99,7 @@ def body(place: int = -1) -> Mesh:
 
 
 def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
-    """Sums over prepared humans; errors are relative to exact distances from some vertices."""
+    """Measure geodesics of prepared humans; errors are relative to exact distances from some vertices."""
     places = np.linspace(0, len(Humans().entries) - 1, n_shapes).round().astype(int)
     meshes = [prepare(body(place)).mesh for place in places]
     sources = np.random.default_rng(0).choice(min(mesh.n_vertices for mesh in meshes), n_sources, replace=False)
@@ -120,21 +120,21 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
 
 
 def of_forms(steps: int = 10) -> Iterator[Row]:
-    """Methods given the geodesics, and those that ask for a few rows of them."""
+    """Measure methods given the geodesics, and methods that compute only a few rows of them."""
     shape, known = Shape(identifier="body", mesh=prepare(body()).mesh), methods()
     distances = shape.geodesics()
     detail = "the three largest eigenpairs of 2000 vertices"
     ours, theirs = (partial(scaling, distances) for scaling in (classic_scaling, arpack_scaling))
     yield Row("classic-mds, given the geodesics", ours, "double centring + scipy eigsh", theirs, detail)
 
-    # scikit-learn starts at the same vertices and stops where plain majorisation stops.
+    # scikit-learn starts at the same vertices and stops after as many iterations as plain majorisation.
     start = shape.mesh.vertices - shape.mesh.vertices.mean(axis=0)
     theirs = partial(sklearn_scaling, distances, start, smacof(distances, start).iterations)
     ours = partial(variant("least-squares-mds", known).create().canonicalise, shape)
     detail = f"stress {ours().notes['stress']:.5f} (peer {normalised_stress(theirs(), distances):.5f})"
     yield Row("least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail)
 
-    # Its whole non-metric scaling takes minutes, and leaves the scale to the number of points.
+    # Complete non-metric scaling by scikit-learn takes minutes, and its scale depends on the number of points.
     classic = variant("classic-mds", known).create()
     start = classic.canonicalise(shape).vertices
     theirs = partial(sklearn_scaling, distances, start, steps, metric=False)
@@ -155,7 +155,7 @@ def of_forms(steps: int = 10) -> Iterator[Row]:
 
 
 def form_of_mesh(method: Any, mesh: Mesh) -> Any:
-    """The form of a new mesh, for which no geodesic graph is remembered."""
+    """Return the form of a new mesh, for which no geodesic graph is cached."""
     return method.canonicalise(Shape(identifier="body", mesh=Mesh(mesh.vertices.copy(), mesh.faces.copy())))
 
 
@@ -176,7 +176,7 @@ N_VIEWS = len(SPHERE.directions)
 
 
 def of_scorer(n_words: int = 1500, n_forms: int = 200, n_peers: int = 4) -> Iterator[Row]:
-    """One signature on one core, and one pair on one core and on two."""
+    """Measure one signature on one core, and one pair on one core and on two."""
     scorer, form = CMBOF(), figure(0, parts=12)
     codebook = scorer.train_codebook([scorer.extract(figure(seed)) for seed in range(3)])
     upright = normalise(form, scorer.pose, scorer.image_size)
@@ -217,7 +217,7 @@ def embree_and_opencv(mesh: Mesh, size: int) -> None:
 
 
 def word_counts(n_words: int, n_forms: int) -> list[Signature]:
-    """Signatures with as many keypoints as real ones; words are as unequally frequent (log-normal) as real ones."""
+    """Return signatures with as many keypoints, and as unequal (log-normal) word frequencies, as real ones."""
     random = np.random.default_rng(0)
     common, signatures = random.normal(size=n_words), []
     for _ in range(n_forms):
@@ -229,7 +229,7 @@ def word_counts(n_words: int, n_forms: int) -> list[Signature]:
 
 
 def dense_matching(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
-    """Clock matching of two tables of word counts, each of shape (66, n_words), straight from the definition."""
+    """Return the clock matching of two tables of word counts, each of shape (66, n_words), by definition."""
     larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
     shared = np.array([np.minimum(view, second).sum(axis=1) for view in first])
     dissimilarity = 1 - shared / larger
@@ -237,7 +237,7 @@ def dense_matching(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float
 
 
 def of_network(resolution: int = 128) -> Iterator[Row]:
-    """A prediction on one core."""
+    """Measure a prediction on one core."""
     torch.set_num_threads(1)
     single, network = build(LITERAL).eval(), build(LITERAL).eval().to(torch.float64, memory_format=torch.channels_last)
     image = person()
@@ -263,7 +263,7 @@ class OneFrame(CameraFrames):
 
 
 def of_programs() -> Iterator[Row]:
-    """One mesh, one frame from its files on, and two verbs that must answer at once."""
+    """Measure one mesh, one frame from its files, and two verbs that must respond at once."""
     mesh = body(7)
     collapse, detail = partial(collapsed, mesh), f"from {mesh.n_vertices} to 2000 vertices"
     peer = "pymeshlab quadric edge collapse alone"
@@ -307,7 +307,7 @@ GROUPS: dict[str, Callable[[], Iterator[Row]]] = {
 
 
 def main() -> None:
-    """Print each row as it is measured to stderr, and the table in the end."""
+    """Print each row to stderr as it is measured, and the table at the end."""
     if unknown := {*sys.argv[1:]} - {*GROUPS}:
         sys.exit(f"no group {min(unknown)}; choose from {', '.join(GROUPS)}")
     rows = []

@@ -15,8 +15,8 @@ from benchmark.api.contracts import FloatArray, Shape
 from benchmark.geometry.laplacian import Laplacian
 
 WEIGHT_FLOOR = 1e-2
-"""Smallest edge weight, as a share of the mean one. Cotangents of obtuse pairs are negative or vanish: the energy would
-lose its lower bound, and a vertex between such edges its hold."""
+"""Minimum edge weight, as a share of the mean one. Weights of obtuse pairs of angles are negative or zero: they would
+leave the energy without a lower bound, and a vertex between such edges unconstrained."""
 
 AMBIGUOUS = 1e-3
 """Below this value of (s1 + s2)(s2 + s3)(s3 + s1) / (s1^2 + s2^2 + s3^2)^(3/2), with the signed singular values s of a
@@ -31,8 +31,8 @@ class AsRigidAsPossible:
 
     .. math:: E(x) = \frac12 \sum_i \min_{R_i \in SO(3)} \sum_{j \in N(i)} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2.
 
-    For fixed rotations it is quadratic with the matrix :attr:`stiffness`, the Laplacian of the weights, and is least
-    where ``stiffness @ x`` equals :meth:`load`.
+    For fixed rotations it is quadratic with the matrix :attr:`stiffness`, the Laplacian of the weights, and minimal if
+    ``stiffness @ x`` equals :meth:`load`.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class AsRigidAsPossible:
 
     @classmethod
     def of(cls, shape: Shape, unit: float = 1.0) -> AsRigidAsPossible:
-        """Build the energy of a shape at rest, measured in the given unit of length."""
+        """Build the energy of a shape at rest, in the given unit of length."""
         return cls(rest=shape.mesh.vertices / unit, weights=edge_weights(shape.laplacian()))
 
     @property
@@ -56,12 +56,12 @@ class AsRigidAsPossible:
         return csr_array(diags_array(self.weights.sum(axis=1)) - self.weights)
 
     def rotations(self, positions: FloatArray) -> FloatArray:
-        """Return the proper rotation that fits each cell best, shape (n, 3, 3)."""
+        """Return the best proper rotation of each cell, shape (n, 3, 3)."""
         graph = self.weights
         return np.asarray(_cell_rotations(graph.indptr, graph.indices, graph.data, self.rest, positions))
 
     def load(self, rotations: FloatArray) -> FloatArray:
-        """Return the right-hand side that belongs to given rotations, shape (n, 3)."""
+        """Return the right-hand side for given rotations, shape (n, 3)."""
         graph = self.weights
         return np.asarray(_cell_loads(graph.indptr, graph.indices, graph.data, self.rest, rotations))
 
@@ -71,17 +71,17 @@ class AsRigidAsPossible:
         return float(_energy(graph.indptr, graph.indices, graph.data, self.rest, positions, rotations))
 
     def factorise(self, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Return the solver of ``(stiffness + diag(diagonal)) x = b``.
+        """Return a solver of ``(stiffness + diag(diagonal)) x = b``.
 
         Parameters
         ----------
         diagonal
-            Non-negative, not all zero, shape (n,): it makes the system definite.
+            Non-negative, not all zero, shape (n,); makes the system definite.
         """
         return factorise_definite(csr_array(self.stiffness + diags_array(diagonal)))
 
     def edge_strains(self, positions: FloatArray) -> FloatArray:
-        """Return the relative change of length of each edge, shape (edges,); 0 where the edge kept its length."""
+        """Return the relative change in length of each edge, shape (edges,); 0 if the edge kept its length."""
         start, end = _edges(self.weights)
         before = np.linalg.norm(self.rest[start] - self.rest[end], axis=1)
         after = np.linalg.norm(positions[start] - positions[end], axis=1)
@@ -89,7 +89,7 @@ class AsRigidAsPossible:
 
 
 def edge_weights(laplacian: Laplacian) -> csr_array:
-    """Return the edge weights of a cotangent Laplacian, none below ``WEIGHT_FLOOR`` times their mean, shape (n, n)."""
+    """Return the edge weights of a cotangent Laplacian, at least ``WEIGHT_FLOOR`` times their mean, shape (n, n)."""
     weights = csr_array(laplacian.stiffness, copy=True)
     weights.setdiag(0)
     weights.eliminate_zeros()
@@ -100,7 +100,7 @@ def edge_weights(laplacian: Laplacian) -> csr_array:
 
 
 def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
-    """Factorise a symmetric positive definite sparse matrix once; the result solves for any number of columns."""
+    """Factorise a symmetric positive definite sparse matrix; the result solves for any number of columns."""
     factors = splu(
         csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
@@ -127,8 +127,8 @@ def nearest_rotation(covariance: FloatArray, rotation: FloatArray) -> None:
 
     found by Newton's method from above, and :math:`R` follows in closed form (Markley 1993, "Attitude determination
     using vector observations: a fast optimal matrix algorithm"). Reflections cannot occur, and a flat cell, whose
-    covariance is singular, is no special case. Where the best rotation is nearly ambiguous the closed form loses
-    digits, and an eigenvector takes its place.
+    covariance is singular, is no special case. If the best rotation is nearly ambiguous, the closed form loses digits,
+    and an eigenvector replaces it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Requirements on a shape before a spectral or MDS method takes it."""
+"""Requirements of spectral and MDS methods on a shape."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ MINIMUM_VERTICES = 4
 """Three coordinates and a residual need four points: any three points lie in a plane."""
 
 MOST_WITH_ALL_PAIRS = 20_000
-"""Vertices of which all pairs of distances, 3 GiB of them, fit into the memory of an ordinary machine a few times."""
+"""Maximum number of vertices for all pairwise distances: their 3 GiB fit into an ordinary memory a few times."""
 
 
 def require_vertices(shape: Shape, minimum: int = MINIMUM_VERTICES) -> None:
@@ -24,10 +24,10 @@ def require_vertices(shape: Shape, minimum: int = MINIMUM_VERTICES) -> None:
 
 
 def require_connected(shape: Shape) -> None:
-    """Raise ``UnsupportedShape`` unless the edges join all vertices into one component.
+    """Raise ``UnsupportedShape`` unless the edges connect all vertices.
 
     The Laplacian of a surface in several pieces has several zero eigenvalues, so "the first non-constant
-    eigenfunction" would tell the pieces apart instead of describing the surface.
+    eigenfunction" would separate the pieces instead of describing the surface.
     """
     components = int(connected_components(shape.mesh).max(initial=-1)) + 1
     if components > 1:
@@ -38,7 +38,7 @@ def require_connected(shape: Shape) -> None:
 
 
 def require_pairs(shape: Shape) -> None:
-    """Raise ``UnsupportedShape`` if the shape has too many vertices for a matrix of all their distances."""
+    """Raise ``UnsupportedShape`` if the shape has too many vertices for all pairwise distances."""
     if shape.mesh.n_vertices > MOST_WITH_ALL_PAIRS:
         raise UnsupportedShape(
             f"{shape.identifier}: {shape.mesh.n_vertices} vertices, where the distances of all pairs are kept of "

@@ -1,4 +1,4 @@
-"""Conformal factors of a surface, and the tips that they tell."""
+"""Conformal factors of a surface, and the tips of limbs at their maxima."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from benchmark.geometry.laplacian import Laplacian
 from benchmark.geometry.mesh import edges_of
 
 HOLD = 1e-9
-"""Share of the mass that makes the Laplacian definite, far below its first eigenvalue."""
+"""Share of the mass added to make the Laplacian definite, far below its first eigenvalue."""
 
 EVEN = 1e-3
-"""Factors below this are those of an evenly curved surface: it would have to shrink by a thousandth."""
+"""Factors below this are those of an evenly curved surface: it would have to shrink by only a thousandth."""
 
 
 def angle_defects(mesh: Mesh) -> FloatArray:
-    """Gaussian curvature of each vertex, shape (n,): 2 pi, at a boundary pi, less the angles of its triangles.
+    """Return the Gaussian curvature of each vertex, shape (n,): 2 pi (pi at a boundary) minus its triangles' angles.
 
-    The sum is 2 pi times the Euler characteristic (Gauss and Bonnet), boundary or not.
+    The sum is 2 pi times the Euler characteristic (Gauss and Bonnet), with or without a boundary.
     """
     corners = mesh.vertices[mesh.faces]
     forth, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
@@ -34,22 +34,22 @@ def angle_defects(mesh: Mesh) -> FloatArray:
 
 
 def conformal_factors(mesh: Mesh, laplacian: Laplacian) -> FloatArray:
-    r"""Logarithms :math:`\phi` of the scale by which a surface has to shrink to become evenly curved.
+    r"""Return the logarithms :math:`\phi` of the scale by which a surface must shrink to become evenly curved.
 
-    Lengths times :math:`e^{-\phi}` turn the Gaussian curvature K of the vertices into :math:`K - L \phi` with the
-    positive semidefinite Laplacian L, so that
+    Multiplying lengths by :math:`e^{-\phi}` turns the Gaussian curvature K of the vertices into :math:`K - L \phi` with
+    the positive semidefinite Laplacian L, so that
 
     .. math:: L \phi = K - \frac{\sum K}{A} M
 
-    spreads it evenly over the area. Tips of limbs have to shrink most. Ben-Chen and Gotsman (2008),
-    "Characterizing shape using conformal factors".
+    spreads it evenly over the area. Tips of limbs shrink most. Ben-Chen and Gotsman (2008), "Characterizing shape using
+    conformal factors".
 
     Parameters
     ----------
     mesh
-        A surface in one piece.
+        A connected surface.
     laplacian
-        That of the mesh.
+        Laplacian of the mesh.
 
     Returns
     -------
@@ -64,17 +64,17 @@ def conformal_factors(mesh: Mesh, laplacian: Laplacian) -> FloatArray:
 
 
 def tips(shape: Shape, most: int, spacing: float) -> list[int]:
-    """Vertices where the conformal factor has a positive local maximum, the highest first.
+    """Return the vertices at positive local maxima of the conformal factor, the highest first.
 
     Parameters
     ----------
     shape
-        A shape in one piece.
+        A connected shape.
     most
-        Largest number of tips.
+        Maximum number of tips.
     spacing
-        Least distance between two of them along the edges, as a share of the root of the area; the lower one is left
-        out.
+        Minimum distance between two tips along the edges, as a share of the square root of the area; of two closer
+        ones, the lower is left out.
 
     Returns
     -------

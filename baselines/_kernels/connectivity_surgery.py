@@ -10,7 +10,7 @@ from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh, edges_of
 
 SAMPLING = 0.1
-"""Weight of the sampling cost against the shape cost, as in Au et al. (2008)."""
+"""Weight of the sampling cost relative to the shape cost, as in Au et al. (2008)."""
 
 
 def collapse(mesh: Mesh, sampling: float = SAMPLING) -> NDArray[np.int32]:
@@ -20,27 +20,27 @@ def collapse(mesh: Mesh, sampling: float = SAMPLING) -> NDArray[np.int32]:
 
     .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j + w \, \|v_i - v_j\| \sum_{k \in N(i)} \|v_i - v_k\|,
 
-    where :math:`Q_i` measures the squared distances to the lines of the edges that have been merged into i. The first
-    term keeps the curve in shape, the second prefers short edges and so an even spacing. The cheapest edge that still
-    borders a triangle goes first.
+    where :math:`Q_i` measures the squared distances to the lines of the edges merged into i. The first term preserves
+    the shape of the curve, the second prefers short edges and hence even spacing. The cheapest edge that still borders
+    a triangle collapses first.
 
     Parameters
     ----------
     mesh
-        Contracted surface; of two collapses of exactly equal cost the one of the lower vertex index goes first.
+        Contracted surface; of two collapses of exactly equal cost, the one with the lower vertex index goes first.
     sampling
-        The weight w of the second term.
+        Weight w of the second term.
 
     Returns
     -------
     numpy.ndarray
-        For each vertex the vertex that it ended up in, shape (n,); survivors own themselves.
+        The vertex into which each vertex collapsed, shape (n,); survivors map to themselves.
     """
     faces = mesh.faces
     edges = edges_of(faces).ends
     directed = np.concatenate([edges, edges[:, ::-1]])
     directed = directed[np.argsort(directed[:, 0], kind="stable")].astype(np.int32)
-    # The kernel has a weight of its own; the order of the costs is that of their multiples.
+    # The weight in the kernel is fixed; scaling all costs does not change their order.
     quadrics = SAMPLING / sampling * _line_quadrics(mesh.vertices, edges)
     return np.asarray(_collapse(mesh.vertices, faces, directed, quadrics))
 
@@ -76,7 +76,7 @@ def _collapse(
     points: FloatArray, faces: NDArray[np.int32], directed: NDArray[np.int32], quadrics: FloatArray
 ) -> NDArray[np.int32]:
     # Neighbours and corners of a vertex are linked lists of original entries, resolved through `owner` when read, so
-    # that a collapse only has to chain two lists.
+    # that a collapse only chains two lists.
     n = len(points)
     owner = np.arange(n).astype(np.int32)
     first_edge, last_edge = np.full(n, -1), np.full(n, -1)
@@ -94,7 +94,7 @@ def _collapse(
         _evaluate(i, points, quadrics, faces, directed, owner, first_edge, next_edge, first_corner, next_corner,
                   stamp, clock, cost, target)  # fmt: skip
         clock += 1
-    touched = np.empty(n, dtype=np.int64)  # stamped before they enter, so each vertex once at the most
+    touched = np.empty(n, dtype=np.int64)  # stamped before they enter, so each vertex enters at most once
     while True:
         i = int(np.argmin(cost))
         if cost[i] == np.inf:
@@ -167,7 +167,7 @@ def _evaluate(
     cost: FloatArray,
     target: NDArray[np.int64],
 ) -> None:
-    """Find the cheapest collapse of vertex i, and drop what its lists no longer need."""
+    """Find the cheapest collapse of vertex i, and drop obsolete entries from its lists."""
     reach = 0.0
     previous = -1
     e = first_edge[i]

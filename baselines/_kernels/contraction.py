@@ -12,10 +12,10 @@ from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 
 RADIUS = 100.0
-"""Radius of the surface during the contraction: the schedule of the weights belongs to this unit of length."""
+"""Radius of the surface during the contraction; the schedule of the weights assumes this unit of length."""
 
 FIRST_CONTRACTION = 1e-3
-"""First contraction weight over the root of the mean face area."""
+"""Initial contraction weight over the square root of the mean face area."""
 
 CONTRACTION_GROWTH = 3.0
 LARGEST_CONTRACTION = 2048.0
@@ -23,15 +23,15 @@ LARGEST_ATTRACTION = 10_000.0
 MAX_ITERATIONS = 20
 
 STEP = RADIUS * 2.0**-27
-"""After each iteration the coordinates are rounded to multiples of this. Triangles that have become thin multiply a
-rounding error about tenfold in every further iteration, so none may be left to multiply."""
+"""Multiple to which coordinates are rounded after each iteration. Thin triangles amplify a rounding error about tenfold
+in every further iteration, so none may remain."""
 
 AREA_RATIO = 0.01
-"""The contraction ends when this share of the area is left."""
+"""Share of the area at which the contraction ends."""
 
 
 class ContractionFailed(Exception):
-    """The surface left the finite numbers or stopped being a surface before it had become thin."""
+    """Failure of a contraction: the surface became non-finite or degenerate before it was thin."""
 
 
 def contract(mesh: Mesh) -> FloatArray:
@@ -41,14 +41,15 @@ def contract(mesh: Mesh) -> FloatArray:
 
     .. math:: \begin{bmatrix} W_L L \\ W_H \end{bmatrix} V' = \begin{bmatrix} 0 \\ W_H V \end{bmatrix}
 
-    with the cotangent Laplacian :math:`L` of the present surface. The contraction weight :math:`W_L` grows threefold;
-    the attraction weight :math:`W_H` of a vertex grows with the root of the ratio by which its area has shrunk, so that
-    parts which are thin already stay where they are. Weights, caps and the end are those of Pickup et al. (2016).
+    with the cotangent Laplacian :math:`L` of the current surface. The contraction weight :math:`W_L` triples; the
+    attraction weight :math:`W_H` of a vertex grows with the square root of the ratio by which its area has shrunk, so
+    that parts that are already thin stay in place. Weights, caps and stopping criterion are those of Pickup et al.
+    (2016).
 
     Parameters
     ----------
     mesh
-        Closed surface in one piece.
+        Closed, connected surface.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def contract(mesh: Mesh) -> FloatArray:
             break
         candidate = current.with_vertices(positions)
         areas = vertex_areas(candidate)
-        # A vertex whose ring has lost its area cannot be smoothed further: the surface before was the last sound one.
+        # A vertex whose ring has no area left cannot be smoothed further: the previous surface was the last valid one.
         if areas.min() <= 0.0 or candidate.area > current.area:
             break
         current = candidate

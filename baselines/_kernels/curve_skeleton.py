@@ -17,18 +17,18 @@ from benchmark.geometry.mesh import Mesh, edges_of
 Indices = NDArray[np.int64]
 
 CENTREDNESS_GAIN = 0.9
-"""A junction absorbs a neighbour if the spread of its distances to the surface falls below this multiple."""
+"""A junction absorbs a neighbour if that lowers the spread of its distances to the surface below this multiple."""
 
 SPECK_SHARE = 0.002
-"""Pieces of a level band below this share of the area are ripples of the band's border, not limbs."""
+"""Pieces of a band below this share of the area are ripples of the band's border, not limbs."""
 
 EDGES_PER_BAND = 2.0
-"""Least width of a level band in mean edge lengths."""
+"""Minimum width of a band, in mean edge lengths."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurveSkeleton:
-    """Joints inside a surface, and the vertices that each of them owns.
+    """Joints inside a surface, and the vertices that each owns.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ class CurveSkeleton:
         return np.bincount(self.bones.ravel(), minlength=len(self.joints))
 
     def path_lengths(self) -> FloatArray:
-        """Lengths of the shortest paths along the bones between all pairs of joints, shape (k, k)."""
+        """Return the lengths of the shortest paths along the bones between all pairs of joints, shape (k, k)."""
         lengths = np.linalg.norm(self.joints[self.bones[:, 0]] - self.joints[self.bones[:, 1]], axis=1)
-        # A stored zero would read as "no bone".
+        # A stored zero would mean "no bone".
         lengths = np.maximum(lengths, np.finfo(float).tiny)
         k = len(self.joints)
         graph = csr_array(coo_array((lengths, (self.bones[:, 0], self.bones[:, 1])), shape=(k, k)))
@@ -60,14 +60,14 @@ class CurveSkeleton:
 
 
 def contraction_skeleton(mesh: Mesh, contracted: FloatArray, sampling: float = SAMPLING) -> CurveSkeleton:
-    """Turn a contracted surface into a curve skeleton in the middle of the surface (Au et al. 2008, sections 5 and 6).
+    """Turn a contracted surface into a centred curve skeleton (Au et al. 2008, sections 5 and 6).
 
-    Connectivity surgery gives the joints. Each is moved back by the mean displacement that the contraction gave to the
+    Connectivity surgery gives the joints. Each moves back by the mean displacement, under the contraction, of the
     border between its part and that of a neighbour, averaged over the neighbours; a leaf, by the mean over its whole
-    part. Junctions absorb neighbours as long as that centres them better in their part of the surface.
+    part. Junctions absorb neighbours as long as this centres them better in their part of the surface.
 
-    A pocket, such as an open mouth, grows a branch like a limb, and straightening it would turn it inside out. Leaves
-    whose part of the surface faces its joint are therefore absorbed by their neighbours.
+    A pocket, such as an open mouth, forms a branch like a limb, and straightening it would turn it inside out. The
+    neighbours of leaves whose part of the surface faces its joint therefore absorb them.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def contraction_skeleton(mesh: Mesh, contracted: FloatArray, sampling: float = S
     contracted
         Contracted positions of its vertices, shape (n, 3).
     sampling
-        Weight of even spacing against shape in the surgery.
+        Weight of even spacing relative to shape in the surgery.
     """
     survivors, owners = np.unique(collapse(mesh.with_vertices(contracted), sampling), return_inverse=True)
     owners = owners.astype(np.int64)
@@ -89,27 +89,27 @@ def contraction_skeleton(mesh: Mesh, contracted: FloatArray, sampling: float = S
 
 
 def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkeleton:
-    """Cut a surface into bands of a function and put a joint into each connected piece of a band.
+    """Cut a surface into bands between level sets and place a joint in each connected piece of a band.
 
-    This is the skeleton of Verroust & Lazarus (2000) at a fixed number of levels; it treats open surfaces, whose
+    This is the skeleton of Verroust & Lazarus (2000) with a fixed number of levels; it handles open surfaces, whose
     borders a contraction would pull in.
 
     Parameters
     ----------
     mesh
-        The surface, connected.
+        A connected surface.
     levels
         Geodesic distances from one vertex, shape (n,).
     bands
-        Number of bands of equal width between the least and the largest level. There are fewer if a band would be
-        narrower than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls to pieces.
+        Number of bands of equal width between the smallest and the largest level; fewer if a band would be narrower
+        than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls apart.
     """
     areas = vertex_areas(mesh)
     edges = edges_of(mesh.faces).ends
     span = levels.max() - levels.min()
     edge_length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).mean()
     bands = max(2, min(bands, int(span / (EDGES_PER_BAND * edge_length))))
-    # A vertex on the border of two bands, as regular surfaces have them, belongs to the upper one.
+    # A vertex on the border of two bands, as on regular surfaces, belongs to the upper one.
     band = np.minimum((bands * (levels - levels.min()) / span + TIE).astype(np.int64), bands - 1)
     owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)
@@ -122,7 +122,7 @@ def _bones(owners: Indices, edges: Indices) -> Indices:
 
 
 def _means(values: FloatArray, weights: FloatArray, groups: Indices) -> FloatArray:
-    """Weighted mean of the rows of each group, shape (groups, 3)."""
+    """Return the weighted mean of the rows of each group, shape (groups, 3)."""
     total = np.bincount(groups, weights=weights)
     sums = [np.bincount(groups, weights=weights * column) for column in values.T]
     return np.stack(sums, axis=1) / total[:, None]
@@ -148,7 +148,7 @@ def _mean_displacements(displacements: FloatArray, owners: Indices, edges: Indic
 def _merge_junctions(
     vertices: FloatArray, areas: FloatArray, edges: Indices, joints: FloatArray, owners: Indices
 ) -> tuple[FloatArray, Indices]:
-    """Let each junction absorb its best neighbour while that makes its distances to its part more even."""
+    """Let each junction absorb its best neighbour while that evens out its distances to its part."""
     while True:
         bones = _bones(owners, edges)
         degrees = np.bincount(bones.ravel(), minlength=len(joints))
@@ -208,7 +208,7 @@ def _pieces(edges: Indices, n: int) -> Indices:
 
 
 def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indices:
-    """Give each piece below ``SPECK_SHARE`` of the area to the neighbour with which it shares most edges."""
+    """Merge each piece below ``SPECK_SHARE`` of the area into the neighbour with which it shares most edges."""
     while True:
         shares = np.bincount(owners, weights=areas) / areas.sum()
         speck = int(np.flatnonzero(shares <= shares.min() * (1 + TIE))[0])

@@ -1,4 +1,4 @@
-"""A surface that follows prescribed rotations of its triangles."""
+"""Deformation of a surface by prescribed rotations of its triangles."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
 SLIVER = 1e-6
-"""Areas below this share of the mean one count as that share, so that cotangents stay finite."""
+"""Areas below this share of the mean are raised to it, so that cotangents stay finite."""
 
 
 def follow_rotations(mesh: Mesh, rotations: FloatArray) -> FloatArray:
-    r"""Return the positions whose triangles turn most nearly as prescribed.
+    r"""Return the positions whose triangles best follow the prescribed rotations.
 
-    Each triangle becomes a simplex by a fourth vertex off its plane (Sumner & Popović 2004; Yan et al. 2008), and the
+    A fourth vertex off its plane turns each triangle into a simplex (Sumner & Popović 2004; Yan et al. 2008), and the
     positions minimise :math:`\sum_f A_f \|F_f - R_f\|_F^2` over the deformation gradients :math:`F_f`. The fourth
-    vertex occurs in one simplex only, where it meets the prescribed normal exactly; eliminating it leaves the
+    vertex belongs to one simplex only, where it matches the prescribed normal exactly; eliminating it leaves the
     tangential part of the gradient, and with it the Poisson system of the cotangent Laplacian
 
     .. math:: L x = b, \qquad b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j).
@@ -34,7 +34,7 @@ def follow_rotations(mesh: Mesh, rotations: FloatArray) -> FloatArray:
     Returns
     -------
     numpy.ndarray
-        Shape (n, 3); the centroid of the surface, by vertex areas, stays.
+        Shape (n, 3); the centroid, weighted by vertex areas, does not change.
     """
     vertices, faces, n = mesh.vertices, mesh.faces, mesh.n_vertices
     double_areas = 2 * np.maximum(mesh.face_areas, SLIVER * mesh.face_areas.mean())
@@ -54,7 +54,7 @@ def follow_rotations(mesh: Mesh, rotations: FloatArray) -> FloatArray:
         entries += [-0.5 * cotangents] * 2
     off_diagonal = coo_array((np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
     diagonal = -off_diagonal.sum(axis=1)
-    # The load sums to zero, so a spring at one vertex settles the free translation without any other effect.
+    # The load sums to zero, so a spring at one vertex fixes the translation without any other effect.
     diagonal[0] += diagonal.mean()
     system = csr_array(diags_array(diagonal) + off_diagonal)
     areas = vertex_areas(mesh)

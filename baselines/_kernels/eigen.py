@@ -1,4 +1,4 @@
-"""The leading eigenpairs of a doubly centred matrix of squared distances, without forming it."""
+"""Leading eigenpairs of a doubly centred matrix of squared distances, without forming it."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ _BLOCK = 4
 def centred_eigenpairs(
     distances: FloatArray, k: int, *, accurate: int, tolerance: float = 1e-9, max_steps: int = 40
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Largest eigenvalues, with eigenvectors, of the doubly centred squared distances.
+    r"""Compute the largest eigenvalues and their eigenvectors of the doubly centred squared distances.
 
     The matrix is :math:`B = -\frac12 J (D \circ D) J` with :math:`J = I - 11^\top/n`. It acts on a block of vectors by
-    one product with the squared distances between two subtractions of column means, so neither it nor the squares
-    are ever stored. Block Lanczos with full orthogonalisation (Golub & Van Loan 2013, section 10.3) starts from the
-    columns of four points far from each other, so nothing is random.
+    one product with the squared distances between two subtractions of column means, so neither B nor the squares are
+    ever stored. Block Lanczos with full orthogonalisation (Golub & Van Loan 2013, section 10.3) starts from the columns
+    of four mutually far points, so the result is deterministic.
 
     Parameters
     ----------
     distances
-        Distances of all pairs, symmetric, shape (n, n).
+        Pairwise distances, symmetric, shape (n, n).
     k
         Number of eigenpairs, at most four.
     accurate
-        How many of them must meet the tolerance. A Ritz value is accurate long before its vector, so one pair more
-        than needed costs nothing and tells the gap.
+        Number of eigenpairs that must meet the tolerance. A Ritz value converges long before its vector, so one pair
+        more than needed costs nothing and gives the gap.
     tolerance
-        Largest residual :math:`\|B q - \lambda q\|` of a unit vector q, relative to the largest eigenvalue.
+        Maximum residual :math:`\|B q - \lambda q\|` of a unit vector q, relative to the largest eigenvalue.
     max_steps
-        Largest number of block products; a spectrum that needs more goes to LAPACK, as do small matrices.
+        Maximum number of block products; a spectrum that needs more goes to LAPACK, as do small matrices.
 
     Returns
     -------
     values : numpy.ndarray
-        Largest first, shape (k,); those of a metric that is not Euclidean may be negative.
+        Largest first, shape (k,); may be negative for a non-Euclidean metric.
     vectors : numpy.ndarray
         Orthonormal columns, shape (n, k), of arbitrary sign.
     """
@@ -48,7 +48,7 @@ def centred_eigenpairs(
         basis = np.hstack([basis, fresh])
         image = _apply(distances, fresh)
         coupling = basis.T @ image
-        # Twice, because columns that add little that is new come out of one pass of Gram-Schmidt as rounding errors.
+        # Twice: one pass of Gram-Schmidt turns columns that add little into rounding errors.
         fresh, outer = np.linalg.qr(image - basis @ coupling)
         fresh, inner = np.linalg.qr(fresh - basis @ (basis.T @ fresh))
         projected = np.block([[projected, coupling[:-_BLOCK]], [coupling.T]])
@@ -77,13 +77,13 @@ def _apply(distances: FloatArray, block: FloatArray) -> FloatArray:
     return -0.5 * _centred(product.T)
 
 
-# Four columns are too few for BLAS: this loop is more than twice as fast, and needs no matrix of squares.
+# Four columns are too few for BLAS: this loop is more than twice as fast and needs no matrix of squares.
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def _multiply_squared(distances, rows, product):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     n = len(distances)
     a, b, c, d = rows[0], rows[1], rows[2], rows[3]
     for i in range(0, n, 2):
-        # Two rows share each number that is loaded; the last row of an odd count is done twice.
+        # Two rows share each loaded number; the last row of an odd count is computed twice.
         k = min(i + 1, n - 1)
         upper, lower = distances[i], distances[k]
         upper_a = upper_b = upper_c = upper_d = lower_a = lower_b = lower_c = lower_d = 0.0

@@ -1,4 +1,4 @@
-"""A frame that belongs to the surface, and the surface on a grid in it."""
+"""Frame of the principal axes of a surface, and the surface on a grid in this frame."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
 CLEAR = 1e-3
-"""Variances along two principal axes that differ by less than this share of the largest leave the axes open."""
+"""Two principal axes are ambiguous if their variances differ by less than this share of the largest."""
 
 GRID = 2.0**-20
-"""Step of the grid, in roots of the surface's area: a few ten-thousandths of an edge of two thousand vertices."""
+"""Step of the grid, as a share of the square root of the surface area: some 4e-5 of an edge for 2000 vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,19 +36,19 @@ class Frame:
     unit: float
 
     def coordinates(self, points: FloatArray) -> FloatArray:
-        """Return points of space, shape (n, 3), in this frame."""
+        """Return the coordinates of points in this frame, shape (n, 3)."""
         return np.asarray((points - self.origin) @ self.axes / self.unit)
 
     def points(self, coordinates: FloatArray) -> FloatArray:
-        """Return what has these coordinates, shape (n, 3): the inverse of :meth:`coordinates`."""
+        """Return the points with these coordinates, shape (n, 3): the inverse of :meth:`coordinates`."""
         return np.asarray(coordinates * self.unit @ self.axes.T + self.origin)
 
 
 def principal_frame(mesh: Mesh) -> Frame:
-    """Return the frame of the principal axes of a surface, in units of the root of its area.
+    """Return the frame of the principal axes of a surface, in units of the square root of its area.
 
-    A surface whose axes are not clear, such as a round tube, keeps the axes of space: those of its own would hang on
-    rounding errors.
+    A surface with ambiguous axes, such as a round tube, keeps the coordinate axes: its own would depend on rounding
+    errors.
     """
     areas = vertex_areas(mesh)
     origin = areas @ mesh.vertices / areas.sum()
@@ -63,5 +63,5 @@ def principal_frame(mesh: Mesh) -> Frame:
 
 
 def on_grid(mesh: Mesh, frame: Frame) -> Mesh:
-    """Return the surface in the frame, its coordinates rounded to multiples of ``GRID``."""
+    """Return the surface in the frame, with coordinates rounded to multiples of ``GRID``."""
     return mesh.with_vertices(np.round(frame.coordinates(mesh.vertices) / GRID) * GRID + 0.0)

@@ -13,22 +13,22 @@ from benchmark.geometry.laplacian import Laplacian
 def smooth_interpolation(
     laplacian: Laplacian, samples: ArrayLike, *, weights: FloatArray | None = None, fidelity: float = np.inf
 ) -> FloatArray:
-    r"""Matrix that continues values at sampled vertices smoothly to all vertices.
+    r"""Return the matrix that extends values at sampled vertices smoothly to all vertices.
 
-    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2`, W being diagonal. Every minimiser is a
-    combination of Green's functions :math:`L^+ W L^+ e_s` of the samples and a constant, so one sparse factorisation of
-    L and a dense system as large as the number of samples give them all.
+    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2` with diagonal W. Every minimiser is a
+    combination of a constant and the Green's functions :math:`L^+ W L^+ e_s` of the samples, so one sparse
+    factorisation of L and one dense system, as large as the number of samples, give all columns.
 
     Parameters
     ----------
     laplacian
-        Of a surface in one piece.
+        Laplacian of a connected surface.
     samples
         Distinct vertex indices, shape (p,).
     weights
-        The diagonal of W, shape (n,); by default the vertex areas, which makes the interpolation biharmonic.
+        Diagonal of W, shape (n,); by default the vertex areas, which makes the interpolation biharmonic.
     fidelity
-        The weight :math:`\mu` of the fit; values at samples are met exactly if it is infinite.
+        Weight :math:`\mu` of the fit; if infinite, the fit at the samples is exact.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def smooth_interpolation(
     weights = laplacian.mass if weights is None else weights
     n, p = len(laplacian.mass), len(samples)
     shares = weights / weights.sum()
-    # The Laplacian is singular only for the constant: without its first row and column it has a factor.
+    # Only constants are in the null space of the Laplacian: without its first row and column it can be factorised.
     grounded = laplacian.stiffness.tocsc()[1:, 1:]
     factor = splu(grounded, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 

@@ -1,4 +1,4 @@
-"""Isotonic regression over pairs of vertices that are sorted once and kept in that order."""
+"""Isotonic regression over pairs of vertices that are sorted only once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class RankedPairs:
     first, second
         Vertices of each pair, shape (n (n - 1) / 2,).
     tie_ends
-        For each group of equal dissimilarities, the place after its last pair, ascending.
+        For each group of equal dissimilarities, the position after its last pair, ascending.
     """
 
     first: NDArray[np.int32]
@@ -32,8 +32,8 @@ class RankedPairs:
     def of(cls, dissimilarities: FloatArray) -> RankedPairs:
         """Sort the pairs of a symmetric matrix, shape (n, n)."""
         narrow = lossless_single(dissimilarities) + np.float32(0)  # turns -0 into 0
-        # Geodesic distances are kept in single precision. Bits of positive numbers come in the order of the numbers, so
-        # that pairs can be dealt into places, digit by digit, in a tenth of the time of comparing them.
+        # Geodesic distances are stored in single precision. Positive floats have the order of their bits, so a radix
+        # sort applies, in a tenth of the time of a comparison sort.
         if narrow.dtype == np.float32 and len(narrow) <= MOST_IN_A_BYTE_PAIR and not np.signbit(narrow).any():
             return cls(*_dealt(narrow.view(np.uint32)))
         first, second = (part.astype(np.int32) for part in np.triu_indices(len(dissimilarities), 1))
@@ -44,13 +44,13 @@ class RankedPairs:
         return cls(first[order], second[order], last + 1)
 
     def distances(self, points: FloatArray) -> FloatArray:
-        """Euclidean distance of each pair, for positions of shape (n, 3)."""
+        """Return the Euclidean distance of each pair, for positions of shape (n, 3)."""
         result = np.empty(len(self.first))
         _fill_distances(points, self.first, self.second, result)
         return result
 
     def attractions(self, points: FloatArray, distances: FloatArray, targets: FloatArray) -> FloatArray:
-        r"""Return :math:`\sum_j (t_{ij} / d_{ij}) (x_i - x_j)` of each vertex, shape (n, 3).
+        r"""Return :math:`\sum_j (t_{ij} / d_{ij}) (x_i - x_j)` for each vertex i, shape (n, 3).
 
         Parameters
         ----------
@@ -65,17 +65,17 @@ class RankedPairs:
 
 
 def isotonic_regression(values: FloatArray, tie_ends: NDArray[np.int64]) -> FloatArray:
-    """Non-decreasing sequence nearest to the values in the least-squares sense.
+    """Return the non-decreasing sequence nearest to the values in the least-squares sense.
 
-    Pool adjacent violators (Kruskal 1964; Barlow et al. 1972). Tied places share one fitted value (Kruskal's
-    secondary approach), so the result does not depend on the order inside a tie.
+    Pool adjacent violators (Kruskal 1964; Barlow et al. 1972). Tied values share one fitted value (Kruskal's secondary
+    approach), so the result does not depend on the order within a tie.
 
     Parameters
     ----------
     values
         Sequence to fit, shape (m,).
     tie_ends
-        For each group of tied places, the place after its last, ascending and ending with m.
+        For each group of ties, the position after its last value, ascending and ending with m.
 
     Returns
     -------
@@ -90,17 +90,17 @@ def isotonic_regression(values: FloatArray, tie_ends: NDArray[np.int64]) -> Floa
 MOST_IN_A_BYTE_PAIR = 2**16
 _DIGIT = 11
 _DIGITS = 3
-"""Bits of a digit, and digits that hold 32 bits."""
+"""Bits per digit, and number of digits in 32 bits."""
 
 
 @numba.njit(cache=True, nogil=True)
 def _dealt(bits):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Radix sort of the pairs by 32-bit keys, least digit first; returns the fields of :class:`RankedPairs`."""
+    """Radix-sort the pairs by 32-bit keys, least digit first, and return the fields of :class:`RankedPairs`."""
     n = bits.shape[0]
     count = n * (n - 1) // 2
     keys, names = np.empty(count, np.uint32), np.empty(count, np.uint32)
     radix = 1 << _DIGIT
-    # The counts of all digits add up to the number of pairs, so that a place is always below it.
+    # The counts of each digit add up to the number of pairs, so a place is always below it.
     places = np.zeros((_DIGITS, radix), np.int64)
     at = 0
     for i in range(n):
@@ -131,12 +131,12 @@ def _dealt(bits):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 
 _CHUNK = 64
-"""Groups per chunk of the first, coarse regression; the result does not depend on it, the time hardly."""
+"""Groups per chunk of the first, coarse regression; the result does not depend on it, and the time hardly."""
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _append_block(sums, ends, blocks, total, end):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Put a block on the stack, pool it with its predecessors while the means fall, return the new stack height."""
+    """Push a block onto the stack, pool it with its predecessors while the means fall, return the new stack height."""
     begin = ends[blocks - 1] if blocks > 0 else 0
     while blocks > 0:
         before = ends[blocks - 2] if blocks > 1 else 0
@@ -153,11 +153,11 @@ def _append_block(sums, ends, blocks, total, end):  # type: ignore[no-untyped-de
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _pool_adjacent_violators(values, tie_ends, fitted):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     # The fit is the slope of the greatest convex minorant of the cumulative sum, and a block can only end where the
-    # sum touches the minorant. The minorant over chunks lies nowhere below it. So a place where the sum exceeds the
-    # chunks' minorant ends no block: all but a few per cent of the places drop out in one cheap pass.
+    # sum touches the minorant. The minorant over chunks lies nowhere below it, so no block ends where the sum exceeds
+    # the chunks' minorant: one cheap pass excludes all but a few per cent of the places.
     groups = len(tie_ends)
     chunks = (groups + _CHUNK - 1) // _CHUNK
-    # Each chunk, and below each group, is put on its stack once at the most; what is pooled leaves it.
+    # Each chunk, and later each group, enters its stack at most once; pooled blocks leave it.
     chunk_sums, chunk_ends = np.empty(chunks), np.empty(chunks, np.int64)
     chunk_blocks = 0
     begin = 0

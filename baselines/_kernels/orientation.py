@@ -1,4 +1,4 @@
-"""Axes of embeddings: ties, signs, the side of the mirror, and classic scaling of thin products."""
+"""Axes of embeddings: ties, signs, the choice of mirror image, and classic MDS of low-rank products."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import FloatArray, Mesh
 
 TIE = 1e-6
-"""Values nearer to the extreme one than this fraction of it are equal. Distances are stored in single precision, whose
-last bit is a seventeenth of that; symmetric surfaces have many such ties."""
+"""Values within this fraction of the extreme one tie with it. Distances are stored in single precision, whose last bit
+is a seventeenth of this; symmetric surfaces have many such ties."""
 
 STEP = 2.0**-24
-"""Coordinates are compared in multiples of this share of the largest one: far coarser than rounding errors."""
+"""Coordinates are compared in multiples of this share of the largest one, far coarser than rounding errors."""
 
 
 def largest(values: FloatArray, vertices: FloatArray) -> int:
-    """Return the vertex of the largest value; of equal ones, the first by its coordinates.
+    """Return the vertex with the largest value; of several, the first by its coordinates.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def largest(values: FloatArray, vertices: FloatArray) -> int:
         Positions, shape (n, 3).
     """
     highest = values.max()
-    # What cannot be reached is infinitely far, and as far as what else cannot.
+    # Unreachable vertices are infinitely far and tie with each other.
     bound = highest - TIE * np.abs(highest) if np.isfinite(highest) else highest
     tied = np.flatnonzero(values >= bound)
     if len(tied) == 1:
@@ -37,18 +37,18 @@ def largest(values: FloatArray, vertices: FloatArray) -> int:
 
 
 def order_by_coordinates(vertices: FloatArray, extent: float) -> NDArray[np.int64]:
-    """Return the order of points by their coordinates x, y, z in multiples of ``STEP * extent``, shape (n,)."""
+    """Return the order of points by their x, y and z coordinates in multiples of ``STEP * extent``, shape (n,)."""
     cells = np.round(vertices / (STEP * max(extent, np.finfo(float).tiny)))
     return np.asarray(np.lexsort(cells.T[::-1]), dtype=np.int64)
 
 
 EQUAL = 1e-6
-"""Eigenvalues that differ by less than this share of the larger are equal: their axes may be turned into each other."""
+"""Eigenvalues that differ by less than this share of the larger count as equal: their axes are free to rotate."""
 
 
 NEGLIGIBLE = 1e-6
-"""A third moment below this share of its largest possible value is that of an axis of symmetry, a smaller handedness
-that of a mirror image of itself. Geodesic distances in single precision give some 1e-8 where there should be none."""
+"""A third moment below this share of its largest possible value means an axis of symmetry, and a smaller handedness a
+form that is its own mirror image. Geodesic distances in single precision give some 1e-8 instead of 0."""
 
 
 def vertex_areas(mesh: Mesh) -> FloatArray:
@@ -58,10 +58,10 @@ def vertex_areas(mesh: Mesh) -> FloatArray:
 
 
 def settled_axes(coordinates: FloatArray, eigenvalues: FloatArray, positions: FloatArray) -> FloatArray:
-    """Turn the axes of equal eigenvalues, which a solver leaves open, to where the surface reaches farthest.
+    """Rotate the axes of equal eigenvalues, which a solver leaves arbitrary, towards the farthest vertices.
 
-    Of the axes that are free to turn, the first points to the vertex that lies farthest out in their space, the next to
-    the one farthest out in what is left. Only surfaces with symmetries have such axes.
+    The first of these axes points to the vertex farthest out in their space, the next to the one farthest out in the
+    remaining space. Only surfaces with symmetries have such axes.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ def settled_axes(coordinates: FloatArray, eigenvalues: FloatArray, positions: Fl
     eigenvalues
         One per axis, in order, shape (k,).
     positions
-        Vertices of the surface, shape (n, 3): of several vertices equally far out they tell the first.
+        Vertices of the surface, shape (n, 3); break ties between equally far vertices.
 
     Returns
     -------
     numpy.ndarray
-        The coordinates along the turned axes, shape (n, k).
+        Coordinates along the rotated axes, shape (n, k).
     """
     distinct = np.abs(np.diff(eigenvalues)) > EQUAL * np.maximum(np.abs(eigenvalues[1:]), np.abs(eigenvalues[:-1]))
     settled = coordinates.copy()
@@ -95,10 +95,10 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
     """Choose the sign of each axis so that its weighted third central moment is positive.
 
     The moment is a sum over the surface, so the choice follows any relabelling of the vertices and hardly depends on
-    the sampling. An axis of symmetry has no third moment: there the vertex farthest from the centre decides, of several
-    equally far ones the first by its position on the surface. Along an axis that is nearly one a jitter may decide;
-    so which of a form and its mirror image it is, is settled by :func:`handedness`, and two signs
-    that change together are half a turn, which the scorer tries.
+    the sampling. On an axis of symmetry the third moment is zero, and the vertex farthest from the centre decides; of
+    several equally far ones, the first by its position on the surface. On a nearly symmetric axis, jitter may decide.
+    Therefore :func:`handedness` chooses between a form and its mirror image; two signs that change together are half a
+    turn, which the scorer tries.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
     Returns
     -------
     numpy.ndarray
-        Either 1.0 or -1.0 per axis, shape (k,).
+        1.0 or -1.0 per axis, shape (k,).
     """
     centred = coordinates - np.average(coordinates, axis=0, weights=weights)
     moments = weights @ centred**3
@@ -124,26 +124,27 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
 Side = Literal["moment", "off"]
 
 DOUBTFUL = 0.02
-"""Below it a note says so, and nothing else changes: a jitter of 1e-6 or another triangulation may turn the side."""
+"""Below this handedness, a note reports doubt, without any other effect: jitter of 1e-6 or another triangulation may
+flip the side."""
 
 
 def handedness(points: FloatArray, weights: FloatArray) -> float:
-    r"""Return how clearly a form differs from its mirror image, and which of the two it is.
+    r"""Return how clearly a form differs from its mirror image, with a sign that distinguishes the two.
 
     In coordinates (x, y, z) along the principal axes, the longest first and z making the frame right-handed, it is
 
     .. math:: \sum_i w_i x_i y_i z_i \Big/ \sum_i w_i |x_i y_i z_i| .
 
-    The product does not change when two axes are turned round, so that the value depends on neither position, rotation
-    nor size, and changes its sign in a mirror. It is 0 for what is symmetric about a principal plane. It is in doubt
-    where it is near 0, and where two principal variances nearly tie.
+    Reversing two axes does not change the product, so the value depends on neither position, rotation nor size, and
+    changes its sign under reflection. It is 0 for a form that is symmetric about a principal plane. It is in doubt if
+    it is near 0, or if two principal variances nearly tie.
 
     Parameters
     ----------
     points
         Positions, shape (n, 3).
     weights
-        Weight of each, usually its area, shape (n,).
+        Weight of each vertex, usually its area, shape (n,).
 
     Returns
     -------
@@ -160,12 +161,12 @@ def handedness(points: FloatArray, weights: FloatArray) -> float:
 
 
 def right_handed(points: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the form or its mirror image: that of positive :func:`handedness`.
+    """Return the form or its mirror image, whichever has positive :func:`handedness`.
 
     Parameters
     ----------
     points, weights
-        As of :func:`handedness`. The last axis is the one that is turned round.
+        As in :func:`handedness`. A reflection flips the last axis.
 
     Returns
     -------
@@ -183,7 +184,7 @@ def oriented(
     areas: FloatArray | None = None,
     side: Side = "moment",
 ) -> FloatArray:
-    """Settle what an embedding leaves open: axes of equal eigenvalues, signs, and the side of the mirror.
+    """Resolve the ambiguities of an embedding: axes of equal eigenvalues, signs, and the choice of mirror image.
 
     Parameters
     ----------
@@ -192,11 +193,11 @@ def oriented(
     points
         Positions along the axes, shape (n, 3).
     eigenvalues
-        Of the axes, shape (3,), where equal ones leave axes open.
+        Eigenvalues of the axes, shape (3,), if equal ones leave axes arbitrary.
     areas
-        Of the vertices, shape (n,); those of the mesh by default.
+        Vertex areas, shape (n,); those of the mesh by default.
     side
-        ``"moment"``: see :func:`right_handed`; ``"off"``: the side that the signs of the axes happen to give.
+        ``"moment"``: see :func:`right_handed`; ``"off"``: the side given by the signs of the axes.
     """
     if eigenvalues is not None:
         points = settled_axes(points, eigenvalues, mesh.vertices)
@@ -206,32 +207,32 @@ def oriented(
 
 
 def side_notes(points: FloatArray, weights: FloatArray) -> dict[str, float]:
-    """Return the notes of a form on its side: ``handedness``, and ``side_in_doubt``, 1 where that is near 0, else 0."""
+    """Return the notes on the side of a form: ``handedness``, and ``side_in_doubt``, 1 if that is near 0, else 0."""
     value = handedness(points, weights)
     return {"handedness": value, "side_in_doubt": float(abs(value) < DOUBTFUL)}
 
 
 def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side: Side) -> FloatArray:
-    r"""Classic scaling of the squared distances :math:`Z M Z^\top`, without making that matrix.
+    r"""Compute the classic MDS of the squared distances :math:`Z M Z^\top` without forming that matrix.
 
-    The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, as large as Z has
-    columns.
+    The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, whose size is the
+    number of columns of Z.
 
     Parameters
     ----------
     mesh
-        The surface, which settles axes of equal eigenvalues, signs, and the side of the mirror.
+        The surface, which resolves axes of equal eigenvalues, signs, and the choice of mirror image.
     columns
         The matrix Z, shape (n, k) with k at least 3.
     coupling
         The symmetric matrix M, shape (k, k).
     side
-        As of :func:`oriented`.
+        As in :func:`oriented`.
 
     Returns
     -------
     numpy.ndarray
-        Centred positions, shape (n, 3), along axes of falling variance; negative eigenvalues count as zero.
+        Centred positions, shape (n, 3), along axes of decreasing variance; negative eigenvalues count as zero.
     """
     orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
     values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)

@@ -1,4 +1,4 @@
-"""Stress minimised by limited-memory quasi-Newton steps, with the Guttman transform as the plain step."""
+"""Minimisation of stress by limited-memory quasi-Newton steps, with the Guttman transform as the plain step."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from benchmark.api.contracts import FloatArray
 
-#: Steps that the curvature is learnt from.
+#: Number of past steps that define the curvature.
 MEMORY = 6
-#: A pair of steps shows a curvature only if that is larger than this share of the largest possible.
+#: A step defines a curvature only if that is larger than this share of the largest possible.
 FLAT = 1e-10
-#: Below this a stress is made of rounding errors alone: the start meets the distances to single precision.
+#: Below this, a stress consists of rounding errors: the start matches the distances to single precision.
 ROUNDING = 1e-14
 
 
@@ -24,27 +24,27 @@ def minimise(
     rtol: float,
     grain: float | None = None,
 ) -> tuple[FloatArray, list[float]]:
-    r"""Lower a stress by steps of L-BFGS [Liu and Nocedal 1989].
+    r"""Minimise a stress by L-BFGS [Liu and Nocedal 1989].
 
-    With equal weights the gradient of the stress at X is a multiple of X - G(X), where G is the Guttman transform
-    [de Leeuw 1977]. The transform itself is the step of steepest descent of fixed length; learning the curvature from
-    the last few steps needs far fewer of them. Where a step does not lower the stress, the transform, which never
-    raises it, takes its place and the learning starts afresh.
+    With equal weights, the gradient of the stress at X is a multiple of X - G(X), where G is the Guttman transform [de
+    Leeuw 1977]. The transform itself is a steepest-descent step of fixed length; with the curvature of the last few
+    steps, far fewer steps suffice. If a step does not lower the stress, the transform, which never raises it, replaces
+    the step, and the curvature is reset.
 
     Parameters
     ----------
     evaluate
-        Takes positions, returns their stress and their Guttman transform.
+        Takes positions; returns their stress and their Guttman transform.
     start
-        Positions, rows of coordinates, shape (3, n).
+        Initial positions, rows of coordinates, shape (3, n).
     max_iterations
-        Largest number of evaluations after the first.
+        Maximum number of evaluations after the first.
     rtol
-        Stop when a step lowers the stress by less than this fraction, or after the first step where the stress of the
+        Stop when a step lowers the stress by less than this fraction, or after the first step if the stress of the
         start is below :data:`ROUNDING`.
     grain
-        Round positions to multiples of this after each step. Dozens of steps can make of a rounding error one that is
-        a billion times larger; a grain far above it, and far below what matters, ends it where it arises.
+        Round positions to multiples of this after each step. Dozens of steps can amplify a rounding error a billion
+        times; a grain far above rounding errors and far below relevant differences removes them where they arise.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def minimise(
 
 
 def _newton_direction(residual: FloatArray, moves: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Apply the learnt inverse curvature by the two-loop recursion [Nocedal 1980]; without moves, the identity."""
+    """Apply the inverse curvature by the two-loop recursion [Nocedal 1980]; without moves, the identity."""
     direction = residual.copy()
     shares = []
     for step, change in reversed(moves):

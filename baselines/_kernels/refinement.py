@@ -1,4 +1,4 @@
-"""Sparse definite systems solved to the last digits, whatever the processor."""
+"""Solution of sparse definite systems to the last digits on any processor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from baselines._kernels.arap import factorise_definite
 from benchmark.api.contracts import FloatArray
 
 STEPS = 4
-"""Largest number of corrections. Each multiplies the error by the condition number times the rounding unit."""
+"""Maximum number of corrections. Each multiplies the error by the condition number times the unit roundoff."""
 
 SPLITTER = 2.0**27 + 1.0
 
@@ -19,9 +19,9 @@ SPLITTER = 2.0**27 + 1.0
 def refined_solution(matrix: csr_array, right: FloatArray) -> FloatArray:
     """Solve a symmetric positive definite sparse system with corrections from residuals in doubled precision.
 
-    A factorisation loses as many digits as the condition number has, and which ones depends on the BLAS behind it.
-    Residuals that are exact to twice the precision bring them back (Wilkinson 1963; Higham 2002, chapter 12): as long
-    as the factors have any correct digit, the result is that of the matrix, rounded.
+    A factorisation loses as many digits as the condition number has, and the wrong digits depend on the BLAS. Residuals
+    in twice the precision recover them (Wilkinson 1963; Higham 2002, chapter 12): as long as the factors have any
+    correct digit, the result is the exact solution, rounded.
 
     Parameters
     ----------

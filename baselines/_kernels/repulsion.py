@@ -9,17 +9,17 @@ from baselines._kernels.arap import AsRigidAsPossible
 from benchmark.api.contracts import FloatArray
 
 PROXIMITY = 1e-4
-"""Diagonal of the global step, as a share of the stiffness. Neither energy feels a translation, so the system needs a
-hold; holding every vertex a little at its present place keeps the descent monotone."""
+"""Diagonal of the global step, as a share of the stiffness. Both energies are invariant under translation, so the
+system needs a hold; a weak hold of every vertex at its current position keeps the descent monotone."""
 
 
 def relax(
     surface: AsRigidAsPossible, masses: FloatArray, positions: FloatArray, stiffness: float, steps: int
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Let the vertices of a surface push each other apart until the surface holds them.
+    r"""Let the vertices of a surface repel each other against its elastic energy.
 
     The energy is :math:`-\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x)`. Each step replaces the concave
-    first term by its tangent and the rotations by the best ones, both upper bounds that touch the energy at the present
+    first term by its tangent and the rotations by the best ones, both upper bounds that touch the energy at the current
     positions, and minimises their sum exactly by one sparse solve: the energy never rises (majorisation; Hunter &
     Lange 2004). It is bounded below, since the repulsion grows linearly and the elastic energy quadratically.
 
@@ -30,7 +30,7 @@ def relax(
     masses
         Weight of each vertex in the repulsion, shape (n,), sum 1.
     positions
-        Start, shape (n, 3).
+        Initial positions, shape (n, 3).
     stiffness
         Factor :math:`\beta` of the elastic energy, in the inverse unit of the positions.
     steps
@@ -39,7 +39,7 @@ def relax(
     Returns
     -------
     positions : numpy.ndarray
-        Positions after the last step, shape (n, 3); the centroid under ``masses`` stays.
+        Positions after the last step, shape (n, 3); the centroid under ``masses`` does not change.
     energies : numpy.ndarray
         Energy before each step and after the last, shape (steps + 1,).
     """
@@ -82,7 +82,7 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> tuple[FloatArray, fl
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")  # type: ignore[untyped-decorator]
 def _repulsion(coordinates: FloatArray, masses: FloatArray, forces: FloatArray) -> float:
-    # Every pair is visited twice: without writes inside, the inner loop runs several pairs at once.
+    # Every pair is visited twice: without writes, the inner loop vectorises.
     x, y, z = coordinates[0], coordinates[1], coordinates[2]
     n = len(masses)
     total = 0.0

@@ -1,4 +1,4 @@
-"""A surface in parts that move rigidly: how it is divided, where each part goes, and how the seams close."""
+"""Rigid parts of a surface: their division, their motions, and the closing of their seams."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from baselines._kernels.orientation import TIE
 from benchmark.api.contracts import FloatArray
 
 CLEARER = 1e-6
-"""A vertex changes its part when that brings its target nearer by more than this share of the area of the surface: no
-rounding error does."""
+"""A vertex changes its part if that lowers the squared distance to its target by more than this share of the surface
+area; no rounding error does."""
 
 
 def nearest_seed(distances: FloatArray) -> NDArray[np.int64]:
-    """Part of each vertex: that of the nearest seed, of equally near ones the first.
+    """Return the part of each vertex: that of the nearest seed, or of the first of equally near ones.
 
     Parameters
     ----------
     distances
-        From each seed to all vertices, shape (k, n).
+        Distances from each seed to all vertices, shape (k, n).
 
     Returns
     -------
     numpy.ndarray
-        Shape (n,), from 0 without gaps: a seed at the place of an earlier one has no part.
+        Shape (n,), from 0 without gaps: a seed at the position of an earlier one has no part.
     """
     nearest = (distances <= distances.min(axis=0) + TIE * distances.max()).argmax(axis=0)
     return np.asarray(np.unique(nearest, return_inverse=True)[1].reshape(-1), dtype=np.int64)
@@ -34,10 +34,10 @@ def nearest_seed(distances: FloatArray) -> NDArray[np.int64]:
 def rigid_motions(
     surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray]:
-    """Rotation and translation of each part that bring its vertices nearest to their targets (Kabsch 1976).
+    """Compute the rotation and translation of each part that bring its vertices nearest to their targets (Kabsch 1976).
 
-    The neighbours of a part count as its own: neighbouring parts then agree on their seam, and not even a part of a
-    single vertex may turn freely.
+    The neighbours of a part count as its own, so that neighbouring parts agree on their seam and not even a part of a
+    single vertex can rotate freely.
 
     Parameters
     ----------
@@ -48,14 +48,14 @@ def rigid_motions(
     masses
         Weight of each vertex, shape (n,), positive.
     parts
-        Part of each vertex, shape (n,), from 0 to k - 1, none of them empty.
+        Part of each vertex, shape (n,), from 0 to k - 1, none empty.
 
     Returns
     -------
     rotations : numpy.ndarray
         Proper, shape (k, 3, 3).
     translations : numpy.ndarray
-        Shape (k, 3): a vertex p of part c goes to ``rotations[c] @ p + translations[c]``.
+        Shape (k, 3): a vertex p of part c moves to ``rotations[c] @ p + translations[c]``.
     """
     count = int(parts.max()) + 1
     rotations, translations = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -77,10 +77,10 @@ def refit_parts(
     parts: NDArray[np.int64],
     rounds: int,
 ) -> NDArray[np.int64]:
-    """Shift the seams to where the parts fit the targets better, vertex by vertex.
+    """Shift the seams, vertex by vertex, so that the parts fit the targets better.
 
-    In each round every vertex at a seam goes to that part of a neighbour whose rigid motion brings it nearest to its
-    target, but from a part that would be left with fewer than half of the vertices that it began with none goes.
+    In each round every vertex at a seam joins the part of a neighbour whose rigid motion brings it nearest to its
+    target. No vertex leaves a part that would keep fewer than half of its initial vertices.
     """
     graph = surface.weights
     start = np.repeat(np.arange(len(parts)), np.diff(graph.indptr))
@@ -111,9 +111,9 @@ def close_gaps(
     rotations: FloatArray,
     translations: FloatArray,
 ) -> FloatArray:
-    r"""Shift the parts, without turning them, so that they meet at their seams.
+    r"""Translate the parts, without rotation, so that they meet at their seams.
 
-    With the edges (i, j) of the seams, of weights w, and the share :math:`\alpha_c` of the area that is part c,
+    With the edges (i, j) of the seams, of weights w, and the share :math:`\alpha_c` of part c in the area,
 
     .. math:: \min_t \sum_c \alpha_c \|t_c - t^0_c\|^2
               + \sum_{ij} w_{ij} \| R_c p_i + t_c - R_d p_j - t_d - \tfrac12 (R_c + R_d)(p_i - p_j) \|^2 .
@@ -121,7 +121,7 @@ def close_gaps(
     Parameters
     ----------
     surface, masses, parts
-        As for :func:`refit_parts`.
+        As in :func:`refit_parts`.
     rotations, translations
         Motions :math:`R, t^0` of the parts.
 
@@ -152,21 +152,21 @@ def close_gaps(
 def smooth_seams(
     surface: AsRigidAsPossible, masses: FloatArray, placed: FloatArray, turns: FloatArray, width: float
 ) -> FloatArray:
-    r"""Smooth the seams between parts that have been placed.
+    r"""Smooth the seams between placed parts.
 
     Finds the positions x that minimise
 
     .. math:: \sum_{ij} w_{ij} \| (x_i - x_j) - \tfrac12 (R_i + R_j) (p_i - p_j) \|^2
               + \frac1{b^2} \sum_i m_i \| x_i - y_i \|^2 ,
 
-    a screened Poisson equation: the perturbation by a seam fades with :math:`e^{-d/b}` at the distance d from it.
+    a screened Poisson equation: the perturbation by a seam decays as :math:`e^{-d/b}` with the distance d from it.
 
     Parameters
     ----------
     surface, masses
-        As for :func:`refit_parts`; the masses m are areas in squared units of the rest positions.
+        As in :func:`refit_parts`; the masses m are areas in squared units of the rest positions.
     placed
-        Positions y of the vertices of parts that moved rigidly, shape (n, 3).
+        Positions y of the vertices after the rigid motions of their parts, shape (n, 3).
     turns
         Rotation of each vertex, shape (n, 3, 3).
     width

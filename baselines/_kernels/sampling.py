@@ -1,4 +1,4 @@
-"""Vertices that are spread over a surface, from distances along its edges."""
+"""Sampling of vertices evenly over a surface, by distances along its edges."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from benchmark.geometry.mesh import edges_of
 
 
 def farthest_points(shape: Shape, count: int) -> list[int]:
-    """Sample vertices so that each is as far as possible, along edges, from those before it.
+    """Sample vertices so that each is as far as possible, along edges, from the previous ones.
 
-    The first vertex is the one that :func:`farthest_from_centre` gives. The choice follows any relabelling of the
-    vertices, and any rigid motion as long as no two candidates tie; of equally far ones the first by its coordinates is
-    taken.
+    The first vertex is that of :func:`farthest_from_centre`. The choice follows any relabelling of the vertices, and
+    any rigid motion as long as no two candidates tie; the first by its coordinates wins a tie.
 
     Parameters
     ----------
     shape
-        A shape in one piece.
+        A connected shape.
     count
         Number of samples.
 
@@ -38,14 +37,14 @@ def farthest_points(shape: Shape, count: int) -> list[int]:
 def farthest_from_centre(shape: Shape) -> int:
     """Return the vertex farthest, along edges, from the geodesic centre.
 
-    The centre is the vertex whose largest distance to four mutually far vertices is smallest: five rows of distances
-    instead of all.
+    The centre is the vertex with the smallest maximum distance to four mutually far vertices. This needs five rows of
+    distances instead of all.
     """
     return _farthest_from_centre(edge_graph(shape), shape.mesh.vertices)
 
 
 def squares_between(samples: list[int], rows: FloatArray) -> FloatArray:
-    """Squared distances between the samples, symmetric to the last bit, shape (k, k).
+    """Return the squared distances between the samples, symmetric to the last bit, shape (k, k).
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ def squares_between(samples: list[int], rows: FloatArray) -> FloatArray:
 
 
 def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> float:
-    """Normalised stress over the pairs whose geodesic distance is known.
+    """Return the normalised stress over the pairs with known geodesic distance.
 
     Parameters
     ----------
@@ -86,18 +85,18 @@ def _spread(graph: csr_array, vertices: FloatArray, first: int, count: int) -> l
     nearest = dijkstra(graph, indices=first)
     while len(chosen) < min(count, len(nearest)):
         chosen.append(largest(nearest, vertices))
-        # No vertex is farther than that from its nearest sample, so the search may end there.
+        # No vertex is farther than this from its nearest sample, so the search can stop there.
         np.minimum(nearest, dijkstra(graph, indices=chosen[-1], limit=nearest.max()), out=nearest)
     return chosen
 
 
 def within(graph: csr_array, centre: int, radius: float) -> NDArray[np.int64]:
-    """Vertices at most so far from one along the edges."""
+    """Return the vertices within a radius of a centre along the edges."""
     return np.flatnonzero(np.isfinite(dijkstra(graph, indices=centre, limit=radius)))
 
 
 def edge_graph(shape: Shape) -> csr_array:
-    """Lengths of the edges of a shape, symmetric, shape (n, n)."""
+    """Return the edge lengths of a shape as a symmetric sparse matrix, shape (n, n)."""
     vertices, n = shape.mesh.vertices, shape.mesh.n_vertices
     ends = edges_of(shape.mesh.faces).ends
     start, end = np.concatenate([ends, ends[:, ::-1]]).T

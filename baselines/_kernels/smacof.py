@@ -1,4 +1,4 @@
-"""Stress majorisation: the Guttman transform, the stress it lowers, and the iteration of both."""
+"""Stress majorisation: the Guttman transform, the stress, and their iteration."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmark.api.contracts import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """Result of least-squares scaling.
+    """Result of least-squares MDS.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ def _add_pairs_among(points, targets, sums, first, last):  # type: ignore[no-unt
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def _add_attractions(points, targets, sums):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     n = points.shape[1]
-    ratios = np.empty((4, n))  # of four rows to the columns behind them, fewer than n
+    ratios = np.empty((4, n))  # of four rows to the columns after them, fewer than n
     blocks_end = n - n % 4
     for first in range(0, blocks_end, 4):
-        # The part above the diagonal, four rows at a time so that what is loaded is used four times. Views and one
-        # output per loop let the compiler prove that nothing overlaps, and vectorise.
+        # Above the diagonal, four rows at a time, so that each loaded value is used four times. Views and one output
+        # per loop let the compiler rule out overlap and vectorise.
         _add_pairs_among(points, targets, sums, first, first + 4)
         rest = first + 4
         count = n - rest
@@ -88,26 +88,26 @@ def _add_attractions(points, targets, sums):  # type: ignore[no-untyped-def]  # 
 
 
 def lossless_single(targets: FloatArray) -> NDArray[np.floating]:
-    """Return the targets in single precision if that loses nothing, else unchanged.
+    """Return the targets in single precision if the conversion is exact, else unchanged.
 
-    Geodesic distances are kept in single precision, so most targets fit. With half the memory to read, a transform
-    takes two thirds of the time and gives the same digits.
+    Geodesic distances are stored in single precision, so most targets convert. With half the memory to read, a
+    transform takes two thirds of the time and gives the same digits.
     """
     narrow = targets.astype(np.float32)
     return narrow if np.array_equal(narrow, targets) else targets
 
 
 def attractions(points: FloatArray, targets: NDArray[np.floating]) -> FloatArray:
-    r"""Product :math:`B(X) X` of the Guttman transform.
+    r"""Compute the product :math:`B(X) X` of the Guttman transform.
 
-    Row i is :math:`\sum_j (\delta_{ij} / d_{ij}) (x_i - x_j)`, where coincident points contribute nothing.
+    Row i is :math:`\sum_j (\delta_{ij} / d_{ij}) (x_i - x_j)`; coincident points contribute nothing.
 
     Parameters
     ----------
     points
         Positions X as rows of coordinates, shape (3, n).
     targets
-        Distances delta to be met, times the weights if there are any; symmetric, shape (n, n).
+        Target distances delta, times the weights if there are any; symmetric, shape (n, n).
 
     Returns
     -------
@@ -127,7 +127,7 @@ def normalised_stress(points: FloatArray, distances: FloatArray) -> float:
     points
         Positions, shape (n, 3).
     distances
-        Distances delta to be met, symmetric, shape (n, n).
+        Target distances delta, symmetric, shape (n, n).
     """
     rows = np.ascontiguousarray(points.T)
     return StressProblem(distances, None).stress(rows, attractions(rows, distances))
@@ -141,28 +141,28 @@ def smacof(
     max_iterations: int = 100,
     rtol: float = 1e-3,
 ) -> Scaling:
-    r"""Least-squares scaling by majorisation (de Leeuw 1977; Borg & Groenen 2005, chapter 8).
+    r"""Compute the least-squares MDS by majorisation (de Leeuw 1977; Borg & Groenen 2005, chapter 8).
 
-    Lowers :math:`\sum_{i<j} w_{ij} (d_{ij} - \delta_{ij})^2` by Guttman transforms :math:`X \leftarrow V^+ B(X) X`,
-    none of which raises it. Without weights :math:`V^+ = I / n` on centred points.
+    Minimises :math:`\sum_{i<j} w_{ij} (d_{ij} - \delta_{ij})^2` by Guttman transforms :math:`X \leftarrow V^+ B(X) X`,
+    which never raise it. Without weights, :math:`V^+ = I / n` on centred points.
 
     Parameters
     ----------
     distances
-        Distances delta to be met, symmetric, shape (n, n).
+        Target distances delta, symmetric, shape (n, n).
     start
-        First positions, shape (n, 3).
+        Initial positions, shape (n, 3).
     weights
-        Weights w of the pairs, symmetric and not negative, shape (n, n); None weighs all pairs alike.
+        Weights w of the pairs, symmetric and non-negative, shape (n, n); None for equal weights.
     max_iterations
-        Largest number of Guttman transforms.
+        Maximum number of Guttman transforms.
     rtol
-        Stop when one transform lowers the stress by less than this fraction.
+        Stop when a transform lowers the stress by less than this fraction.
 
     Returns
     -------
     Scaling
-        Centred positions and the course of the stress.
+        Centred positions and the stress of each iteration.
     """
     problem = StressProblem(distances, weights)
     points = np.ascontiguousarray((start - start.mean(axis=0)).T)
@@ -179,12 +179,12 @@ def smacof(
 
 
 class StressProblem:
-    """Constants of the iteration: weighted targets, the matrix V and its factor.
+    """Constants of the iteration: weighted targets, the matrix V and its factorisation.
 
     Parameters
     ----------
     distances
-        Distances delta to be met, symmetric, shape (n, n).
+        Target distances delta, symmetric, shape (n, n).
     weights
         Weights of the pairs, shape (n, n), or None for equal ones.
     """
@@ -211,10 +211,10 @@ class StressProblem:
         return np.ascontiguousarray(cho_solve(self.factor, sums.T).T)
 
     def stress(self, points: FloatArray, sums: FloatArray) -> float:
-        """Normalised stress of positions X, shape (3, n), given their :func:`attractions` B(X) X.
+        """Return the normalised stress of positions X, shape (3, n), given their :func:`attractions` B(X) X.
 
-        The sum of ``w delta d`` is the trace of X'BX and that of ``w d^2`` the trace of X'VX, so that no second pass
-        over the pairs is needed.
+        The sum of ``w delta d`` is the trace of X'BX and that of ``w d^2`` the trace of X'VX, so no second pass over
+        the pairs is needed.
         """
         if self.laplacian is None:
             centred = points - points.mean(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Eigenfunctions of a surface up to a gap of its spectrum, and the distances that they measure."""
+"""Eigenfunctions of a surface up to a gap of its spectrum, and the distances that they define."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from benchmark.api.contracts import FloatArray, Shape, UnsupportedShape
 from benchmark.geometry.laplacian import Laplacian, eigenpairs
 
 Metric = Literal["geodesic", "diffusion", "commute-time", "biharmonic"]
-"""Distances that a scaling may ask for: shortest ways along the surface, or one of :func:`spectral_embedding`."""
+"""Distances available to MDS: shortest paths along the surface, or those of :func:`spectral_embedding`."""
 
 DETACHED = 1e-9
-"""Below this product of the first eigenvalue and the area a surface is in pieces but for rounding errors; bodies have
-some 3 to 25, and a neck of a thousandth of the width still has some hundredths."""
+"""If the first eigenvalue times the area is below this, the surface is in pieces up to rounding errors; bodies have
+about 3 to 25, and a neck of a thousandth of the width still has some hundredths."""
 
 
 def clear_length(values: FloatArray, most: int) -> int:
-    """Return how many of the first values to keep so that none of several equal ones is cut off from the others.
+    """Return how many of the first values to keep without splitting a group of equal ones.
 
-    Eigenvectors of equal eigenvalues are known as a space alone: what used some of them would hang on rounding errors.
+    Equal eigenvalues determine only the space of their eigenvectors: a part of them would depend on rounding errors.
 
     Parameters
     ----------
     values
-        In order of falling importance, shape (k,).
+        In order of decreasing importance, shape (k,).
     most
-        Largest number to keep. With all of them, or where no gap is found, it is taken as it is.
+        Maximum number to keep. Without a gap, exactly this many are kept, or all if there are fewer.
     """
     if most >= len(values):
         return len(values)
@@ -39,14 +39,14 @@ def clear_length(values: FloatArray, most: int) -> int:
 
 
 def clear_eigenpairs(laplacian: Laplacian, most: int) -> tuple[FloatArray, FloatArray]:
-    """Lowest eigenpairs after the constant function, at most so many, up to a gap of the spectrum.
+    """Compute the lowest eigenpairs after the constant function, up to a gap of the spectrum.
 
     Parameters
     ----------
     laplacian
-        Of a surface in one piece.
+        Laplacian of a connected surface.
     most
-        Largest number of pairs; at most n - 1 are there.
+        Maximum number of pairs; there are at most n - 1.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def clear_eigenpairs(laplacian: Laplacian, most: int) -> tuple[FloatArray, Float
     Raises
     ------
     UnsupportedShape
-        If parts of the surface hang together by triangles without area, which no function feels.
+        If parts of the surface are joined only by triangles without area, which do not affect the eigenfunctions.
     """
     values, functions = eigenpairs(laplacian, min(most + 2, len(laplacian.mass)))
     if values[1] * laplacian.mass.sum() < DETACHED:
@@ -70,7 +70,7 @@ def clear_eigenpairs(laplacian: Laplacian, most: int) -> tuple[FloatArray, Float
 
 
 def spectral_embedding(shape: Shape, metric: Metric, time: float, eigenfunctions: int) -> FloatArray:
-    r"""Points whose Euclidean distances are the diffusion, commute-time or biharmonic distances of a surface.
+    r"""Return points whose Euclidean distances are the diffusion, commute-time or biharmonic distances of a surface.
 
     With the eigenpairs :math:`L \phi_k = \lambda_k M \phi_k` of a surface of area A,
 
@@ -84,13 +84,13 @@ def spectral_embedding(shape: Shape, metric: Metric, time: float, eigenfunctions
     Parameters
     ----------
     shape
-        A shape in one piece.
+        A connected shape.
     metric
         One of the three.
     time
-        Time t of the diffusion, in units of the area.
+        Diffusion time t, in units of the area.
     eigenfunctions
-        Largest number of terms.
+        Maximum number of terms.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def spectral_embedding(shape: Shape, metric: Metric, time: float, eigenfunctions
     Raises
     ------
     UnsupportedShape
-        If the shape has several pieces, or hangs together by triangles without area.
+        If the shape has several pieces, or parts joined only by triangles without area.
     """
     require_connected(shape)
     laplacian = shape.laplacian()
@@ -112,14 +112,14 @@ def spectral_embedding(shape: Shape, metric: Metric, time: float, eigenfunctions
 
 
 def distances_under(shape: Shape, metric: Metric, time: float, eigenfunctions: int, solver: str) -> FloatArray:
-    """Distances of all pairs of vertices under a metric.
+    """Return the distances between all pairs of vertices under a metric.
 
     Parameters
     ----------
     shape, metric, time, eigenfunctions
-        As for :func:`spectral_embedding`; ``"geodesic"`` uses neither time nor eigenfunctions.
+        As in :func:`spectral_embedding`; ``"geodesic"`` uses neither time nor eigenfunctions.
     solver
-        As for :meth:`benchmark.api.contracts.Shape.geodesics`.
+        As in :meth:`benchmark.api.contracts.Shape.geodesics`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A surface of springs along its edges, and a few points of it that push each other apart."""
+"""Springs along the edges of a surface, with a few points that push each other apart."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from benchmark.api.contracts import FloatArray, Mesh
 from benchmark.geometry.mesh import edges_of
 
 HOLD = 1e-6
-"""Share by which each vertex is held at its present place. Neither springs nor pushes feel a translation, so the system
-needs a hold; one at the present place keeps the descent monotone."""
+"""Weight that holds each vertex at its current position. Springs and pushes are invariant under translation, so the
+system needs a hold; one at the current position keeps the descent monotone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Springs:
     ends
         The two vertices of each edge, shape (m, 2).
     lengths
-        Rest length of each, shape (m,).
+        Rest length of each edge, shape (m,).
     masses
-        Share of each vertex in the area, shape (n,): what is meant by the centre.
+        Share of each vertex in the area, shape (n,); defines the centre.
     """
 
     ends: NDArray[np.int64]
@@ -40,7 +40,7 @@ class Springs:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Springs:
-        """Lay springs along the edges of a mesh."""
+        """Place springs along the edges of a mesh."""
         ends = np.asarray(edges_of(mesh.faces).ends, dtype=np.int64)
         lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
         areas = vertex_areas(mesh)
@@ -61,33 +61,33 @@ class Springs:
         return factorise_definite(csr_array(self.incidence.T @ self.incidence + diags_array(np.full(n, HOLD))))
 
     def strains(self, positions: FloatArray) -> FloatArray:
-        """Relative change of length of each edge, shape (m,)."""
+        """Return the relative change in length of each edge, shape (m,)."""
         lengths = np.linalg.norm(self.incidence @ positions, axis=1)
         return np.asarray(np.abs(lengths - self.lengths) / np.maximum(self.lengths, np.finfo(float).tiny))
 
     def energy(self, positions: FloatArray, points: Sequence[int], push: float) -> float:
-        """Half the squared extension of all springs, less the push times the distances of all pairs of points."""
+        """Return half the squared extension of all springs, minus the push times the distances between all points."""
         extension = np.linalg.norm(self.incidence @ positions, axis=1) - self.lengths
         pairs = len(points) * (len(points) - 1) / 2
         return float(extension @ extension) / 2 - push * pairs * self.spread(positions, points)
 
     def spread(self, positions: FloatArray, points: Sequence[int]) -> float:
-        """Mean distance between two of the points."""
+        """Return the mean distance between two of the points."""
         chosen = positions[points]
         away = np.linalg.norm(chosen[:, None] - chosen, axis=2)
         return float(away.sum() / (len(points) * (len(points) - 1)))
 
     def relax(self, positions: FloatArray, points: Sequence[int], push: float, steps: int) -> FloatArray:
-        """Take steps of majorisation, none of which raises :meth:`energy`.
+        """Take majorisation steps, which never raise :meth:`energy`.
 
         Parameters
         ----------
         positions
-            Start, shape (n, 3).
+            Initial positions, shape (n, 3).
         points
             Vertices that push each other apart.
         push
-            Strength of the push of each pair, in units of length.
+            Strength of the push between each pair, in units of length.
         steps
             Number of steps.
         """
@@ -102,5 +102,5 @@ class Springs:
 
 
 def _over(numerator: FloatArray | float, denominator: FloatArray) -> FloatArray:
-    """The quotient, and 0 where the denominator is: coincident points neither pull nor push."""
+    """Return the quotient, or 0 if the denominator is 0: coincident points neither pull nor push."""
     return np.divide(numerator, denominator, out=np.zeros_like(denominator), where=denominator > 0)

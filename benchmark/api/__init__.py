@@ -1,6 +1,6 @@
-"""All that a plugin author imports, and what a program needs to make the canonical form of a depth image.
+"""Interface for authors of plugins, and for programs that compute canonical forms of depth images.
 
-Names are looked up when they are asked for: what one plugin imports is then in no key of another one.
+Names are imported on first use, so that the imports of one plugin do not affect the keys of others.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _MODULES = ("api.contracts", "api.scoring", "api.datasets", "api.learning", "api
 
 
 def __getattr__(name: str) -> Any:
-    """Return a name of one of the modules; raises ``AttributeError`` if none has it."""
+    """Import a name from one of the modules; raise ``AttributeError`` if none has it."""
     for module in () if name.startswith("_") else _MODULES:
         imported = importlib.import_module(f"benchmark.{module}")
         if name in imported.__all__:

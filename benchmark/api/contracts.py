@@ -1,9 +1,9 @@
-"""All that the author of a method imports: a shape comes in, a canonical form goes out.
+"""Interface for authors of methods, which compute the canonical form of a shape.
 
-A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and one method ``canonicalise``; its
-fields are its parameters, which may declare what they take (see :mod:`benchmark.api.parameters`). A
-*descriptor* has no canonical form: it describes each shape by a vector and compares the vectors itself. A plain
-function becomes a method through :func:`canonical_form`.
+A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and a method ``canonicalise``. Its fields
+are its parameters, which may declare the values that they accept (see :mod:`benchmark.api.parameters`). A *descriptor*
+has no canonical form: it describes each shape by a vector and compares the vectors itself. The decorator
+:func:`canonical_form` turns a plain function into a method.
 """
 
 from __future__ import annotations
@@ -68,23 +68,24 @@ class MethodInfo:
     cite
         BibTeX key of the source, or "" for a control without one.
     family
-        ``"paper"`` for a row of the paper, ``"control"`` for a yardstick, ``"extended"`` for anything else.
+        ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"extended"`` for any other method.
     summary
         One line for ``list methods``.
     departs
-        How the method departs from its source, in one or two sentences; "" where it does not. ``describe`` prints it,
-        and tables number it below the rows of the suite.
+        How the method departs from its source, in one or two sentences; "" if it does not. Shown by ``describe`` and,
+        for methods of the suite, as a numbered note below tables.
     requires
-        Import names of packages beyond the core; a missing one makes the method *unavailable*, never another algorithm.
+        Import names of packages beyond the core. Without them the method is *unavailable*; it never uses another
+        algorithm instead.
     inputs
-        The inputs that the method accepts.
+        Accepted inputs.
     scale
-        ``"equivariant"`` if scaling the shape scales the form, ``"invariant"`` if the form does not change.
+        ``"equivariant"`` if the form scales with the shape, ``"invariant"`` if it does not change.
     deterministic
         False if the form depends on the seed.
     files
-        Paths of the files that a plugin works by, such as a program that it calls, relative to its own; results count
-        while these stay as they are. Files that it opens in Python are noted without being named.
+        Other files on which the results of a plugin depend, such as a program that it calls; paths are relative to the
+        plugin file. If one changes, results are outdated. Files opened in Python are detected automatically.
     """
 
     name: str
@@ -102,16 +103,16 @@ class MethodInfo:
 
 @dataclass(frozen=True, eq=False)
 class CanonicalForm:
-    """The surface that a method returns.
+    """Surface returned by a method.
 
     Parameters
     ----------
     vertices
-        Positions, shape (n, 3); one per vertex of the input unless ``faces`` says otherwise.
+        Positions, shape (n, 3); one per vertex of the input, unless ``faces`` are other triangles.
     faces
         Triangles of the form, shape (m, 3); usually those of the input.
     notes
-        Facts worth keeping in the record: iterations, stress, edge strain, number of bridges.
+        Facts for the record: iterations, stress, edge strain, number of bridges.
     """
 
     vertices: FloatArray
@@ -120,38 +121,38 @@ class CanonicalForm:
 
     @property
     def mesh(self) -> Mesh:
-        """The form as a mesh; raises ``InvalidMesh`` for what is no surface, such as coordinates with NaN."""
+        """The form as a mesh; raises ``InvalidMesh`` if it is not a surface, for example if coordinates are NaN."""
         return Mesh(self.vertices, self.faces)
 
 
 class ArtefactCache(Protocol):
-    """Cache of a shape for expensive arrays that several methods use; tests pass nothing."""
+    """Cache for expensive arrays of a shape that several methods use; tests need none."""
 
     def get_or_compute(
         self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Mapping[str, NDArray[Any]]]
     ) -> Mapping[str, NDArray[Any]]:
-        """Return the arrays of this stage of this shape, computing them when missing."""
+        """Return the arrays of a stage of the shape; compute them if missing."""
         ...
 
 
 class Shape:
-    """One mesh of one subject in one pose, prepared in the same way for every method.
+    """Mesh of one subject in one pose, prepared identically for every method.
 
     Parameters
     ----------
     identifier
-        Name of the shape inside its data set.
+        Name of the shape in its data set; for plugins, a number derived from the mesh.
     mesh
-        The prepared surface: one component, about 2000 vertices, unit area. With the view input, the open 2.5-D surface
+        Prepared surface: one component, about 2000 vertices, unit area. With the view input, the open 2.5-D surface
         seen by the camera.
     depth
-        Depth image, shape (500, 500), float32 in (0, 1], 0 where nothing was seen; None if no camera is known.
+        Depth image, shape (500, 500), float32 in (0, 1], with 0 as background; None if no camera is known.
     source_area
         Surface area before decimation and scaling, in squared file units; None if unknown.
     seed
-        Seed of every random choice made for this shape.
+        Seed of all random choices for this shape.
     cache
-        Where geodesics are kept; None computes them once per object.
+        Cache for geodesic distances; None caches them in this object.
     """
 
     def __init__(
@@ -177,7 +178,7 @@ class Shape:
         return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"
 
     def geodesics(self, solver: str = "default") -> FloatArray:
-        """Geodesic distances between all pairs of vertices.
+        """Return geodesic distances between all pairs of vertices.
 
         Parameters
         ----------
@@ -192,7 +193,7 @@ class Shape:
         Raises
         ------
         UnsupportedShape
-            If some pair of vertices is not connected.
+            If two vertices are not connected.
         """
         from benchmark.geometry import geodesics
 
@@ -211,7 +212,7 @@ class Shape:
         return {"distances": matrix}
 
     def geodesics_from(self, sources: ArrayLike, solver: str = "default") -> FloatArray:
-        """Geodesic distances from a few vertices to all, without computing all pairs.
+        """Return geodesic distances from a few vertices to all vertices, without computing all pairs.
 
         Parameters
         ----------
@@ -228,14 +229,14 @@ class Shape:
         Raises
         ------
         UnsupportedShape
-            If some vertex cannot be reached.
+            If a vertex cannot be reached.
         """
         from benchmark.geometry import geodesics
 
         return geodesics.from_sources(self.mesh, np.asarray(sources, dtype=np.int64), geodesics.resolve_solver(solver))
 
     def laplacian(self) -> Laplacian:
-        """Cotangent Laplacian and lumped mass of the mesh; see :mod:`benchmark.geometry.laplacian`."""
+        """Return the cotangent Laplacian and lumped mass of the mesh; see :mod:`benchmark.geometry.laplacian`."""
         if self._laplacian is None:
             from benchmark.geometry.laplacian import cotangent_laplacian
 
@@ -243,9 +244,9 @@ class Shape:
         return self._laplacian
 
     def random(self, purpose: str = "") -> np.random.Generator:
-        """Random generator that depends on the seed, the purpose and a few measurements of the mesh, on no name.
+        """Return a random generator seeded by the seed, the purpose and a few measurements of the mesh, not by names.
 
-        Shapes that differ by a rigid motion, a scale or the numbering of their vertices draw the same numbers.
+        Shapes that differ only by a rigid motion, a scale or the order of their vertices draw the same numbers.
         """
         import hashlib
 
@@ -260,7 +261,7 @@ class Shape:
         Raises
         ------
         InvalidMesh
-            If the positions are not real numbers, finite, and as many as the shape has vertices.
+            If the positions are not finite real numbers, one for each vertex.
         """
         positions = self.mesh.with_vertices(vertices).vertices
         if len(positions) != self.mesh.n_vertices:
@@ -272,7 +273,7 @@ class Shape:
 
 @runtime_checkable
 class Method(Protocol):
-    """Turns a shape into its canonical form."""
+    """Method that computes the canonical form of a shape."""
 
     info: ClassVar[MethodInfo]
 
@@ -283,7 +284,7 @@ class Method(Protocol):
 
 @runtime_checkable
 class Descriptor(Protocol):
-    """Compares shapes without a canonical form."""
+    """Method that compares shapes without canonical forms."""
 
     info: ClassVar[MethodInfo]
 
@@ -297,7 +298,7 @@ class Descriptor(Protocol):
 
 
 def canonical_form(**info: Any) -> Callable[[Callable[[Shape], Any]], type]:
-    """Turn a function from a shape to vertex positions (or a form) into a method.
+    """Turn a function that maps a shape to vertex positions (or a form) into a method.
 
     Parameters
     ----------

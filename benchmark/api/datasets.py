@@ -1,7 +1,7 @@
-"""All that the author of a data set imports: a class that lists shapes and makes the mesh of each.
+"""Interface for authors of data sets, which list shapes and return their meshes.
 
 A *data set* is a frozen, keyword-only dataclass with a class attribute ``info``, a method ``entries`` that lists its
-shapes, and a method ``load`` that makes the mesh of one; ``load`` may be left out where every entry names a mesh file.
+shapes, and a method ``load`` that returns the mesh of one. ``load`` is optional if every entry names a mesh file.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ class Entry:
     Parameters
     ----------
     identifier
-        Unique name inside the data set, e.g. ``"cat0"``.
+        Unique name in the data set, e.g. ``"cat0"``.
     subject
-        The retrieval class.
+        Retrieval class.
     pose
-        The pose; equal names mean the same pose where the data set knows that, else unique.
+        Name of the pose: equal for equal poses if the data set knows them, else unique.
     path
-        The file that holds the mesh; None for generated shapes.
+        Mesh file; None for generated shapes.
     """
 
     identifier: str
@@ -52,7 +52,7 @@ class DatasetInfo:
     summary
         One line for ``list datasets``.
     half_width
-        Half the width of the depth camera's frame in units of the meshes; None fits it to the whole set.
+        Half the width of the depth camera's frame in units of the meshes; None fits it to the whole data set.
     """
 
     name: str
@@ -63,16 +63,17 @@ class DatasetInfo:
 
 @runtime_checkable
 class ListsShapes(Protocol):
-    """A data set of one's own.
+    """Interface of a data set.
 
-    Beside ``entries`` it has ``load(entry)``, which returns the :class:`Mesh` of a shape, unless every entry has a
-    ``path``: then the file is read. It may have ``camera(entry)``, which returns the depth camera of a shape (by
-    default :data:`FRONT`), and ``recipe(entry)``, a text that names whatever outside of its own code determines a mesh,
-    such as the digest of a file that ``load`` reads (by default the digest of ``path``).
+    In addition to ``entries``, a data set has a method ``load(entry)`` that returns the :class:`Mesh` of a shape;
+    without ``load``, the file ``path`` of the entry is read. Two more methods are optional. ``camera(entry)`` returns
+    the depth camera of a shape (default: :data:`FRONT`). ``recipe(entry)`` returns text that identifies everything
+    outside the code of the data set that determines a mesh, such as the digest of a file that ``load`` reads (default:
+    the digest of ``path``).
     """
 
     info: ClassVar[DatasetInfo]
 
     def entries(self) -> Iterable[Entry]:
-        """List the shapes, always the same ones in the same order; the order is that of the distance matrix."""
+        """List the shapes: always the same ones, in the order of the distance matrix."""
         ...

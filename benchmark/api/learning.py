@@ -1,8 +1,8 @@
-"""Contract of a method that learns: training pairs come in, a folder with a model goes out.
+"""Interface for authors of learners, which train a model on pairs of depth images.
 
 A *learner* is a method (see :mod:`benchmark.api.contracts`) that also has ``train`` and ``load``. The harness chooses
-the training data by the protocol of a table, so that no learner ever sees a shape it is tested on, and hands the
-learner the model that fits each shape.
+the training data by the protocol of a table, without its test subjects, and passes the learner the model for each
+shape.
 """
 
 from __future__ import annotations
@@ -38,27 +38,27 @@ __all__ = [
 ]
 
 WEIGHTS = "weights.safetensors"
-"""File of the weights in the folder of a model."""
+"""Name of the weights file in the folder of a model."""
 
 CARD = "card.json"
-"""File that tells what a model was trained on and how; it is written last, so its presence means a finished model."""
+"""Name of the file with training data and schedule of a model; written last, so that it marks a finished model."""
 
 Split = Literal["table", "strict", "sampled"]
-"""Which data trains a method: the training subjects of the table, folds over subjects and poses, or sampled bodies."""
+"""Training data of a learner: the training subjects of the table, folds over subjects and poses, or sampled bodies."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrainingPair:
-    """A depth image of a subject in some pose, and the image of the same subject in the canonical pose.
+    """Depth image of a subject in some pose, and that of the same subject in the canonical pose.
 
     Parameters
     ----------
     identifier
-        Name of the shape that the input shows.
+        Name of the shape in the input image.
     subject
-        Its retrieval class.
+        Retrieval class.
     target_identifier
-        Name of the shape that the target shows.
+        Name of the shape in the target image.
     image, target
         Depth images, shape (500, 500), float32 in [0, 1] with 0 as background; see
         :func:`benchmark.geometry.depth.render_depth`.
@@ -72,39 +72,39 @@ class TrainingPair:
 
 
 class MakesPairs(Protocol):
-    """Maker of fresh pairs, one at a time and always in the same order."""
+    """Generator of pairs, always in the same order."""
 
     def __call__(self, start: int = 0) -> Iterator[TrainingPair]:
-        """Make the pairs from a place on, without the work for those before it."""
+        """Yield the pairs from an index on, without the cost of the earlier ones."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingData:
-    """The pairs that one protocol allows for training.
+    """Training pairs of one protocol.
 
     Parameters
     ----------
     name
         Name of the protocol and folder of its models, e.g. ``"humans-fold-0"``.
     title
-        The same in words, naming a stand-in as such.
+        Description of the protocol; identifies stand-ins.
     digest
-        Names what determines the pairs.
+        Digest of everything that determines the pairs.
     subjects
-        Subjects that the pairs show.
+        Subjects of the pairs.
     identifiers
-        Every shape whose image training sees, as input or as target.
+        All shapes whose images are inputs or targets.
     n_pairs
         Number of pairs.
     clearance
-        For each generated set of people, the distance in phenotype space that their bodies keep from all subjects of
-        it that they are not; empty where no body has a phenotype.
+        For each generated set of people, the minimum distance in phenotype space between the bodies and other subjects
+        of the set; empty if no body has a phenotype.
     pairs
-        Makes the pairs.
+        Yields the pairs.
     unseen
-        Makes pairs of test subjects, for curves and pictures; nothing is ever chosen by them. Where subjects are held
-        back for validation, they are shown instead.
+        Yields pairs of test subjects, for curves and pictures, never for model selection. If subjects are held back for
+        validation, yields their pairs instead.
     """
 
     name: str
@@ -120,11 +120,11 @@ class TrainingData:
 
 @runtime_checkable
 class Learner(Protocol):
-    """A method whose forms come from a trained model.
+    """Method that computes forms with a trained model.
 
-    ``split`` says which data trains it, ``shipped_models`` is the folder of the models that come with the method. A
-    learner may have a method ``check_card(card, folder)`` that raises ``ConfigurationError`` if the card is none of its
-    own; it is called before any shape is processed, and must not load the weights.
+    ``split`` determines the training data, and ``shipped_models`` is the folder of the models that come with the
+    method. An optional method ``check_card(card, folder)`` raises ``ConfigurationError`` if the card belongs to another
+    learner; it is called before any shape is processed and must not load the weights.
     """
 
     info: ClassVar[MethodInfo]
@@ -133,27 +133,27 @@ class Learner(Protocol):
 
     @property
     def model_name(self) -> str:
-        """Folder of the model inside the folder of its training data; tells configuration and training seed."""
+        """Name of the model's folder in that of its training data; identifies configuration and training seed."""
         ...
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
-        """Train a model into ``folder``, going on from a checkpoint if there is one; a finished model is left alone.
+        """Train a model into ``folder``, resuming from a checkpoint if there is one; keep a finished model.
 
         Parameters
         ----------
         data
-            What to train on.
+            Training data.
         folder
-            Where checkpoint, weights, card and pictures go.
+            Folder for checkpoint, weights, card and pictures.
         options
-            Deviations from the method's own schedule by name, as given on the command line.
+            Changes to the method's schedule by name, as given on the command line.
         say
-            Told about progress, one line at a time.
+            Called with each line of progress messages.
         """
         ...
 
     def load(self, folder: Path) -> Self:
-        """Return the same method with the model in ``folder``; raises ``ConfigurationError`` if it does not fit."""
+        """Return the method with the model in ``folder``; raise ``ConfigurationError`` if it does not fit."""
         ...
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
@@ -163,29 +163,29 @@ class Learner(Protocol):
 
 @runtime_checkable
 class ChecksOptions(Protocol):
-    """A learner that can tell whether options fit it before its training data is made, which may take long."""
+    """Learner that checks options before the training data is generated, which may take long."""
 
     def check_options(self, options: Mapping[str, Any]) -> None:
-        """Raise ``ConfigurationError`` if an option does not fit, or this machine lacks what it asks for."""
+        """Raise ``ConfigurationError`` if an option is invalid, or needs something that this machine lacks."""
         ...
 
 
 @runtime_checkable
 class MeasuresFit(Protocol):
-    """A learner that can tell how well its form fits a depth image; ``canonicalise`` shows the result."""
+    """Learner that measures how well its form fits a depth image; the command ``canonicalise`` shows the result."""
 
     def measure_fit(self, shape: Shape) -> Mapping[str, float | str]:
-        """Return notes on the fit; one called ``"doubt"`` is a warning."""
+        """Return notes on the fit; a note named ``"doubt"`` is a warning."""
         ...
 
 
 def find_model(folders: Iterable[Path], data_name: str, model_name: str) -> Path | None:
-    """First folder that holds a finished model.
+    """Return the first folder with a finished model; None if there is none.
 
     Parameters
     ----------
     folders
-        Where to look, in order: models trained here come before shipped ones.
+        Folders to search, in order: models trained here before shipped ones.
     data_name
         Name of the training data.
     model_name
@@ -200,7 +200,7 @@ _Texts = Annotated[list[_Text], msgspec.Meta(min_length=1)]
 
 
 class _Card(msgspec.Struct):
-    """Fields of a card that the harness or a record uses; there may be others."""
+    """Fields of a card that the harness or records use; there may be others."""
 
     digest: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
     data: _Text
@@ -213,16 +213,16 @@ class _Card(msgspec.Struct):
 
 
 def read_card(folder: Path) -> dict[str, Any]:
-    """Card of a model.
+    """Return the card of a model.
 
-    What the harness relies on is checked: the digest of the weights, the name of the training data, and the subjects
-    and shapes that were seen, without which nobody could tell what the model may be tested on. All further fields
-    belong to the learner, which checks them itself (:meth:`Learner.load`, and ``check_card`` where it has one).
+    The fields that the harness needs are checked: the digest of the weights, the name of the training data, and its
+    subjects and shapes, to detect tests on training data. The learner checks all other fields (:meth:`Learner.load`,
+    and ``check_card`` if it has one).
 
     Raises
     ------
     ConfigurationError
-        If it is missing, is not JSON, or lacks what every card says.
+        If it is missing, is not JSON, or lacks a required field.
     """
     path, hint = folder / CARD, "train the model again"
     try:
@@ -236,22 +236,22 @@ def read_card(folder: Path) -> dict[str, Any]:
 
 
 def card_digest(card: Mapping[str, Any]) -> str:
-    """Return what names a model: the digest of its card, which holds that of the weights; 64 hexadecimal digits.
+    """Return the digest of the card of a model, 64 hexadecimal digits, which identifies the model.
 
-    A network with the same weights that is told to see another resolution, or to have seen other subjects, is another
-    model.
+    The card includes the digest of the weights. The same weights with another resolution or other training subjects on
+    the card are another model.
     """
     text = json.dumps(card, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def checked_weights(folder: Path) -> bytes:
-    """Bytes of the weights of a model, after comparing them with the digest on its card.
+    """Return the weights of a model as bytes, after comparing them with the digest on its card.
 
     Raises
     ------
     ConfigurationError
-        If the file is missing or is not the one that the card describes.
+        If the file is missing, or its digest is not that on the card.
     """
     expected = read_card(folder)["digest"]
     path = folder / WEIGHTS

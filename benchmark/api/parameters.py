@@ -1,12 +1,12 @@
-"""The parameters of a method: which values each may have, how they are read from text, checked and written.
+"""Parameters of methods: accepted values, conversion from and to text, and checks.
 
-A parameter is a field of a dataclass. Its type says what kind of value it is, ``Literal`` which ones there are, and a
-constraint beside the type what else must hold::
+A parameter is a field of a dataclass. Its type determines the kind of value, ``Literal`` lists the accepted values, and
+``Annotated`` adds a constraint to the type::
 
     iterations: Annotated[int, Interval(1)] = 20
     start: Literal["mesh", "classic"] = "mesh"
 
-A field that declares nothing but its type takes every value of that type.
+A field that declares only its type accepts every value of that type except NaN.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ _WITH_LOW, _WITH_HIGH = ("both", "left"), ("both", "right")
 
 @dataclass(frozen=True)
 class Interval:
-    """The numbers between two bounds; never NaN, and infinite in no case.
+    """Finite numbers between two bounds.
 
     Parameters
     ----------
     low, high
-        The bounds; None where there is none.
+        Bounds; None for no bound.
     closed
-        Which of the bounds belong to it: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
+        Bounds that belong to the interval: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
     """
 
     low: float | None = None
@@ -68,25 +68,25 @@ Names = Iterable[str] | Mapping[str, str]
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of the names that are known when the parameter is looked at.
+    """One of the names known when the parameter is checked.
 
     Parameters
     ----------
     names
-        The names, or a mapping from each way to write one to the name that it stands for, or a function that returns
-        either, for what is expensive to import.
+        The names, a mapping from accepted spellings to names, or a function that returns either, to defer expensive
+        imports.
     """
 
     names: Names | Callable[[], Names]
 
     @property
     def known(self) -> Mapping[str, str]:
-        """The name that each way to write one stands for."""
+        """Names by accepted spelling."""
         names = self.names() if callable(self.names) else self.names
         return names if isinstance(names, Mapping) else {name: name for name in names}
 
     def admit(self, value: Any) -> Any:
-        """Return the name that the value stands for, or raise ``ValueError``."""
+        """Return the name for a spelling, or raise ``ValueError``."""
         if value not in (known := self.known):
             raise ValueError
         return known[value]
@@ -97,21 +97,21 @@ class OneOf:
 
 @dataclass(frozen=True)
 class Matches:
-    """The texts of one form.
+    """Text that matches a pattern.
 
     Parameters
     ----------
     pattern
-        A regular expression for the whole text.
+        Regular expression for the whole text.
     words
-        What such a text is, in words.
+        Description of such text.
     """
 
     pattern: str
     words: str
 
     def admit(self, value: Any) -> Any:
-        """Return the value if it has the form, or raise ``ValueError``."""
+        """Return the value if it matches, or raise ``ValueError``."""
         if not re.fullmatch(self.pattern, value):
             raise ValueError
         return value
@@ -120,13 +120,13 @@ class Matches:
         return self.words
 
 
-#: Conditions on a value besides its type, each with ``admit``; as text, what to write instead.
+#: Constraints on a value in addition to its type. Each has ``admit``; as text, it describes the accepted values.
 _CONSTRAINTS = (Interval, OneOf, Matches)
 
-#: Types of one value that can be written as a word.
+#: Descriptions of the types of single values.
 _WORDS: Mapping[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 
-#: What a value raises that does not fit its type.
+#: Errors raised by a value that does not fit its type.
 _UNFIT = (ValueError, TypeError, OverflowError, KeyError)
 
 _QUOTES = "'\""
@@ -134,7 +134,7 @@ _UNIONS = (typing.Union, types.UnionType)
 
 
 class CheckedParameters:
-    """A base of a frozen dataclass that checks its parameters, and normalises them, whenever one is made."""
+    """Base class of frozen dataclasses that checks and normalises the parameters of each instance."""
 
     def __post_init__(self) -> None:
         values = {name: getattr(self, name) for name in declared_parameters(type(self))}
@@ -148,21 +148,21 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     Parameters
     ----------
     cls
-        The dataclass that they are for.
+        Dataclass with the parameters.
     given
-        Values by name, as text or as they are; text is read according to the type of the field.
+        Values by name, as text or as objects; text is converted to the type of the field.
     owner
-        What to call the class in messages: by default the name of the method.
+        Name of the class in messages; by default, the name of the method.
 
     Returns
     -------
     dict
-        The same parameters, each with the one value that all ways to write it stand for.
+        The parameters with normalised values: all spellings of a value give the same one.
 
     Raises
     ------
     ConfigurationError
-        If there is no such parameter, or a value does not fit.
+        If a parameter is unknown, or a value does not fit.
     """
     owner = owner or getattr(getattr(cls, "info", None), "name", cls.__name__)
     fields = declared_parameters(cls)
@@ -185,7 +185,7 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
 
 
 def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
-    """Those of some parameters that differ from their defaults, checked, in the order of the fields.
+    """Return the parameters that differ from their defaults, checked, in the order of the fields.
 
     See :func:`checked`.
     """
@@ -198,13 +198,13 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
 
 
 def parameter_values(instance: Any) -> dict[str, Any]:
-    """All parameters of an object that was made of a dataclass, normalised; none of an object of another class."""
+    """Return all parameters of an instance of a dataclass, normalised; empty for any other object."""
     fields = declared_parameters(type(instance))
     return {name: _normalised(annotation, getattr(instance, name)) for name, (annotation, _) in fields.items()}
 
 
 def format_value(value: Any) -> str:
-    """Text that is read as the value."""
+    """Return the text from which the value is read."""
     if isinstance(value, tuple | list):
         return f"({','.join(map(format_value, value))})"
     if value is None or isinstance(value, bool):
@@ -213,12 +213,12 @@ def format_value(value: Any) -> str:
 
 
 def assignments(texts: str | Iterable[str]) -> dict[str, str]:
-    """Values by name from several ``name=value``: a list of them, or one text with commas between them.
+    """Return values by name from several ``name=value``: a list, or one text with commas between them.
 
     Raises
     ------
     ConfigurationError
-        If one has no name or no value, or two have one name.
+        If a name or a value is missing, or a name appears twice.
     """
     values: dict[str, str] = {}
     for text in split(texts) if isinstance(texts, str) else texts:
@@ -232,12 +232,12 @@ def assignments(texts: str | Iterable[str]) -> dict[str, str]:
 
 
 def split(text: str, separator: str = ",") -> list[str]:
-    """Parts of a text between separators that stand neither in quotes nor in parentheses; none of an empty text.
+    """Split text at the separators outside quotes and parentheses; blank text has no parts.
 
     Raises
     ------
     ConfigurationError
-        If a quote or a parenthesis has no other half.
+        If quotes or parentheses are not balanced.
     """
     parts = [""]
     for character, is_outside in _characters(text):
@@ -249,7 +249,7 @@ def split(text: str, separator: str = ",") -> list[str]:
 
 
 def _characters(text: str) -> Iterator[tuple[str, bool]]:
-    """Each character, and whether it stands outside of quotes and parentheses."""
+    """Yield each character, and whether it is outside quotes and parentheses."""
     quote, depth = "", 0
     for place, character in enumerate(text):
         if quote:
@@ -266,7 +266,7 @@ def _characters(text: str) -> Iterator[tuple[str, bool]]:
 
 
 def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
-    """Annotation and default of each parameter of a class, in the order of its fields."""
+    """Return annotation and default of each parameter of a class, in the order of its fields."""
     if not dataclasses.is_dataclass(cls):
         return {}
     return {
@@ -281,7 +281,7 @@ def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
 
 @functools.cache
 def _annotation(cls: type[Any], field: dataclasses.Field[Any]) -> Any:
-    """Type of a field with its constraints; where a name in it is not known at run time, its text."""
+    """Return the type of a field with its constraints, or its text if a name in it is unknown at run time."""
     if not isinstance(field.type, str):
         return field.type
     home = next((base for base in cls.__mro__ if field.name in inspect.get_annotations(base)), cls)
@@ -294,7 +294,7 @@ def _annotation(cls: type[Any], field: dataclasses.Field[Any]) -> Any:
 
 
 def values_in_words(annotation: Any, default: Any = None) -> str:
-    """Return what a type and its constraints take, in words; a default helps where the type says too little."""
+    """Describe the values that a type with constraints accepts; a default helps if the type is not specific."""
     annotation = _kind(annotation, default)
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
@@ -315,7 +315,7 @@ def values_in_words(annotation: Any, default: Any = None) -> str:
 
 
 def _kind(annotation: Any, default: Any) -> Any:
-    """The type itself, or that of a default where the type says too little."""
+    """Return the type, or that of the default if the type is not specific."""
     if isinstance(annotation, str) or annotation in (Any, object):
         annotation = Any if default is None or default is dataclasses.MISSING else type(default)
     if annotation is tuple:
@@ -324,7 +324,7 @@ def _kind(annotation: Any, default: Any) -> Any:
 
 
 def _choices(annotation: Any) -> Iterable[str]:
-    """Names that a type or its constraints list; none where they list no names."""
+    """Return the names that a type or its constraints list; empty if there are none."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         return next((limit.known for limit in arguments if isinstance(limit, OneOf)), _choices(arguments[0]))
@@ -332,7 +332,7 @@ def _choices(annotation: Any) -> Iterable[str]:
 
 
 def _normalised(annotation: Any, value: Any) -> Any:
-    """Return what a value stands for; one that its author gave is not otherwise doubted."""
+    """Return the normalised value; a value set by an author is returned as it is if it does not fit."""
     try:
         return _fit(annotation, value, value)
     except _UNFIT:
@@ -340,7 +340,7 @@ def _normalised(annotation: Any, value: Any) -> Any:
 
 
 def _fit(annotation: Any, value: Any, default: Any) -> Any:
-    """The value as its type and constraints want it; a default helps where the type says too little.
+    """Convert a value to a type with constraints; a default helps if the type is not specific.
 
     Raises
     ------
@@ -367,7 +367,7 @@ def _fit(annotation: Any, value: Any, default: Any) -> Any:
 
 
 def _fit_tuple(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
-    """A tuple from one, or from text: values with commas between them, in parentheses or not."""
+    """Convert a tuple, a list, or text: values with commas between them, with or without parentheses."""
     if isinstance(value, str):
         text = value.strip()
         inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
@@ -379,11 +379,11 @@ def _fit_tuple(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
 
 
 def _converted(value: Any, kind: Any) -> Any:
-    """One value of a type, from text or as it is; a number is no NaN, and a whole one may be written as 2.0 or 1e3."""
+    """Convert text or an object to a type; NaN is rejected, and an integer may be written as 2.0 or 1e3."""
     value = value.item() if isinstance(value, np.generic) else value
     is_text = isinstance(value, str) and kind is not str
     value = value.strip() if is_text else value
-    if is_text and kind in (int, float):  # as Python writes them, which JSON does not take: .5, +7, 012
+    if is_text and kind in (int, float):  # accepted by Python, but not by JSON: .5, +7, 012
         value = int(value) if kind is int and value.strip(" +-").isdecimal() else float(value)
     converted = msgspec.convert(value, kind, strict=kind is bool and not is_text, dec_hook=_of_its_kind)
     if kind is float:
@@ -394,7 +394,7 @@ def _converted(value: Any, kind: Any) -> Any:
 
 
 def _of_its_kind(kind: type[Any], value: Any) -> Any:
-    """A value of a type that only its own class can read from text."""
+    """Convert text to a type that only its own class can parse."""
     if not isinstance(value, str):
         raise TypeError
     return kind(value)

@@ -1,10 +1,10 @@
-"""Contract of a scorer: canonical forms come in, dissimilarities of all pairs go out.
+"""Interface for authors of scorers, which compute the dissimilarities of all pairs of canonical forms.
 
-A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods: ``signature`` looks at
-one form and ``compare`` at the signatures of a whole gallery. Its fields are its parameters, as those of a method are
-(see :mod:`benchmark.api.contracts`). The forms of all methods go through the same scorer; a descriptor has none.
+A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods: ``signature`` describes
+one form, and ``compare`` compares the signatures of a whole gallery. Its fields are its parameters, as for methods (see
+:mod:`benchmark.api.contracts`). The forms of all methods are compared by the same scorer; descriptors use none.
 
-The contract has a module of its own, so that it is no part of what determines a canonical form.
+The interface has its own module, so that it is not part of the code that determines canonical forms.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchmark.geometry.mesh import Mesh
 __all__ = ["Mesh", "Scorer", "ScorerInfo", "SignatureArrays"]
 
 SignatureArrays = Mapping[str, NDArray[Any]]
-"""Signature of one form: named arrays of finite numbers, which are kept between runs."""
+"""Signature of one form: named arrays of finite numbers, stored between runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +41,13 @@ class ScorerInfo:
     requires
         Import names of packages beyond the core.
     draws
-        Random draws that ``compare`` is asked for, numbered from 0; scores are the mean over them. 1 for a scorer
-        without randomness.
+        Number of random draws for which ``compare`` is called; scores are means over them. 1 for a scorer without
+        randomness.
     invariant
-        Whether a rotation, a translation and a scaling of the form leave its signature as it is, but for what its
-        sampling adds. False for a scorer that undoes them only where a pose of its own is well defined.
+        Whether the signature is invariant to rotation, translation and scaling of the form, up to sampling. False for a
+        scorer that undoes them only if the form has a well-defined pose.
     files
-        Paths of the files that a plugin works by, relative to its own; see :class:`benchmark.api.contracts.MethodInfo`.
+        Other files on which the results of a plugin depend; see :class:`benchmark.api.contracts.MethodInfo`.
     """
 
     name: str
@@ -62,7 +62,7 @@ class ScorerInfo:
 
 @runtime_checkable
 class Scorer(Protocol):
-    """Compares canonical forms as rigid shapes."""
+    """Comparison of canonical forms as rigid shapes."""
 
     info: ClassVar[ScorerInfo]
 
@@ -72,12 +72,12 @@ class Scorer(Protocol):
         Parameters
         ----------
         form
-            The canonical form, in any position and of any size; an open surface where the input was a view.
+            Canonical form in any position and of any size; an open surface if the input was a view.
 
         Raises
         ------
         InvalidMesh
-            If the form cannot be compared, for example because it has no extent; it then counts as unsupported.
+            If the form cannot be compared, for example because it has no extent; the shape then counts as unsupported.
         """
         ...
 
@@ -87,8 +87,8 @@ class Scorer(Protocol):
         Parameters
         ----------
         signatures
-            One per form of the gallery; N in all.
+            One per form of the gallery, N in all.
         draw
-            Number of the random draw, below ``info.draws``; the same draw gives the same dissimilarities.
+            Index of the random draw, from 0 to ``info.draws - 1``; the same draw gives the same dissimilarities.
         """
         ...

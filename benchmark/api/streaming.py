@@ -1,4 +1,4 @@
-"""Endless streams of fresh shapes for a learner: makers of batches, each known by its number."""
+"""Endless streams of new shapes for learners, as functions that generate a batch from its number."""
 
 from __future__ import annotations
 
@@ -16,34 +16,33 @@ __all__ = ["N_POINTS", "Fresh", "MakesFresh", "MakesSurfaces", "StreamedData", "
 
 
 N_POINTS = 250
-"""Points of a body whose places are told."""
+"""Number of points of a body in ``Fresh.points``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fresh:
-    """Some bodies that no other batch shows.
+    """Batch of depth images of bodies that no other batch contains.
 
     Parameters
     ----------
     identifiers
-        Names of the bodies, n of them.
+        Names of the n bodies.
     images
-        Depth images of each body, shape (n, k, size, size), float32 in [0, 1], 0 as background: its poses, each from
-        one side or more.
+        Depth images of each body, shape (n, k, size, size), float32 in [0, 1], 0 as background; k counts the poses
+        times the views of each.
     fronts, backs
-        Depth of the canonical pose as the camera sees it, and of the surface that lies behind everything else at the
-        same pixel, counted from the same eye; shape (n, size, size). Both have one mask.
+        Depths of the nearest and of the farthest surface of the canonical pose at each pixel, from the same viewpoint;
+        shape (n, size, size). Both have the same mask.
     drawn_again
-        How often something was drawn again, by reason.
+        Number of redraws by reason.
     pixels
-        Row and column at which each image shows points of the body, NaN where something hides them, shape
-        (n, k, v, 2); None where they are not told.
+        Row and column of v points of each body in each image, NaN for hidden points, shape (n, k, v, 2); None if
+        unknown.
     places
-        The same points in the canonical pose in coordinates of the camera, over the height of the body, shape
-        (n, v, 3).
+        The same points in the canonical pose, in camera coordinates divided by the height of the body, shape (n, v, 3).
     points
-        Places of some points less those of the average body, over the root mean square of that, shape
-        (n, 3 * N_POINTS).
+        Standardised places of ``N_POINTS`` of these points: their offsets from the average body, divided by the root
+        mean square of such offsets, shape (n, 3 * N_POINTS).
     """
 
     identifiers: tuple[str, ...]
@@ -57,44 +56,44 @@ class Fresh:
 
 
 class MakesFresh(Protocol):
-    """Makes the batch of a number, always the same one; can be sent to another process."""
+    """Deterministic generator of batches by number; can be pickled."""
 
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
-        """Make one batch.
+        """Generate one batch.
 
         Parameters
         ----------
         number
-            Which one, from 0; batches share no body.
+            Number of the batch, from 0; batches share no body.
         bodies
-            How many bodies.
+            Number of bodies.
         size
             Pixels per side.
 
         Raises
         ------
         DatasetError
-            If a body cannot be made; the message names it.
+            If a body cannot be generated; the message names it.
         """
         ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surfaces:
-    """Some bodies that no other batch shows, as complete surfaces whose vertices correspond.
+    """Batch of bodies that no other batch contains, as complete surfaces with corresponding vertices.
 
     Parameters
     ----------
     identifiers
-        Names of the bodies, n of them.
+        Names of the n bodies.
     canonical
         Vertices of each body in the canonical pose, shape (n, v, 3), in metres, z up, facing -y.
     posed
-        The same vertices of each body in its poses, shape (n, poses, v, 3).
+        The same vertices in the poses of each body, shape (n, poses, v, 3).
     faces
-        Triangles of all of them, shape (m, 3).
+        Triangles of all bodies, shape (m, 3).
     drawn_again
-        How often something was drawn again, by reason.
+        Number of redraws by reason.
     """
 
     identifiers: tuple[str, ...]
@@ -105,40 +104,41 @@ class Surfaces:
 
 
 class MakesSurfaces(Protocol):
-    """Makes the surfaces of a number, always the same ones; can be sent to another process."""
+    """Deterministic generator of surfaces by number of the batch; can be pickled."""
 
     def __call__(self, number: int, bodies: int) -> Surfaces:
-        """Make one batch.
+        """Generate one batch.
 
         Parameters
         ----------
         number
-            Which one, from 0; batches share no body.
+            Number of the batch, from 0; batches share no body.
         bodies
-            How many bodies.
+            Number of bodies.
 
         Raises
         ------
         DatasetError
-            If a body cannot be made; the message names it.
+            If a body cannot be generated; the message names it.
         """
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class StreamedData(TrainingData):
-    """Training data that never ends; the pairs are a sample of it, for learners that keep all pairs in memory.
+    """Endless training data; the pairs are a sample of it, for learners that keep all pairs in memory.
 
     Parameters
     ----------
     fresh
-        Makes batches to train on.
+        Generates batches for training.
     validation
-        Makes batches of other bodies, which no choice of a subject to be tested enters.
+        Generates batches of other bodies, independently of the choice of test subjects.
     surfaces, validation_surfaces
-        The same bodies for learners of complete surfaces: those of a number are in the same poses as in its images.
+        The same bodies as complete surfaces: those of a batch have the same poses as its images.
     wide
-        Other bodies in harder poses, with several images of each; None where there are none.
+        Images of other bodies in harder poses, several of each pose; its surfaces are not of these bodies. None if
+        there are none.
     """
 
     fresh: MakesFresh
@@ -150,16 +150,16 @@ class StreamedData(TrainingData):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scan:
-    """One scan of a body in a pose.
+    """Scan of a body in a pose.
 
     Parameters
     ----------
     mesh
-        What the scanner delivers, n vertices.
+        Scanned surface with n vertices.
     corners
-        Vertices of the body around the place of each vertex, shape (n, 3).
+        Vertices of the triangle of the body to which each vertex of the scan belongs, shape (n, 3).
     weights
-        Barycentric coordinates of the place among them, shape (n, 3).
+        Barycentric coordinates in this triangle, shape (n, 3).
     """
 
     mesh: Mesh
@@ -169,20 +169,20 @@ class Scan:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scans:
-    """Some bodies that no other batch shows, scanned.
+    """Batch of scanned bodies that no other batch contains.
 
     Parameters
     ----------
     identifiers
-        Names of the bodies, n of them.
+        Names of the n bodies.
     canonical
         Vertices of each body in the canonical pose, shape (n, v, 3), in metres, z up, facing -y.
     faces
         Triangles of all bodies, shape (m, 3).
     scans
-        Scans of each body, one for each of its poses.
+        Scans of each body, one per pose.
     drawn_again
-        How often something was drawn again, by reason.
+        Number of redraws by reason.
     """
 
     identifiers: tuple[str, ...]
@@ -193,19 +193,19 @@ class Scans:
 
 
 MakesScans = Callable[[int, int], Scans]
-"""Makes the scans of a number, from 0, and of so many bodies, always the same ones; batches share no body."""
+"""Deterministic function from the number of a batch, from 0, and of its bodies to scans; batches share no body."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScannedData(TrainingData):
-    """Training data of scans that never ends.
+    """Endless training data of scans.
 
     Parameters
     ----------
     scans
-        Makes batches to train on.
+        Generates batches for training.
     validation
-        Makes batches of other bodies.
+        Generates batches of other bodies.
     """
 
     scans: MakesScans
@@ -214,12 +214,12 @@ class ScannedData(TrainingData):
 
 @dataclass(frozen=True, kw_only=True)
 class StreamedAndScannedData(StreamedData):
-    """Streams of images and surfaces, with one of scans beside them.
+    """Streams of images, surfaces and scans.
 
     Parameters
     ----------
     scanned
-        The scans.
+        Stream of scans.
     """
 
     scanned: ScannedData

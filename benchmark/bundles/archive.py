@@ -1,4 +1,4 @@
-"""Bundles as files: their parts, and a reader for untrusted files that has limits and unpacks nothing to disk."""
+"""File format of bundles, and a reader for untrusted files that limits sizes and unpacks nothing to disk."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from benchmark.text import clean
 
 MANIFEST = "bundle.json"
 
-#: Names of the files of a bundle; the data files of a plugin are next to it.
+#: File names allowed in a bundle; a plugin and its data files share the folder ``plugin``.
 NAMES = re.compile(
     r"bundle\.json|records/[0-9a-f]{32}\.json|(?:arrays|distances)/[0-9a-f]{32}\.npz"
     r"|plugin/(?:\w[\w.-]*/)*\w[\w.-]*",
     re.ASCII,
 )
 
-#: Largest sizes in bytes: of a bundle, of all its files together, of one file, of JSON, and of the arrays in one file.
+#: Maximum sizes in bytes: a bundle, all its files unpacked, one file, one JSON file, and the arrays of one file.
 LARGEST_BUNDLE, LARGEST_TOTAL, LARGEST_FILE, LARGEST_JSON, LARGEST_ARRAYS = 2**30, 2**31, 2**29, 2**25, 2**30
 
 MOST_FILES, _MOST_VERTICES = 2000, 1_000_000
 
-#: Array of a form with its faces if they are those of the shape; digests exclude it.
+#: Name of the array with the faces of a form if they equal those of the shape; digests exclude it.
 FACES = "about:faces"
 
-#: Most characters in a text of a bundle.
+#: Maximum length of a text in a bundle, in characters.
 LONGEST = 500
 
 Text = Annotated[str, Meta(max_length=LONGEST)]
-#: Most characters in the name of a mesh, which may list all parameters of a generator.
+#: Name of a mesh; longer than ``Text`` because it may list all parameters of a generator.
 Source = Annotated[str, Meta(max_length=10_000)]
 
 Format = Literal["canonical-forms bundle 1"]
@@ -54,7 +54,8 @@ Status = Literal["unreadable", "false", "claimed", "verified"]
 class Fault(msgspec.Struct, frozen=True):
     """A named reason why a record or a bundle is not verified.
 
-    It is ``"claimed"`` if it cannot be checked, ``"false"`` if it contradicts a computed or known value.
+    The status is ``"claimed"`` if a statement cannot be checked, ``"false"`` if it contradicts a computed or known
+    value.
     """
 
     name: str
@@ -92,18 +93,18 @@ class Plugin(msgspec.Struct, frozen=True):
 
 
 class Entry(msgspec.Struct, frozen=True):
-    """A record of a bundle, with the data behind it.
+    """A record in a bundle and its data.
 
     Parameters
     ----------
     key
-        Key of the record, from which its files are named.
+        Key of the record; its files are named after it.
     holds
         Kind of data from which the scores can be computed.
     withheld
-        Why the bundle has no forms; "" if it has, or if the method makes none.
+        Reason why the bundle has no forms; "" if it has forms or the method computes none.
     inputs
-        For each shape, the name of its mesh and the digest of the prepared shape, which is "" without a result.
+        Name of the mesh and digest of the prepared shape, for each shape; the digest is "" without a result.
     """
 
     key: Annotated[str, Meta(pattern=r"^[0-9a-f]{32}\Z")]
@@ -132,7 +133,7 @@ class Manifest(msgspec.Struct, frozen=True):
 
 
 class Archive:
-    """The files of a bundle, in memory; raises :class:`BundleError` if their names or sizes are not allowed."""
+    """Files of a bundle in memory; raises :class:`BundleError` if their names or sizes are not allowed."""
 
     def __init__(self, path: Path) -> None:
         with path.open("rb") as file:
@@ -195,7 +196,7 @@ class Archive:
             raise BundleError("no-bundle", problem, "create it with 'submit', and do not edit it") from error
 
     def require_files_of(self, manifest: Manifest) -> None:
-        """Raise :class:`BundleError` unless the files are exactly those that the manifest names."""
+        """Raise :class:`BundleError` unless the files are exactly those named in the manifest."""
         if not manifest.entries:
             raise BundleError("no-records", "it holds no record")
         if len({entry.key for entry in manifest.entries}) < len(manifest.entries):
@@ -233,7 +234,7 @@ def form_of(arrays: Arrays) -> Mesh:
 
 
 def check_arrays(holds: Holds, name: str, arrays: Arrays, scorer: ScorerSpec | None) -> None:
-    """Refuse arrays that are unsafe for the compiled code of a scorer, which checks no bounds."""
+    """Raise :class:`BundleError` for arrays unsafe for the compiled code of a scorer, which does not check bounds."""
     try:
         if holds == "forms":
             is_fine = len(arrays["vertices"]) <= _MOST_VERTICES and bool(form_of(arrays))

@@ -1,4 +1,4 @@
-"""Outcomes of verifications, and the verified and claimed rows of bundles in a report."""
+"""Outcomes of verification, and verified and claimed rows of bundles in reports."""
 
 from __future__ import annotations
 
@@ -25,25 +25,26 @@ class RowOutcome(msgspec.Struct, frozen=True, kw_only=True):
     Parameters
     ----------
     key, gallery, data, data_title, input, scorer, seed, gallery_digest
-        The record and its shapes.
+        Description of the record and its shapes.
     faults
-        Why it is not verified; empty if it is.
+        Reasons why it is not verified; empty if it is.
     scores
-        By measure: recomputed if possible, else as the record states them.
+        Scores by measure: recomputed if possible, otherwise as stated in the record.
     told
-        As the record states them.
+        Scores by measure, as stated in the record.
     intervals
-        95 % intervals of the scores over classes.
+        95 % intervals of the scores over classes, by measure.
     chance, n_shapes, n_classes, coverage
-        Values of the gallery, and the share of its shapes with a result.
+        Chance level by measure, size of the gallery, and the fraction of its shapes with a result.
     seconds, peak_mib, trained_on
-        Seconds per shape, memory and training data, as the record states them: they cannot be checked.
+        Seconds per shape, memory and training data, as stated in the record; they cannot be checked.
     holds, withheld
-        Kind of data in the bundle, and why it has no forms.
+        Kind of data in the bundle, and the reason why it has no forms.
     compared
         Source with which labels and inputs were compared: ``"data"``, ``"records"``, or "" for none.
     again, apart
-        Number of forms that were recomputed, and their largest distance from those of the bundle, relative to size.
+        Shapes whose forms were recomputed, and the largest distance of these forms from those in the bundle, relative
+        to size.
     """
 
     key: str
@@ -85,15 +86,15 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     digest
         SHA-256 of the bundle.
     method, title, author, licence, versions
-        Its own description.
+        Description from the manifest of the bundle.
     plugin
         SHA-256 of the source of its plugin; "" if it has none.
     rows
-        Its records.
+        Outcomes of its records.
     faults
         Faults of the bundle as a whole.
     with_run
-        Whether forms were to be recomputed.
+        Whether the plugin was allowed to run.
     """
 
     digest: str
@@ -109,7 +110,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def status(self) -> Status:
-        """The worst of its faults and records."""
+        """Worst status of its faults and records."""
         return worst((*(fault.status for fault in self.faults), *(row.status for row in self.rows)))
 
     def to_plain(self) -> dict[str, Any]:
@@ -119,7 +120,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def worst(statuses: Iterable[Status]) -> Status:
-    """Return the worst of some statuses; ``"verified"`` if there are none."""
+    """Return the worst status; ``"verified"`` if there are none."""
     return min(statuses, key=get_args(Status).index, default="verified")
 
 
@@ -127,7 +128,7 @@ def worst(statuses: Iterable[Status]) -> Status:
 
 
 def keep(outcome: Outcome, results: Path) -> None:
-    """Store the outcome of a bundle in a results folder, whose reports then show its rows.
+    """Store the outcome of a bundle in a results folder; reports of this folder then show its rows.
 
     Raises
     ------
@@ -179,7 +180,7 @@ def _cells(outcome: Outcome, row: RowOutcome) -> list[object]:
 
 
 def _evidence(row: RowOutcome) -> str:
-    """Return where the scores of a row come from, or why they cannot be checked."""
+    """Return the evidence for the scores of a row, or its faults."""
     if row.faults:
         return "; ".join(f"{fault.name}: {fault.problem}" for fault in row.faults)
     recomputed = f"{len(row.again) or 'none'} recomputed"

@@ -36,10 +36,10 @@ from benchmark.plugins.scorers import BUILT_IN, DEFAULT, scorer_of, scorers
 from benchmark.plugins.serving import folded
 from benchmark.report.artefact_reader import ArtefactReader
 
-#: Parts of a record that cannot be checked, or that describe the machine on which it was made.
+#: Parts of a record that cannot be checked or that describe the machine that computed it.
 _DROPPED = ("traceback", "splits")
 
-#: Date of all files in a bundle, so that the same results give the same bytes.
+#: Fixed date of all files in a bundle, so that the same results give the same bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 _AGAIN = "run it again here"
@@ -64,15 +64,15 @@ def write_bundle(
     with_forms: bool = False,
     say: Callable[[str], object],
 ) -> Packed:
-    """Write the records of a method with the data from which their scores can be computed again.
+    """Write the records of a method with the data needed to recompute their scores.
 
     For data sets that must not be redistributed, signatures and distances replace the forms; forms of private data are
-    included if ``with_forms``. Records without scores, or whose forms are not stored here, are omitted.
+    included only if ``with_forms``. Records without scores, or whose forms are not stored here, are omitted.
 
     Raises
     ------
     ConfigurationError
-        If no record can be packed, or author or licence is not a short text.
+        If no record can be packed, or ``author`` or ``licence`` is too long.
     BenchmarkError
         If the file cannot be written.
     """
@@ -176,7 +176,7 @@ def _without_places(record: Record) -> Record:
 
 
 def _sources(spec: MethodSpec, records: Sequence[Record]) -> tuple[dict[str, bytes], list[str]]:
-    """Return the files of a plugin, itself first, with the data that it read, and why others are missing."""
+    """Return the files of a plugin, its own file first, with the data files that it read, and reasons for omissions."""
     if not spec.module.endswith(".py"):
         return {}, []
     plugin = Path(spec.module)
@@ -209,7 +209,7 @@ def _package(spec: MethodSpec) -> dict[str, str]:
 
 
 def _stated(sources: Mapping[str, bytes]) -> str:
-    """Return the SPDX licence that a source file states; "" if it states none."""
+    """Return the SPDX licence stated in the sources; "" if there is none."""
     mark = b"SPDX-License-Identifier:"
     lines = (line for text in sources.values() for line in text.splitlines() if mark in line)
     return next((line.partition(mark)[2].decode("utf-8", "replace").strip() for line in lines), "")

@@ -1,4 +1,4 @@
-"""Compute forms of a bundle again, in a separate process; the plugin runs in yet another one."""
+"""Recompute forms of a bundle in a separate process; the plugin runs in another one."""
 
 from __future__ import annotations
 
@@ -38,26 +38,26 @@ def remake(
     data: tuple[str, Path | None],
     folders: tuple[Path, Path],
 ) -> dict[str, Any]:
-    """Compute forms of a record again.
+    """Recompute forms of a record.
 
     Parameters
     ----------
     record, entry, content
         The record, and the file with its forms.
     shapes
-        Names of the shapes.
+        Names of the shapes to recompute.
     target
-        The method of the plugin; "" for a method of the suite.
+        Path and attribute of the plugin, as ``PATH:ATTRIBUTE``; "" for a method of the suite.
     data
-        Name of the data set here, "" if it is not available, and the folder of the official data sets.
+        Local data set ("" if it is not available), and the folder of the official data sets.
     folders
-        An empty results folder, and the folder of the models that were trained here.
+        An empty results folder, and the folder of locally trained models.
 
     Returns
     -------
     dict
-        ``apart``: largest distance from the forms of the bundle, relative to their size; ``distances`` of all pairs of
-        descriptors of a plugin, else None; ``is_same_code``: whether the method is the one in the record.
+        ``apart``: largest distance from the forms of the bundle, relative to their size; ``distances``: of all pairs of
+        descriptors of a plugin, otherwise None; ``is_same_code``: whether the method is the one in the record.
     """
     if target:
         close_to_plugins()
@@ -96,7 +96,7 @@ def _method_run(
 
 
 def _apart(run: MethodRun, name: str, items: Mapping[str, Arrays]) -> float:
-    """Compute the form of a shape again and return its distance from that of the bundle, relative to its size."""
+    """Recompute the form of a shape and return its distance from the one in the bundle, relative to its size."""
     item = items[name]
     entry = next(entry for entry in run.preparation.dataset.entries if entry.identifier == name)
     arrays = require_arrays(run.answer(entry))
@@ -118,7 +118,7 @@ def _apart(run: MethodRun, name: str, items: Mapping[str, Arrays]) -> float:
 
 
 def rigid_distance(one: NDArray[Any], other: NDArray[Any]) -> float:
-    """Return the largest vertex distance after one form is moved rigidly onto the other, relative to its radius."""
+    """Return the largest vertex distance after rigid alignment to the other form, relative to the other's radius."""
     a, b = (points - points.mean(axis=0) for points in (np.asarray(one, np.float64), np.asarray(other, np.float64)))
     left, _, right = np.linalg.svd(a.T @ b)
     turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right)) or 1.0])

@@ -38,17 +38,17 @@ from benchmark.report.results import galleries_of
 from benchmark.report.significance import intervals, queries_of
 from retrieval.measures import PRINTED
 
-#: Largest difference between a stated and a computed score: half of a printed digit.
+#: Largest accepted difference between a stated and a computed score: half a unit of the last printed digit.
 SCORE_TOLERANCE = 0.005
 
-#: Largest difference between distances, relative to their mean.
+#: Largest accepted difference between distances, relative to their mean.
 DISTANCE_TOLERANCE = 0.01
 
-#: Largest difference after recomputation: of forms and descriptors relative to their size, of signatures in distances
-#: of the scorer relative to their mean. Other processors change forms by at most 2e-4.
+#: Largest accepted difference after recomputation: for forms and descriptors relative to their size, for signatures the
+#: distance by the scorer relative to the mean distance. Other processors change forms by at most 2e-4.
 TOLERANCE = {"forms": 0.01, "descriptors": 0.01, "signatures": 0.05}
 
-#: Fewest forms of a record that are recomputed.
+#: Minimum number of forms to recompute for each record.
 FEWEST_AGAIN = 3
 
 _ASK, _EDITED = "ask its author", "it may have been edited; ask its author"
@@ -66,11 +66,11 @@ class Request:
         The bundle.
     results, data_root, folders
         Results folder whose records replace missing data, folder of the official data sets, and folders of meshes by
-        the names of their data sets.
+        name of the data set.
     run, n_again
         Whether the plugin of the bundle may run, and the number of forms of each record to recompute.
     limit
-        Longest time of a step in seconds.
+        Time limit of a step in seconds.
     """
 
     path: Path
@@ -83,7 +83,7 @@ class Request:
 
     @cached_property
     def records(self) -> list[Record]:
-        """Local records that have scores."""
+        """Local records with scores."""
         store = Store(self.results / "runs")
         return [record for part in (store.published, store.records) for record in part if record["status"] == "ok"]
 
@@ -92,7 +92,7 @@ class Request:
 class RowCheck:
     """Verification of a record: its data, its faults, and its recomputed values.
 
-    The gallery is None if the data is missing or differs; the plugin runs only if the request allows it.
+    The gallery is None if the data is missing or differs; the plugin runs only if ``may_run``.
     """
 
     request: Request
@@ -114,7 +114,7 @@ class RowCheck:
         self.labels = dict(zip(record["shapes"], record["labels"], strict=True))
 
     def outcome(self) -> RowOutcome:
-        """Return the outcome; raise :class:`BundleError` if arrays cannot be read or have the wrong kind."""
+        """Return the outcome; raise :class:`BundleError` if arrays cannot be read or are of the wrong kind."""
         entry, record = self.entry, self.record
         self._say(f"computing the scores of {len(record['shapes'])} shapes")
         scored = self._scores() or record
@@ -139,7 +139,7 @@ class RowCheck:
         )  # fmt: skip
 
     def _scores(self) -> Mapping[str, Any] | None:
-        """Compare the gallery, and recompute distances and scores; None if they cannot be computed here."""
+        """Compare the gallery, and return recomputed scores; None if they cannot be computed here."""
         self._compare_gallery()
         is_descriptor, scored, matrices = self.entry.holds == "descriptors", None, list[Matrix]()
         scorer = None if is_descriptor else self._scorer()
@@ -156,7 +156,7 @@ class RowCheck:
         return scored
 
     def _compare_scores(self, computed: Sequence[Matrix], matrices: Sequence[Matrix]) -> Mapping[str, Any]:
-        """Return the scores of recomputed distances, after comparing both with those of the bundle."""
+        """Compare recomputed distances and their scores with those of the bundle, and return the scores."""
         record, holds = self.record, self.entry.holds
         if len(computed) != len(matrices) or any(map(_differ, computed, matrices)):
             self._refute("distances-differ", f"its distances are not those of its {holds}")
@@ -177,7 +177,7 @@ class RowCheck:
         return any(fault.status == "false" for fault in self.faults)
 
     def _claim(self, name: str, problem: str, hint: str) -> None:
-        """Note why the record cannot be checked here and remains a claim."""
+        """Add a fault: the record cannot be checked here and remains a claim."""
         self.faults.append(Fault(name, problem, hint, "claimed"))
 
     def _refute(self, name: str, problem: str, hint: str = _EDITED) -> None:
@@ -300,7 +300,7 @@ class RowCheck:
             self._refute(fault, f"its {what} do not have the digest in its record")
 
     def _computed(self, scorer_spec: ScorerSpec | None, items: Sequence[Arrays]) -> list[Matrix] | None:
-        """Return the distances of all pairs under each draw of the scorer; None for a descriptor of a plugin."""
+        """Return the distances of all pairs for each draw of the scorer; None for a descriptor of a plugin."""
         if scorer_spec is None and BUILT_IN.get(str(self.record["recipe"].get("method"))) != self.record["target"]:
             return None
         if len(items) == 1:
@@ -316,10 +316,10 @@ class RowCheck:
                 raise BundleError("bad-form", error.problem, _ASK, "false") from error
         return [form_distances(scorer, signatures, draw) for draw in range(scorer_spec.info.draws)]
 
-    # Forms made again --------------------------------------------------------------------------------------------
+    # Recomputed forms --------------------------------------------------------------------------------------------
 
     def _remade(self) -> list[list[float]] | None:
-        """Recompute forms if allowed, and note if it was necessary; return distances of descriptors of a plugin."""
+        """Recompute forms if allowed, or add a fault if necessary; return distances of a plugin's descriptors."""
         base = str(self.record["recipe"]["method"])
         is_ours = self.plugin is None and base in BUILT_IN
         needs_code = self.plugin is not None and self.entry.holds == "descriptors"
@@ -361,7 +361,7 @@ class RowCheck:
         return remade["distances"]  # type: ignore[no-any-return]
 
     def _unpack(self, plugin: Plugin, folder: Path) -> Path:
-        """Write the files of a plugin, whose names are already checked, to an empty folder and return its path."""
+        """Write the files of a plugin, with checked names, to an empty folder and return the path of the plugin."""
         for name in plugin.digests:
             path, content = folder / name, self.archive.read(name)
             try:
@@ -377,7 +377,7 @@ def _gallery_digest(record: Record) -> object:
 
 
 def _outcome(record: Record) -> list[object]:
-    """Return the outcome of a record with the scores that it states."""
+    """Return the outcome of a record with its stated scores."""
     parts = [record[part] for part in ("scores", "labels", "shapes")]
     return [place(record), answered_shapes(record), _gallery_digest(record), *parts]
 

@@ -1,4 +1,4 @@
-"""Verify a bundle: recompute its scores from its content and compare them with those that it states."""
+"""Verify a bundle: recompute its scores from its content and compare them with the stated scores."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _record(archive: Archive, manifest: Manifest, entry: Entry) -> Record:
         raise BundleError("record-edited", f"{what}: {fault}", "treat it as edited", "false")
     if (record["key"], record["status"]) != (entry.key, "ok"):
         raise BundleError("no-records", f"{what} belongs to another job or has no scores", _ASK)
-    texts = [*(record[part] for part in ("gallery", "method", "title")), record.get("scorer", "")]  # which are shown
+    texts = [*(record[part] for part in ("gallery", "method", "title")), record.get("scorer", "")]  # shown in reports
     texts += [*(record["data"][part] for part in ("name", "title")), *(m["data"] for m in record.get("models", ()))]
     if any(len(text) > LONGEST for text in texts):
         raise BundleError("no-records", f"{what} has a name of more than {LONGEST} characters", _ASK)

@@ -1,1 +1,1 @@
-"""Runs of jobs: what is to be done, by which processes or machines, and what each job leaves."""
+"""Execution of jobs: plan, scheduler, workers, and many machines."""

@@ -1,4 +1,4 @@
-"""Locks on jobs, for several runs in one results folder."""
+"""Locks on jobs, for concurrent runs in one results folder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmark.pipeline.storage.store import Store
 
-#: Byte that is locked while any run is in progress; the bytes of jobs follow it.
+#: Byte locked while any run is in progress; the bytes of jobs follow it.
 _RUN = 0
 
 
@@ -18,7 +18,7 @@ class Claims:
     """Locks of this process on its jobs, and a shared lock that shows that a run is in progress.
 
     Each lock is one byte of one file. The system releases it when the process ends, however it ends, so no run waits
-    for a process that no longer exists. Used as a context manager, the run ends with the body.
+    for a process that no longer exists. Leaving the ``with`` block ends the run.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Claims:
 
     @classmethod
     def of(cls, store: Store) -> Claims:
-        """Locks on the jobs of a store; one object per process, because the system assigns locks to processes."""
+        """Return the locks on the jobs of a store; use one object per process, because locks belong to processes."""
         return cls(store.root / "claims")
 
     def __enter__(self) -> Claims:
@@ -57,7 +57,7 @@ class Claims:
         return key in self._keys
 
     def take(self, key: str) -> bool:
-        """Claim a job; False if another process has done so."""
+        """Claim a job; return False if another process has claimed it."""
         if not self._lock(_place(key)):
             return False
         self._keys.add(key)
@@ -81,5 +81,5 @@ class Claims:
 
 
 def _place(key: str) -> int:
-    """Byte of a job; a collision within a plan is practically impossible."""
+    """Return the byte of a job; a collision within a plan is practically impossible."""
     return 1 + int.from_bytes(hashlib.sha256(key.encode()).digest()[:7]) // 2

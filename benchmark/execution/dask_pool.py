@@ -42,7 +42,7 @@ from benchmark.text import brief, say
 
 T = TypeVar("T")
 
-#: Seconds to wait for a first answer of the scheduler, and for its return once it was lost.
+#: Seconds to wait for the first answer of the scheduler, and for a lost scheduler to return.
 _CONNECTING, _GONE = 10.0, 10.0
 
 #: Seconds to wait for a worker when there is none.
@@ -87,7 +87,7 @@ class WorkerNode:
 class DaskPool:
     """Workers of a dask cluster; see :mod:`benchmark.execution.pools`.
 
-    A worker must report its inventory before it gets tasks, and is left out if it would compute something else than was
+    A worker must report its inventory before it gets tasks, and is left out if it would compute something other than
     planned. Tasks are assigned to workers by address, without retries by dask, so that the suite knows what a lost
     worker was doing.
 
@@ -96,9 +96,9 @@ class DaskPool:
     url
         Address of the scheduler.
     jobs
-        The jobs, which determine what workers need.
+        Jobs of the run; they determine what workers need.
     most
-        Most tasks at a time; None for all threads of all workers.
+        Maximum number of concurrent tasks; None for all threads of all workers.
 
     Raises
     ------
@@ -153,7 +153,7 @@ class DaskPool:
 
     @property
     def waits_for(self) -> str:
-        """What the run waits for if no worker can be used; "" otherwise."""
+        """Reason for waiting if no worker is usable; "" otherwise."""
         if self.size:
             return ""
         waiting = sum(not node.inventory.done() for node in self._nodes.values())
@@ -180,7 +180,7 @@ class DaskPool:
         Raises
         ------
         BenchmarkError
-            If the scheduler is gone, or there was no worker for long.
+            If the scheduler is gone, or no worker is available for too long.
         ConfigurationError
             If all workers were left out.
         """
@@ -259,7 +259,7 @@ class DaskPool:
         info = self._info
         for address, known in info.items():
             if address not in self._nodes:
-                # Not by a task, which would end a worker without the suite.
+                # Not as a task, which would end a worker without the suite.
                 ask = partial(self._client.run, asyncio.to_thread, inspect, self._question, workers=[address])
                 self._nodes[address] = WorkerNode(address, known["host"], int(known["nthreads"]), _aside(ask))
             node = self._nodes[address]
@@ -308,7 +308,7 @@ def _aside(call: Callable[[], T]) -> futures.Future[T]:
 # Arguments and results are plain values, never objects. A worker that has older code in memory than on disk is left
 # out.
 
-#: Code that this process has loaded.
+#: Digests of the code that this process has loaded.
 _IN_MEMORY = suite_texts()
 
 #: Names of tasks to stop after they have written a traceback.
@@ -383,7 +383,7 @@ def _is_wanted(worker: Any, name: str) -> bool:
 
 
 def inspect(question: str) -> str:
-    """Return the inventory of this machine for some jobs as JSON, or ``problem`` and ``hint``.
+    """Return the inventory of this machine for jobs as JSON, or ``problem`` and ``hint``.
 
     Parameters
     ----------
@@ -426,7 +426,7 @@ def suite() -> dict[str, Any]:
 
 
 def _is_shared(marker: Path, written: str) -> bool:
-    """Return whether this machine sees a file that another one has written, and may write beside it."""
+    """Return whether this machine sees a file written by another machine and may write to its folder."""
     with suppress(OSError, ValueError):
         return marker.read_text(encoding="utf-8") == written and os.access(marker.parent, os.W_OK)
     return False

@@ -11,7 +11,7 @@ from benchmark.execution.job_specs import Job
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
 
-#: Phases whose results all methods of a shape share; they count once.
+#: Phases whose results all methods share; they count once per shape.
 SHARED = ("prepare", "geodesics")
 
 #: Number of files from which the mean size is estimated.
@@ -23,16 +23,16 @@ _ANY = "[...]"
 
 @dataclass(frozen=True)
 class Estimate:
-    """Upper bound for the cost of the jobs that a run would compute, as if none of their stages were stored.
+    """Upper bound for the cost of the jobs that a run would compute, ignoring stored stages.
 
     Parameters
     ----------
     seconds
-        Work on one core.
+        Computing time on one core.
     unknown
-        Number of jobs without an estimate, because their method has never finished under their input.
+        Number of jobs without an estimate, because no job of their method and input has finished.
     mebibytes
-        Disk space; None if there are no files yet from which to estimate it.
+        Disk space; None without jobs to run or stored files.
     """
 
     seconds: float
@@ -56,15 +56,15 @@ class Estimate:
 def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
     """Estimate the cost of the jobs that a run of this plan would compute.
 
-    The seconds per shape are those of the same method and input on the same gallery, or else the median over other
-    galleries. Results that several methods share count once.
+    Seconds per shape are those of the same method and input on the same gallery, otherwise the median over other
+    galleries. Results shared by several methods count once.
 
     Parameters
     ----------
     jobs
         The plan.
     store
-        Holds the records, and files from which the disk space is estimated.
+        Store of the records, and of the files used to estimate disk space.
     """
     to_run = list({job.key: job for job in jobs if job.to_run}.values())
     if not to_run:
@@ -92,7 +92,7 @@ def estimate(jobs: Sequence[Job], store: Store) -> Estimate:
 
 
 def _phases(job: Job, costs: Mapping[tuple[str, str], list[Record]]) -> Mapping[str, float]:
-    """Return the seconds per shape by phase, from the same gallery or else the median over others; possibly empty."""
+    """Return seconds per shape by phase: of the same gallery, otherwise the median over others; possibly empty."""
     alike = costs.get((job.method.name, job.input)) or costs.get((job.method.base_name + _ANY, job.input), [])
     of_gallery = [record for record in alike if record["gallery"] == job.gallery]
     timed = [record["cost"]["seconds_per_shape"] for record in of_gallery[-1:] or alike]

@@ -1,4 +1,4 @@
-"""Jobs, which are planned, queued and sent to workers, and the tasks into which they are divided."""
+"""Jobs, and the tasks into which they are divided for workers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One job: a method on a gallery under one input.
+    """One job: a method on a gallery with one input.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Job:
     identifiers
         The shapes of the gallery, in matrix order.
     input, method, seed
-        How they are processed.
+        How to process the shapes.
     results
         Folder of the store.
     recipe
@@ -54,18 +54,18 @@ class Job:
     all_unseen
         Whether training on a shape of the gallery is an error.
     split_size
-        Test subjects in a split, of which all are scored; 0 for no splits.
+        Number of test subjects in a split; all splits are scored. 0 for no splits.
     scorer
-        Compares the forms.
+        Scorer that compares the forms.
     ranks_again
-        Whether only measures are missing: the distances of an older record are still valid.
+        Whether only measures must be computed: the distances of an older record are still valid.
     large_files
         Sizes in bytes of the files larger than :data:`LARGE_FILE`, by identifier.
     state
         ``cached``: has a record. ``failed``: failed before and runs again only on request. ``published``: has a record
-        that came with the suite, but none made here. ``stale``: has a record of another recipe. ``missing``: has no
-        record. ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does not take the
-        input.
+        published with the suite, but no local one. ``stale``: has a record of another recipe. ``missing``: has no
+        record. ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does not accept
+        the input.
     reason
         Reason for the state.
     """
@@ -109,7 +109,7 @@ class Job:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether code from outside the suite takes part."""
+        """Whether it runs code from outside the suite."""
         return self.method.is_foreign or self.scorer.is_foreign or is_own(self.dataset)
 
     @property
@@ -136,7 +136,7 @@ class Task(msgspec.Struct, frozen=True):
     jobs
         Jobs of a task of shapes share data set, input, seed and package; a block belongs to one job.
     identifiers
-        Shapes; all jobs process one before the next.
+        Shapes; all jobs process a shape before any job processes the next one.
     block
         Draw of the scorer and number of the first row of a block of distances.
     is_part
@@ -221,8 +221,8 @@ def comparison_tasks(job: Job) -> list[Task]:
     return [Task((job,), block=(draw, start)) for draw in draws_of(job.method, job.scorer) for start in starts]
 
 
-#: Most shapes in one task.
+#: Maximum number of shapes in one task.
 LARGEST_BATCH = 40
 
-#: File size in bytes above which preparation dominates the cost of a shape: some 100 000 vertices.
+#: File size in bytes above which preparation dominates the cost of a shape: about 100 000 vertices.
 LARGE_FILE = 2**23

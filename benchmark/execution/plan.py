@@ -1,4 +1,4 @@
-"""Plan a run: list the jobs of galleries and methods with their states and reasons, from existing records."""
+"""Plan a run: list the jobs of galleries and methods, and compare them with existing records."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _size(path: Path) -> int:
 
 
 def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, Any]:
-    """Return the entries of a record that describe gallery and method; tables then need no data and no plugin."""
+    """Return the entries of a record that describe gallery and method; tables then need neither data nor plugin."""
     facts = {
         "gallery": gallery.name,
         "input": input_,
@@ -58,7 +58,7 @@ def _facts(gallery: Gallery, input_: Input, spec: MethodSpec, scorer: ScorerSpec
         "family": spec.info.family,
         "parameters": dict(spec.parameters),
         "data": data_facts(gallery),
-        # The path of a plugin file means nothing elsewhere.
+        # The path of a plugin file is meaningless on other machines.
         "target": "" if any(m.endswith(".py") for m in (spec.module, scorer.module)) else spec.target,
     }
     if spec.describes:
@@ -101,13 +101,13 @@ def make_plan(
     galleries, inputs, methods
         The selection.
     store
-        Holds the records of finished jobs.
+        Store with the records of finished jobs.
     seed
         Base seed.
     retry
         Kinds of failure to run again: ``failed``, ``timeout``, ``crashed``, ``killed``, ``memory``, or ``all``.
     scorer
-        Compares the forms; None for the default one.
+        Scorer that compares the forms; None for the default.
     """
     planning = _Planning(store, seed, frozenset(retry), scorer or ScorerSpec())
     specs, chosen_inputs = list(methods), list(inputs)
@@ -124,7 +124,7 @@ def make_plan(
 
 @dataclass
 class _Planning:
-    """Records with which the jobs of a plan are compared."""
+    """Records to compare with the jobs of a plan."""
 
     store: Store
     seed: int
@@ -186,7 +186,7 @@ class _Planning:
         return replace(job, state=state, reason=reason, ranks_again=bool(older and self._has_distances(older[-1], job)))
 
     def _proven(self, method: str) -> set[str]:
-        """Digests of the models that a method has used, here or, if there are none, in published records."""
+        """Return the digests of the models that a method used in local records, otherwise in published ones."""
         for places in (self._before, self._published_before):
             of_method = (records for place, records in places.items() if place.method == method)
             if proven := {digest for records in of_method for record in records for digest in models_proven_by(record)}:
@@ -213,7 +213,7 @@ class _Planning:
         return "missing", "never run"
 
     def _state_of(self, record: Record, edit: str) -> tuple[State, str]:
-        """The same of a job that has a record."""
+        """Return the state of a job that has a record, and the reason for it."""
         status = record["status"]
         if status == "ok":
             return "cached", "; ".join(filter(None, ("finished", edit)))
@@ -251,14 +251,14 @@ def _job_recipe(gallery: Gallery, job: Job, data: Mapping[str, Any], models: Map
 
 
 def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], str] | None = None) -> dict[str, Any]:
-    """Return the input and digests of the shapes and their labels, and for the view input of the camera.
+    """Return the input and a digest of the shapes and labels, and for the view input a digest of the cameras.
 
     Parameters
     ----------
     gallery, input_
         Source of the shapes.
     known
-        Cache of the data of shapes by source and identifier, which is extended; None for no cache.
+        Cache of the data of shapes by source and identifier; new data are added. None for no cache.
     """
     dataset, texts = gallery.dataset, {} if known is None else known
 
@@ -288,7 +288,7 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     before
         Recipe of an older job.
     now
-        Recipe, or some parts of it, of the job that now has its place in the plan.
+        Recipe, or parts of it, of the job that replaces it in the plan.
     """
     plain = keys.plain(now)
     changes: list[str] = []

@@ -1,4 +1,4 @@
-"""Pools of workers: processes of this machine, or this process itself for debugging.
+"""Pools of workers: processes on this machine, or this process itself for debugging.
 
 A pool has a ``size``, a text ``waits_for``, and four methods. ``begin`` starts a task, or raises ``OSError`` if it
 finds no worker; ``wait`` returns when a task has ended or after a moment; ``stop`` ends a task after it has written its
@@ -34,7 +34,7 @@ UNWRITTEN = 74
 #: Exit code of a task whose worker was lost (``EX_TEMPFAIL``).
 LOST = 75
 
-#: Least memory of a process, in bytes; limits the number of processes.
+#: Minimum memory of a process, in bytes; limits the number of processes.
 _SMALLEST = 2**29
 
 #: Seconds after which an idle process ends.
@@ -51,11 +51,11 @@ class Running:
         self.is_finished = False
         #: Exit code of a process that ended before its task was finished (possibly 0), or :data:`LOST`.
         self.exit_code: int | None = None
-        #: Traceback of where it crashed or was stopped.
+        #: Traceback of the crash or stop.
         self.trace = ""
-        #: Times at which it began and was last checked.
+        #: Times of its start and of the last check.
         self.begun = self.looked = time.monotonic()
-        #: Seconds since the process of a plugin began to start.
+        #: Seconds for which the process of a plugin has been starting.
         self.starting = 0.0
 
     @property
@@ -80,7 +80,7 @@ def lane_of(task: Task) -> str:
 
 
 class LocalPool:
-    """Processes of this machine; each is used for further tasks of its lane.
+    """Processes on this machine; each is reused for other tasks of its lane.
 
     Parameters
     ----------
@@ -121,11 +121,11 @@ class LocalPool:
                 del self._idle[place]
                 return process
         self.close()
-        # The process of a plugin runs beside its worker, so each gets half of the memory.
+        # The process of a plugin runs alongside its worker, so each gets half of the memory.
         return Process(do_task, memory=self._memory if lane else self._memory // 2, idle=_IDLE)
 
     def wait(self, tasks: Sequence[Running], look: Callable[[], object]) -> None:
-        """Wait until one of the tasks ends, at most a moment."""
+        """Wait for a moment, or until one of the tasks ends."""
         until = time.monotonic() + INTERVAL
         while not any(running.has_ended for running in tasks) and (left := until - time.monotonic()) > 0:
             wait_for([running.worker for running in tasks], left)
@@ -161,9 +161,9 @@ class LocalPool:
 
 
 class PoolHere(LocalPool):
-    """Run tasks in this process, for debugging: without timeout, and a crash ends the run.
+    """Pool that runs tasks in this process, for debugging: no timeout, and a crash ends the run.
 
-    Tasks with foreign code still run in a process, since the main process does not import plugins.
+    Tasks with foreign code still run in another process, since the main process does not import plugins.
     """
 
     def __init__(self) -> None:
@@ -203,7 +203,7 @@ def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> t
         requester.tell(astuple(status))
 
     close_to_plugins(lambda is_starting: report(replace(latest, is_starting=is_starting)))
-    lock.forget()  # the code may have changed since the task before
+    lock.forget()  # the code may have changed since the previous task
     try:
         work(task_of(facts["task"]), report)
     except (StorageError, OSError):  # not even a record could be written; the parent reports it

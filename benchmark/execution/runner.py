@@ -25,7 +25,7 @@ from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 from benchmark.plugins.remote import close_to_plugins
 
-#: Gallery that this process compared last, by the key of its job: the next block usually needs it again.
+#: Last gallery compared by this process, by the key of its job: the next block usually needs it again.
 _compared: dict[str, GalleryRanking] = {}
 
 
@@ -53,7 +53,7 @@ def work(task: Task, tell: Callable[[Status], object]) -> None:
 
 
 def keep(job: Job, store: Store, content: Mapping[str, Any]) -> Record:
-    """Add the entries that all records have, and write the record."""
+    """Add the entries common to all records, and write the record."""
     record = {
         **job.facts,
         "key": job.key,
@@ -72,14 +72,14 @@ def failure(status: str, reason: str, trace: str = "") -> dict[str, Any]:
 
 
 def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
-    """Compute and store the forms of some shapes of a job, in a child process.
+    """Compute and store the forms of shapes of a job, in a child process.
 
-    For a refused shape, the reason is stored.
+    If a shape is refused, the reason is stored.
 
     Parameters
     ----------
     description
-        The job, as :func:`benchmark.execution.job_specs.to_json` writes it.
+        The job, written by :func:`benchmark.execution.job_specs.to_json`.
     identifiers
         The shapes.
     say
@@ -96,7 +96,7 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
 
 
 def _treat(task: Task, tell: Callable[[Status], object]) -> None:
-    """Process each shape by all methods in turn, except those of jobs that have failed, here or in another task."""
+    """Process each shape by all methods in turn, except methods of jobs that failed here or in another task."""
     store = Store.open(task.jobs[0].results)
     preparation: Preparation | None = None
     runs: dict[str, MethodRun] = {}
@@ -129,7 +129,7 @@ def _treat(task: Task, tell: Callable[[Status], object]) -> None:
                 _require_same_code(job, preparation.dataset)
             except _CodeChanged:
                 for key in computed[job.key]:
-                    store.discard(key)  # made by either version of the code
+                    store.discard(key)  # computed by either version of the code
                 raise
 
 
@@ -178,7 +178,7 @@ class _CodeChanged(BenchmarkError):
 
 
 def _require_same_code(job: Job, dataset: Dataset) -> None:
-    """Raise unless the code on disk is the one for which the plan was made."""
+    """Raise unless the code on disk is the code of the plan."""
     versions = recipes.job_versions(dataset, job.input, job.method, job.scorer)
     now = {"plugin": None, "versions": versions, **recipes.job_plugins(dataset, job.method, job.scorer)}
     if lock.key_of(job.recipe) != job.key:

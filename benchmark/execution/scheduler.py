@@ -1,4 +1,4 @@
-"""Run jobs on a pool of workers and yield their records; a fault costs one job."""
+"""Run jobs on a pool of workers and yield their records; a failure affects only one job."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from benchmark.execution.runner import failure, keep
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import StorageError, Store
 
-#: Times that a job may be killed from outside, or lose its machine, before it counts as failed.
+#: Number of kills from outside, or of lost machines, after which a job counts as failed.
 _MAX_DEATHS, _MAX_LOSSES = 2, 5
 
-#: Consecutive processes that may fail to start before the run ends.
+#: Number of consecutive failed starts of processes after which the run ends.
 _MAX_FAILED_STARTS = 6
 
 #: Seconds to wait after the system refused to start a process.
@@ -36,13 +36,13 @@ Watch = Callable[[Sequence[str], int], None]
 #: Gallery size from which comparing shapes takes longer than starting a task and reading the signatures.
 LARGE = 200
 
-#: Fewest shapes in a part of a task; with foreign code, each part starts a process.
+#: Minimum number of shapes in a part of a task; with foreign code, each part starts a process.
 SMALLEST_PART = 5
 
 
 @dataclass
 class JobQueue:
-    """Queue of waiting tasks; true while there are any.
+    """Queue of waiting tasks; true while work remains, here or in another run.
 
     A job processes its shapes, then its ranking; if workers would be idle, its distances are computed in blocks in
     between. A job is over once its record exists, even if another run wrote it.
@@ -89,7 +89,7 @@ class JobQueue:
         return None
 
     def finish(self, task: Task) -> None:
-        """Record that a task is finished; the last one of a job is followed by its ranking."""
+        """Mark a task as finished; after the last task of a job, queue its ranking."""
         self.shapes_done += 0 if task.is_part else len(task.identifiers)
         for job in task.jobs:
             self._open[job.key] -= 1
@@ -215,10 +215,10 @@ def _is_large(task: Task) -> bool:
 
 
 class Scheduler:
-    """Run jobs and yield their records as they finish.
+    """Scheduler that runs jobs and yields their records as they finish.
 
-    A hang, a crash or a memory leak costs only the job in which it happens; the rest of its task continues in another
-    process. If the process had run other jobs too, the job is first tried once more in its own process.
+    A hang, a crash or a memory leak fails only the job in which it occurs; the rest of its task continues in another
+    process. If the process also ran other jobs, the job is first retried in its own process.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ class Scheduler:
         self._not_before = 0.0
 
     def records(self) -> Iterator[tuple[Job, Record]]:
-        """Run until every job has its record.
+        """Run all jobs, and yield each with its record.
 
         Raises
         ------
@@ -278,7 +278,7 @@ class Scheduler:
                 self._require_folder()
                 self._queue.put_back(task)
                 self._not_before = time.monotonic() + _PATIENCE
-                if not self._running:  # otherwise one of them may free what is needed
+                if not self._running:  # otherwise one of them may free resources
                     self._failed_start(str(error.strerror))
 
     def _failed_start(self, reason: str) -> None:
@@ -343,7 +343,7 @@ class Scheduler:
             self._blame(running, "crashed", f"the process ended with {ending(code)}; {more}")
 
     def _killed(self, running: Running, most: int, reason: str) -> None:
-        """Handle a task killed from outside: try again while the limit is not reached."""
+        """Handle a task killed from outside: retry it until the limit is reached."""
         self._deaths[running.status.job] += 1
         if self._deaths[running.status.job] < most:
             self._queue.put_back(running.task, running.status.steps)
@@ -351,7 +351,7 @@ class Scheduler:
             self._blame(running, "killed", reason)
 
     def _blame(self, running: Running, kind: str, reason: str) -> None:
-        """Write the record of the job that broke a task, the first if none was reported; the others continue."""
+        """Write the record of the job that broke a task (the first one if none was reported); the others continue."""
         key = running.status.job or running.keys[0]
         job = self._queue.pending.get(key)
         if job and key not in self._store.records:

@@ -15,7 +15,7 @@ from benchmark.pipeline.storage import keys
 class Shard:
     """One of several parts of a plan.
 
-    Each job belongs to exactly one shard and leaves one small record. Shards therefore need no shared disk and can end
+    Each job belongs to exactly one shard and writes one small record. Shards therefore need no shared disk and can end
     in any order, and ``merge`` joins their records. The drawback is that shapes used by jobs of several shards are
     prepared in each of them.
 
@@ -35,7 +35,7 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str) -> Shard:
-        """Read ``"2/3"``.
+        """Parse a text such as ``"2/3"``.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class Shard:
         """
         distinct = {_identity(job): len(job.identifiers) for job in jobs}
         load, place = [0] * self.count, {}
-        for identity, size in sorted(distinct.items(), key=lambda pair: -pair[1]):  # equal ones stay in plan order
+        for identity, size in sorted(distinct.items(), key=lambda pair: -pair[1]):  # ties stay in plan order
             place[identity] = min(range(self.count), key=lambda number: load[number])
             load[place[identity]] += size
         return [job for job in jobs if place[_identity(job)] == self.number - 1]

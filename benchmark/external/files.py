@@ -21,7 +21,7 @@ from benchmark.errors import ConfigurationError, one_line
 
 _HINT = "write the matrix as text, CSV, .npy, .npz, .mat (-v7) or as PSB's .matrix"
 
-#: Largest file of labels in bytes.
+#: Largest size of a label file in bytes.
 _LARGEST_LABELS = 2**26
 
 #: Separates several labels of one shape.
@@ -219,7 +219,7 @@ def _only(sizes: Mapping[str, int], path: Path) -> str:
 
 
 def _read_npy(path: Path) -> NDArray[Any]:
-    loaded: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)  # not more than the file holds
+    loaded: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
     return loaded
 
 

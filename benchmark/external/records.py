@@ -35,7 +35,7 @@ from retrieval.chance import chance_levels
 
 
 def method_name(title: str) -> str:
-    """Return the name of an external row, which no method of the suite can have."""
+    """Return the method name of an external row; no method of the suite can have it."""
     return f"{EXTERNAL}-{re.sub('[^a-z0-9]+', '-', title.lower()).strip('-')}"[:LONGEST_NAME]
 
 
@@ -132,7 +132,7 @@ def own_data(dataset: str, labels: Sequence[str]) -> dict[str, Any]:
 
 
 def _beside(store: Store, dataset: str, input_: Input) -> Record | None:
-    """Return the newest record with which the rows of an external one are shown; None if there is none."""
+    """Return the newest of the records next to which an external row is shown; None if there is none."""
     records = [
         record
         for record in (*store.published, *store.records)

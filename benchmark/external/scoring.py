@@ -1,4 +1,4 @@
-"""Score distances from any source: every query ranks the gallery, and ties count as the mean over their orders."""
+"""Score distances from any source: every query ranks the gallery; with ties, scores are means over their orders."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Evaluation:
     ----------
     scores
         One row for each measure: ``score``, the mean over queries, ``low`` and ``high``, its 95 % interval over
-        classes, and ``chance``.
+        classes, and ``chance``, the chance level.
     queries
         One row for each query: ``labels`` and each measure; NaN if the gallery has no relevant shape.
     notes
@@ -107,13 +107,13 @@ class Task:
 
     @property
     def asymmetry(self) -> float:
-        """Return the largest difference from the transpose, relative to the largest distance; 0 if rectangular."""
+        """Largest difference from the transpose, relative to the largest distance; 0 if rectangular."""
         if not self.is_square or not self.values.any():
             return 0.0
         return float(np.abs(self.values - self.values.T).max() / self.values.max())
 
     def answers(self) -> Iterator[Query]:
-        """Return the results of each query, without the query itself."""
+        """Yield the results of each query, without the query itself."""
         known = {label: n for n, label in enumerate(dict.fromkeys(c for of in self.gallery.classes for c in of))}
         members = np.zeros((len(self.gallery.classes), len(known)), dtype=np.bool_)
         for place, classes in enumerate(self.gallery.classes):
@@ -128,12 +128,12 @@ class Task:
             yield Query(self.values[row, others], relevant[others])
 
     def chance(self) -> dict[str, float]:
-        """Return the expected measures of a random order."""
+        """Return the chance levels: the expected measures of a random ranking."""
         sizes = np.array([(len(query.relevant), query.relevant.sum()) for query in self.answers()])
         return chance_of_queries(sizes[:, 0], sizes[:, 1])
 
     def notes(self, scores: Scores) -> Iterator[str]:
-        """Return warnings."""
+        """Yield warnings."""
         if self.asymmetry > ASYMMETRY:
             yield f"The matrix is not symmetric (by {self.asymmetry:.2g} of its largest distance): rows are queries."
         if scores.tied_queries:
@@ -160,7 +160,7 @@ def score(distances: object, labels: object, query_labels: object = None) -> Eva
     Returns
     -------
     Evaluation
-        Measures with intervals and chance, over all queries and for each query.
+        Measures with intervals and chance levels, over all queries and for each query.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def score(distances: object, labels: object, query_labels: object = None) -> Eva
 
 
 def evaluated(task: Task) -> Evaluation:
-    """Return measures, intervals and chance of a task."""
+    """Return measures, intervals and chance levels of a task."""
     from pandas import DataFrame
 
     scores = evaluate_queries(task.answers())

@@ -1,4 +1,4 @@
-"""The stages of a shape, stored by their recipes: the prepared shape, its form or descriptor, and its signature."""
+"""Stages of a shape, stored under their recipes: the prepared shape, its form or descriptor, and its signature."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ from benchmark.protocols.models import Model
 
 
 class Preparation:
-    """Prepared shapes of one data set under one input.
+    """Prepared shapes of one data set for one input.
 
     Parameters
     ----------
     dataset
         Source of the meshes.
     input_
-        ``"mesh"`` for the complete surface, ``"view"`` for what the depth camera sees.
+        ``"mesh"`` for the complete surface, ``"view"`` for the part visible to the depth camera.
     store
-        Where shapes are stored; None stores nothing.
+        Store of the shapes; None to store nothing.
     """
 
     def __init__(self, dataset: Dataset, input_: Input, store: Store | None = None) -> None:
@@ -57,7 +57,7 @@ class Preparation:
         self._recipes: dict[str, Recipe] = {}
 
     def shape(self, entry: Entry, seed: int = 0) -> Shape:
-        """Prepare a shape; the latest one stays in memory with its geodesics, which all methods of a shape share.
+        """Prepare a shape; the latest one stays in memory with its geodesics, which all methods share.
 
         Raises
         ------
@@ -97,8 +97,8 @@ class Preparation:
         return key_of(self._frame) if self.input == "view" and self.dataset.half_width is None else ""
 
     def mesh(self, entry: Entry) -> Mesh:
-        """Return the mesh of the data set; generated meshes, some of which take seconds, are stored during a run."""
-        if isinstance(self.dataset, ChangedDataset):  # the change is quickly applied again
+        """Return the mesh of a shape; generated meshes, which may take seconds, are stored during a run."""
+        if isinstance(self.dataset, ChangedDataset):  # reapplying the change is fast
             clean = Preparation(self.dataset.clean, self.input, self.store)
             return self.dataset.changed(clean.mesh(self.dataset.clean_entry(entry)), entry)
         if entry.path is not None:
@@ -130,7 +130,7 @@ class Preparation:
     def _fit_frame(self) -> Arrays:
         widths = []
         for entry in self.dataset.entries:
-            with suppress(ShapeError):  # this shape is counted as unsupported when its turn comes
+            with suppress(ShapeError):  # this shape is counted as unsupported when it is processed
                 widths.append(shapes.half_width_of(self.mesh(entry), self.dataset.camera(entry)))
         return {"half_width": np.asarray(shapes.frame_of(widths))}
 
@@ -146,7 +146,7 @@ def files_of(part: object) -> dict[str, str]:
 
 
 def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
-    """Return the shape that methods get, from the arrays of its preparation."""
+    """Return the shape passed to methods, from its prepared arrays."""
     return Shape(
         identifier=identifier,
         mesh=Mesh(arrays["vertices"], arrays["faces"]),
@@ -158,7 +158,7 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages
 
 
 def attempted(compute: Callable[[], Arrays], by: object = None) -> Arrays:
-    """Return the arrays of a stage, with the files that a plugin read for them; for a refused shape, the reason."""
+    """Return the arrays of a stage, and the files that a plugin read for them; for a refused shape, the reason."""
     try:
         arrays = compute()
     except ShapeError as error:
@@ -179,21 +179,21 @@ T = TypeVar("T")
 #: Prefix of the names of arrays that are notes on a shape.
 _NOTE = "note:"
 
-#: Note on a form of a plugin that differed when it was computed again.
+#: Note on a form or descriptor of a plugin that differed when recomputed.
 RUNS_DIFFER = f"{_NOTE}runs_differ"
 
-#: Largest difference between two runs, relative to the largest value, that single precision explains.
+#: Largest difference between two runs attributed to single precision, relative to the largest value.
 _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class ShapeResult:
-    """Artefacts of one shape under one method.
+    """Artefacts of one shape by one method.
 
     Parameters
     ----------
     prepared, answer, signature
-        The prepared shape, its form or descriptor, and the signature of the form, or None if there is none.
+        The prepared shape, its form or descriptor, and the signature of the form (None if there is none).
     """
 
     prepared: Artefact
@@ -202,7 +202,7 @@ class ShapeResult:
 
     @property
     def artefacts(self) -> list[Artefact]:
-        """The artefacts that exist."""
+        """Existing artefacts."""
         return [self.prepared, self.answer, *([self.signature] if self.signature else [])]
 
     @property
@@ -219,9 +219,9 @@ class MethodRun:
     Parameters
     ----------
     preparation
-        The shapes.
+        Prepared shapes.
     store
-        Where forms are stored.
+        Store of the forms.
     spec
         The method.
     seed
@@ -229,7 +229,7 @@ class MethodRun:
     models
         Trained model of each shape, by identifier; empty if the method does not learn.
     scorer_spec
-        Compares the forms.
+        Scorer that compares the forms.
     """
 
     preparation: Preparation
@@ -242,7 +242,7 @@ class MethodRun:
 
     @cached_property
     def method(self) -> Method | Descriptor:
-        """The method; a learned method has no model yet."""
+        """The method; without a model if it is learned."""
         return self._metered(self.spec.create())
 
     @cached_property
@@ -256,7 +256,7 @@ class MethodRun:
 
     @property
     def describes(self) -> bool:
-        """Return whether shapes are described without a form."""
+        """Whether the method returns descriptors instead of forms."""
         return not isinstance(self.method, Method)
 
     def recipe(self, entry: Entry) -> Recipe:
@@ -266,7 +266,7 @@ class MethodRun:
         return recipes.form_recipe(self.spec, shape, entry.identifier, self.seed, model.digest if model else "")
 
     def treat(self, entry: Entry) -> ShapeResult:
-        """Compute or read all that ranking needs of a shape; raise ``ShapeError`` if the shape is refused."""
+        """Compute or read everything that ranking needs from a shape; raise ``ShapeError`` if the shape is refused."""
         prepared = self.preparation.artefact(entry)
         surface = require_arrays(prepared)
         answer = self.answer(entry)
@@ -274,11 +274,11 @@ class MethodRun:
         if self.describes:
             return ShapeResult(prepared, answer)
         shape = shapes.form_mesh(arrays, Mesh(surface["vertices"], surface["faces"]))
-        stays = isinstance(self.preparation.dataset, DepthFolder)  # 'retrieve' asks for those of frames
+        stays = isinstance(self.preparation.dataset, DepthFolder)  # 'retrieve' needs those of frames
         return ShapeResult(prepared, answer, self.signature(entry, lambda: shape, stays=stays))
 
     def result(self, entry: Entry, *, signed: bool) -> ShapeResult:
-        """Do the same as :meth:`treat`, but read no large arrays except descriptors.
+        """Return the same as :meth:`treat`, but read no large arrays except descriptors.
 
         Parameters
         ----------
@@ -311,7 +311,7 @@ class MethodRun:
         return signature
 
     def signature_arrays(self, entry: Entry) -> Arrays:
-        """Read the signature of a form, or compute it again if it is gone."""
+        """Read the signature of a form, or recompute it if it is missing."""
         signature = self.store.find(self._signature_recipe(entry)) or self.treat(entry).signature
         assert signature is not None  # noqa: S101
         return require_arrays(signature)
@@ -329,13 +329,13 @@ class MethodRun:
         return shapes.form_mesh(answer, self.preparation.shape(entry, self.seed).mesh)
 
     def seen(self, entries: Iterable[Entry]) -> list[str]:
-        """Return the shapes on which, or on whose subject, their model was trained."""
+        """Return the shapes whose model was trained on them or on their subject."""
         dataset = self.preparation.dataset.name
         pairs = [(entry, self.models.get(entry.identifier)) for entry in entries]
         return [entry.identifier for entry, model in pairs if model and model.has_seen(entry, dataset)]
 
     def answer(self, entry: Entry) -> Artefact:
-        """Compute or read the form or the descriptor of a shape, or why there is none; see :func:`require_arrays`."""
+        """Compute or read the form or descriptor of a shape, or the reason for refusal; see :func:`require_arrays`."""
         method = self.method_for(entry)
 
         def once() -> Arrays:
@@ -366,7 +366,7 @@ class MethodRun:
 
 
 def _difference_of_runs(first: Arrays, second: Arrays) -> Arrays:
-    """Return a note on how far two runs on one shape differ, relative to the largest value; empty if they do not."""
+    """Return a note on the difference of two runs on a shape, relative to the largest value; empty if they agree."""
     (name,) = {"vertices", "descriptor"} & first.keys()
     one, other = first[name], second[name]
     if one.shape != other.shape:

@@ -38,18 +38,18 @@ Matrix = NDArray[np.float64]
 #: Rows and columns of a block; a larger gallery is compared block by block.
 BLOCK = 1024
 
-#: Array that describes the signatures behind distances, so that ranking them again needs no signature.
+#: Name of the array that describes the signatures of distances, so that ranking again needs no signatures.
 _SIGNATURES = f"{ABOUT}signatures"
 
-#: Array stored with a block of distances: key of the recipe of the whole matrix, first row, first column.
+#: Name of the array stored with a block of distances: key of the recipe of the whole matrix, first row, first column.
 _PLACE = f"{ABOUT}place"
 
 
 class BlockScorer(Scorer, Protocol):
-    """A scorer of the suite, which can compare block by block what ``compare`` compares at once."""
+    """Scorer of the suite, which can compare a gallery block by block instead of at once with ``compare``."""
 
     def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
-        """Return the codebook with which all forms of a gallery are encoded."""
+        """Return the codebook that encodes all forms of a gallery."""
         ...
 
     def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
@@ -69,9 +69,9 @@ class GalleryRanking:
     Parameters
     ----------
     run
-        Makes the forms.
+        Run of the method that computes the forms.
     gallery
-        All shapes.
+        All shapes of the gallery.
     """
 
     #: Progress callback: gets the part of the distances that is being computed.
@@ -92,7 +92,7 @@ class GalleryRanking:
         self.refused.sort(key=lambda refusal: order[refusal[0]])
 
     def _read(self, *, signed: bool) -> None:
-        """Read the results of each shape, and leave out the shapes without one."""
+        """Read the result of each shape, and drop shapes without one."""
         entries, self.entries, self.results = self.entries, [], {}
         for entry in entries:
             try:
@@ -111,19 +111,19 @@ class GalleryRanking:
     # Distances -------------------------------------------------------------------------------------------------------
 
     def distances(self, draw: int | None) -> Iterable[Matrix]:
-        """Return the rows of the distances under a draw: a matrix or, for a large gallery, row by row."""
+        """Return the rows of the distances for a draw: a matrix or, for a large gallery, row by row."""
         starts = self._starts(draw)
         return self._rows(draw, starts) if len(starts) > 1 else self._block(draw, 0, 0).arrays["distances"]
 
     def compare(self, draw: int | None, start: int) -> None:
-        """Compute the rows of a block that starts at a shape, up to and including the diagonal."""
+        """Compute the block of rows that starts at row ``start``, up to and including the diagonal."""
         for row, column in self._blocks(draw) if self.results else ():
             if row == start:
                 self._block(draw, row, column)
 
     @property
     def keys(self) -> list[str]:
-        """Return the keys of all blocks of distances."""
+        """Keys of all blocks of distances."""
         return [key_of(self._recipe(draw, *block)) for draw in self.recipes for block in self._blocks(draw)]
 
     def _blocks(self, draw: int | None) -> Iterator[tuple[int, int]]:
@@ -132,7 +132,7 @@ class GalleryRanking:
         return ((row, column) for row in starts for column in starts if column <= row)
 
     def _starts(self, draw: int | None) -> range:
-        """Return the first shapes of the blocks; one block if a plugin compares or the matrix is stored whole."""
+        """Return the first row of each block; one block if a plugin compares or the matrix is stored whole."""
         count = len(self.entries)
         is_whole = self.scorer is None or isinstance(self.scorer, Foreign) or count <= BLOCK
         return range(0, max(count, 1), count or 1 if is_whole or self.run.store.has(self._galleries[draw]) else BLOCK)
@@ -247,7 +247,7 @@ class GalleryRanking:
 
     @cached_property
     def signatures(self) -> dict[str, Any]:
-        """One digest of all signatures, median seconds of one, and the number of signatures by environment.
+        """Digest of all signatures, median seconds per signature, and number of signatures by environment.
 
         These values are stored with the distances.
         """
@@ -376,7 +376,7 @@ def _costs(results: Iterable[ShapeResult], signatures: Mapping[str, Any]) -> dic
 
 
 def _summary(all_notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
-    """Return the mean and maximum of each numeric note, and the counts of each text."""
+    """Return the mean and maximum of each numeric note, and the count of each text."""
     collected: dict[str, list[float | str]] = {}
     for notes in all_notes:
         for name, value in notes.items():

@@ -1,4 +1,4 @@
-"""Recipes of the stages of each shape: all that determines a result, known without computing it.
+"""Recipes of the stages of each shape: everything that determines a result, known before it is computed.
 
 A recipe names the versions of all components that contribute to the result, including those of earlier stages; see
 :mod:`benchmark.pipeline.storage.lock`.
@@ -24,17 +24,17 @@ from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 
 Recipe = dict[str, Any]
 
-#: Component that stands for what plugins can use: geodesics, the Laplacian, eigenpairs.
+#: Component for the functions offered to plugins: geodesics, the Laplacian, eigenpairs.
 OFFERED = "api"
 
 
 def dataset_module(dataset: Dataset) -> str:
-    """Return the module that makes the meshes of a data set, or the plugin file that does."""
+    """Return the module or plugin file that provides the meshes of a data set."""
     return dataset.code if isinstance(dataset, OwnDataset) else type(dataset).__module__
 
 
 def source_components(dataset: Dataset) -> list[str]:
-    """Return the components that make the meshes of a data set: readers or a generator, and changes in brackets."""
+    """Return the components that provide the meshes of a data set: readers or a generator, and changes in its name."""
     known, original = read_lock().components, original_of(dataset)
     changes = [f"change/{name}" for name in re.findall(r"\[([a-z-]+)=", dataset.name)]
     if isinstance(original, OwnDataset):
@@ -47,7 +47,7 @@ def source_components(dataset: Dataset) -> list[str]:
 
 
 def original_of(dataset: Dataset) -> Dataset:
-    """Return the data set from which a changed one is made."""
+    """Return the original of a changed data set; any other data set is returned as it is."""
     while (clean := getattr(dataset, "clean", None)) is not None:
         dataset = clean
     return dataset
@@ -102,13 +102,13 @@ def _recipe(
 
 
 def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
-    """Return the recipe of the mesh of a shape; if it cannot be read, the kind of error."""
+    """Return the recipe of the mesh of a shape; it names the kind of error if the mesh cannot be read."""
     data = source_data(dataset, entry)
     return _recipe("source", source_components(dataset), [original_of(dataset)], data=data)
 
 
 def source_data(dataset: Dataset, entry: Entry) -> str:
-    """Return the recipe that a data set gives for the data of a shape; if it cannot be read, the kind of error."""
+    """Return the data set's recipe for the data of a shape, or the kind of error if they cannot be read."""
     try:
         return dataset.recipe(entry)
     except ShapeError as error:
@@ -186,12 +186,12 @@ def distances_recipe(forms: list[Recipe], spec: MethodSpec, scorer: ScorerSpec, 
 
 
 def draws_of(spec: MethodSpec, scorer: ScorerSpec) -> Sequence[int | None]:
-    """Return the draws of the scorer under which a gallery has distances; a descriptor has one without a number."""
+    """Return the draws of the scorer for the distances of a gallery; a descriptor has the single draw None."""
     return (None,) if spec.describes else range(scorer.info.draws)
 
 
 def scorer_recipe(scorer: ScorerSpec) -> Recipe:
-    """Return the scorer as part of the recipe of a job; draws have the name that they have for the default scorer."""
+    """Return the scorer as part of the recipe of a job; its draws are named as for the default scorer."""
     return {**_named(scorer), "codebooks": list(range(scorer.info.draws))}
 
 

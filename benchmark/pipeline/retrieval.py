@@ -1,4 +1,4 @@
-"""Find the shapes of a finished gallery that are nearest to a new one, from stored forms and signatures."""
+"""Retrieve the shapes of a finished gallery nearest to a new shape, from stored forms and signatures."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from benchmark.plugins.registry import MethodSpec
 
 @dataclass(frozen=True)
 class Hit:
-    """A shape of the gallery.
+    """A retrieved shape.
 
     Parameters
     ----------
     entry
         The shape.
     distance
-        Distance from the query, the mean over the draws of the scorer.
+        Distance from the query: the mean over the draws of the scorer.
     """
 
     entry: Entry
@@ -54,11 +54,11 @@ class SearchResult:
     hits
         All shapes of the gallery that have a form, without the query itself, nearest first.
     query
-        The shape that the method got.
+        The query as passed to the method.
     form
         Canonical form of the query; None for a descriptor.
     n_read, n_computed
-        Number of signatures of the gallery that were read, and that had to be computed from forms.
+        Number of gallery signatures that were read, and that were computed from forms.
     """
 
     hits: tuple[Hit, ...]
@@ -69,7 +69,7 @@ class SearchResult:
 
     @property
     def margin(self) -> float:
-        """Lead of the nearest class over the second nearest, relative to the distance of the second."""
+        """Margin between the nearest class and the second nearest, relative to the distance of the second."""
         first = self.hits[0]
         other = next((hit for hit in self.hits if hit.entry.subject != first.entry.subject), None)
         return 0.0 if other is None or not other.distance > 0 else 1 - first.distance / other.distance
@@ -94,16 +94,16 @@ def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
 
 
 def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -> SearchResult:
-    """Return the shapes of a finished gallery in the order of their distance from a depth image or a mesh.
+    """Rank the shapes of a finished gallery by their distance from a depth image or a mesh.
 
     Parameters
     ----------
     run
-        The method, the scorer, and the gallery under its input.
+        The method, the scorer, and the prepared gallery.
     query
-        The file.
+        File of the query.
     frame
-        How to read it as a depth image; None for a mesh.
+        Files and settings of the depth image; None for a mesh.
     source
         Name of the data set on the command line.
 
@@ -135,7 +135,7 @@ def search(run: MethodRun, query: Path, frame: FrameFiles | None, source: str) -
 
 
 def _shape(run: MethodRun, query: Path, frame: FrameFiles | None) -> Shape:
-    """Return the query as the method gets it, in the frame of the gallery."""
+    """Return the query as passed to the method, in the frame of the gallery."""
     preparation = run.preparation
     if frame:
         width = getattr(preparation.dataset, "half_width", None) or HALF_WIDTH

@@ -1,4 +1,4 @@
-"""Plugins. A closed process imports none of them, and gets its facts from the processes of the plugins."""
+"""Plugins. A closed process imports no plugin; it asks the plugins' own processes instead."""
 
 _is_closed = False
 

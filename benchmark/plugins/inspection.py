@@ -38,7 +38,7 @@ _RELIED_ON = frozenset(
 def inspect(paths: Iterable[Path], *, made: bool = True) -> None:
     """Check in a separate process that plugin files can be imported and their methods created.
 
-    A file that this process has already imported is not checked again.
+    A file that this process has already imported or inspected is not checked again.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def plugins_of(kind: type[S], path: Path) -> list[S]:
 
 @contextmanager
 def _unchanged(whose: str) -> Iterator[None]:
-    """Raise an error if the body changes the standard streams or modules on which the suite relies."""
+    """Raise an error if the ``with`` block changes the standard streams or modules on which the suite relies."""
     before, streams = _relied_on(), _streams()
     yield
     if _streams() != streams:
@@ -142,7 +142,7 @@ def _streams() -> list[object]:
 
 
 def _relied_on() -> dict[tuple[str, str], Any]:
-    """Return the functions and classes of the modules on which the suite relies, as far as they are imported."""
+    """Return the functions and classes of the modules on which the suite relies, if they are imported."""
     return {
         (name, attribute): value
         for name, module in list(sys.modules.items())
@@ -167,9 +167,9 @@ class Installed(Generic[S]):
     Parameters
     ----------
     specs
-        The usable ones.
+        Usable plugins.
     faults
-        Errors of the unusable ones, by name.
+        Errors of unusable plugins, by name.
     news
         One line for each package with an unusable plugin.
     """
@@ -230,7 +230,7 @@ def _packages(group: str) -> Iterator[tuple[str, Distribution]]:
 def _look_at(
     package: str, distribution: Distribution, kind: type[S], taken: frozenset[str]
 ) -> tuple[dict[str, str], Faults]:
-    """Return where the plugins of a package are defined, and the problems of those that cannot be used."""
+    """Return the targets of the plugins of a package, and the problems of unusable ones."""
     targets: dict[str, str] = {}
     faults: Faults = {}
     try:
@@ -253,7 +253,7 @@ def _look_at(
 
 
 def _problem_of(point: EntryPoint, kind: type[S], taken: Iterable[str]) -> str:
-    """Return the problem of an entry point."""
+    """Return the problem of an entry point; "" if there is none."""
     if not point.pattern.match(point.value) or not point.attr:
         return f"{point.value!r:.80} is not 'module:class'"
     if not is_name(point.name):

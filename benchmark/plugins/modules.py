@@ -28,7 +28,7 @@ Info = TypeVar("Info")
 
 
 class _PluginFolders:
-    """Finds modules next to plugin files, after all other places, so that no installed module is hidden."""
+    """Finder of modules next to plugin files; it is searched last, so that no installed module is hidden."""
 
     folders: list[str] = []  # noqa: RUF012
 
@@ -52,7 +52,7 @@ class _PluginFolders:
 def import_module(place: str, what: str = "") -> ModuleType:
     """Import a module, or a plugin file under a name derived from its path; its output goes to stderr.
 
-    Modules next to a plugin file can be imported from then on.
+    Modules next to a plugin file can then be imported.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def _execute(name: str, path: str) -> ModuleType:
 
 
 def classes_of(path: Path, info_type: type[Info]) -> Iterator[tuple[str, Info]]:
-    """Return name and ``info`` of each class in a plugin file that has an ``info`` of given types, in order.
+    """Yield name and ``info`` of each class in a plugin file whose ``info`` is of the given type, in order.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def classes_of(path: Path, info_type: type[Info]) -> Iterator[tuple[str, Info]]:
 
 
 def require_file(path: str) -> None:
-    """Raise ``ConfigurationError``, with the most similar path, unless a path is that of a Python file."""
+    """Raise ``ConfigurationError`` with the most similar path, unless a path is a Python file."""
     if path.endswith(".py") and Path(path).is_file():
         return
     hint = "pass the path of a .py file"
@@ -126,7 +126,7 @@ def require_file(path: str) -> None:
 
 
 def unknown(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
-    """Return the error for an unknown name; if a plugin file in this folder defines it, the hint says so.
+    """Return the error for an unknown name; if a plugin file in this folder defines it, the hint names the file.
 
     Parameters
     ----------
@@ -198,8 +198,8 @@ def sources_of(module: str, files: Iterable[str] = ()) -> dict[str, str]:
     Returns
     -------
     dict
-        Digest of the code of each imported module outside installed distributions, by its path relative to the plugin
-        or else by its name; version of each distribution, by name; digest of each of the other files, "" if missing.
+        Digest of the code of each imported module outside installed distributions, by its path relative to the plugin,
+        otherwise by its name; version of each distribution, by name; digest of each of the other files, "" if missing.
     """
     first = sys.modules[_module_name(module)]
     folder = Path(first.__file__ or "").resolve().parent

@@ -25,13 +25,13 @@ Info = MethodInfo | ScorerInfo | DatasetInfo
 #: Problems with their hints.
 Problems = Iterator[tuple[str, str]]
 
-#: Most random draws of a scorer, each of which ranks the whole gallery.
+#: Maximum number of draws of a scorer; each ranks the whole gallery.
 _MOST_DRAWS = 100
 
-#: Most characters of identifier, class and pose of a shape.
+#: Maximum number of characters in the identifier, class and pose of a shape.
 _LONGEST = 200
 
-#: Array that replaces a missing result: the problem, its hint, and the kind of error.
+#: Name of the array that replaces a missing result: the problem, its hint, and the kind of error.
 REFUSED = "refused"
 
 _FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
@@ -46,7 +46,7 @@ def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
     ShapeError
         If the method refuses the shape.
     InvalidForm
-        If it returns something else than a form of the shape.
+        If it returns anything other than a form of the shape.
     """
     who = f"method '{method.info.name}'"
     try:
@@ -119,7 +119,7 @@ def signature_of(scorer: Scorer, form: Mesh) -> SignatureArrays:
 
 
 def form_distances(scorer: Scorer, signatures: Sequence[SignatureArrays], draw: int) -> FloatArray:
-    """Return the dissimilarities of all pairs of forms under one draw of the scorer, shape (N, N).
+    """Return the dissimilarities of all pairs of forms for one draw of the scorer, shape (N, N).
 
     Raises
     ------
@@ -144,7 +144,7 @@ def _real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint:
     return array.astype(np.float64)
 
 
-# What plugins say of themselves --------------------------------------------------------------------------------------
+# Descriptions of plugins ---------------------------------------------------------------------------------------------
 
 
 def _are_words(value: Any) -> bool:
@@ -198,7 +198,7 @@ def problems_of(info: Info) -> Problems:
 
 
 def problems_of_learner(learner: Any) -> Problems:
-    """Return the problems in what a learner says about its models, with hints."""
+    """Return the problems in a learner's attributes about its models, with hints."""
     if not isinstance(learner.model_name, str) or not re.fullmatch(r"[\w.=-]+", learner.model_name):
         yield f"model_name is {learner.model_name!r}", "return a valid folder name"
     if learner.split not in get_args(Split):

@@ -21,7 +21,7 @@ _NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
 
 
 def split_name(name: str) -> tuple[str, str] | None:
-    """Split a name from the text in its brackets, "" if there are none; None if brackets are not balanced or final.
+    """Split a name from the text in its brackets, "" if there are none; None if brackets are unbalanced or not final.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def combinations(text: str) -> list[dict[str, str]]:
 
 
 def quoted(text: str) -> str:
-    """Return a text as it is written between brackets, in quotes if it could be read as several values."""
+    """Return a text as written between brackets, quoted if it could be read as several values."""
     if text and not _SPECIAL & set(text):
         return text
     quote = '"' if "'" in text else "'"

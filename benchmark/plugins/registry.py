@@ -1,7 +1,7 @@
-"""Names of methods: built-in ones, those of installed packages, and those of a plugin file.
+"""Registry of methods: built in, in installed packages, and in plugin files.
 
-A name stands for the string ``"module:attribute"``. The module is imported only when the method is needed, so a broken
-or heavy method does not affect the others.
+Each name maps to a string ``"module:attribute"``. The module is imported only when the method is needed, so a broken or
+heavy method does not affect the others.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from benchmark.plugins.specs import MethodSpec
 
 __all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
 
-#: Stands for all methods next to other names.
+#: Name that selects all methods, in addition to other names.
 EVERY = "all"
 
 BUILT_IN: dict[str, str] = {
@@ -71,14 +71,14 @@ VARIANTS: Mapping[str, tuple[Mapping[str, str], ...]] = {
 
 
 class KnownPlugins(dict[str, S]):
-    """Plugins of one kind by name, in the order of the tables; another name raises an error with the reason.
+    """Plugins of one kind by name, in the order of the tables; an unknown name raises an error with the reason.
 
     Parameters
     ----------
     kind
         Methods or scorers.
     built_in
-        Where those of the suite are defined, by name.
+        Targets of the suite's plugins, by name.
     plugins
         Python files that may define more.
 
@@ -131,7 +131,7 @@ def unusable() -> tuple[str, ...]:
 
 
 def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Iterable[Path] = ()) -> list[MethodSpec]:
-    """Return the named methods in table order; all when no name is given.
+    """Return the named methods in table order; all if no name is given.
 
     If no method of a plugin file is named, all its methods are added, since passing the file implies interest in them.
 
@@ -144,7 +144,7 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     known
         Result of :func:`methods`.
     plugins
-        The plugin files that were passed.
+        Plugin files passed by the user.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
         is_added = spec.module in files and spec.module not in named_modules
         if (every and all(variant.parameters for variant in of_method)) or is_added:
             chosen.append(dataclasses.replace(spec, named=spec.module in files))
-        # Added to all methods, a method appears in the tables of its kind; alone, in every table.
+        # A method added to all methods appears in the tables of its kind; one selected alone, in every table.
         chosen += [dataclasses.replace(variant, named=EVERY not in patterns) for variant in of_method]
     return chosen
 

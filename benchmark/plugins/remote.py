@@ -1,6 +1,6 @@
 """Plugins in separate processes, which report their facts and do the work of their methods and scorers.
 
-Each plugin file has its own process for each kind of plugin, so that these share no knowledge. A process that runs no
+Each plugin file has its own process for each kind of plugin, so that they share no information. A process that runs no
 jobs gets facts from processes that end immediately.
 """
 
@@ -29,7 +29,7 @@ from benchmark.plugins.serving import folded
 
 Facts = dict[str, Any]
 
-#: Longest time in seconds to import a file, create its methods and list the shapes of its data sets.
+#: Time limit in seconds for importing a file, creating its methods and listing the shapes of its data sets.
 LIMIT = 30.0
 
 #: Number of kills from outside after which a file is blamed for them.
@@ -58,7 +58,7 @@ def close_to_plugins(starting: Callable[[bool], object] = bool) -> None:
 
 
 def look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) -> Any:
-    """Call a function that imports foreign code in a separate process, again if it was killed from outside.
+    """Call a function that imports foreign code in a separate process; retry if it was killed from outside.
 
     Raises
     ------
@@ -118,7 +118,7 @@ class Remote:
 
     @property
     def _places(self) -> tuple[tuple[str, ...], ...]:
-        """Return the key of its current process, of the one shared with its plugin file, and of its own."""
+        """Keys of its current process, of the one shared with its plugin file, and of its own."""
         shared = (self.kind, self.target.rpartition(":")[0])
         own = (*shared, self.base_name)
         return (own if own in _processes else shared), shared, own
@@ -132,7 +132,7 @@ class Remote:
     def request(
         self, work: str, facts: Mapping[str, Any] | None = None, arrays: Arrays | None = None
     ) -> tuple[Facts, Arrays]:
-        """Send a request; a new process is first asked for facts, whose time does not count for a job."""
+        """Send a request; a new process is first asked for facts, in time that does not count towards a job."""
         place, shared, own = self._places
         if place not in _processes:
             _starting(True)
@@ -155,7 +155,7 @@ class Remote:
 
 def _answer(serve: Serve, message: Facts) -> Facts:
     """Return the facts of an answer, in a process that may import the plugin."""
-    return dict(serve(message, {}, None)[0])  # type: ignore[arg-type]  # nobody is told of progress
+    return dict(serve(message, {}, None)[0])  # type: ignore[arg-type]  # progress is not reported
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class Foreign:
     Parameters
     ----------
     remote
-        Sends the requests.
+        Plugin that receives the requests.
     info
         Description of the method or scorer.
     book

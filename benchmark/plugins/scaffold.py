@@ -19,7 +19,7 @@ from benchmark.text import LONGEST_NAME, RESERVED, is_name
 
 __all__ = ["KINDS", "new_plugin"]
 
-#: Example of each kind, which is written under another name.
+#: Example of each kind; ``new`` writes it under another name.
 _EXAMPLES = {
     "method": "ray-stretch",
     "external": "graph-stress",
@@ -33,7 +33,7 @@ _EXAMPLES = {
 _installed = cache(packages_distributions)
 
 KINDS = tuple(_EXAMPLES)
-"""What can be written."""
+"""Kinds of plugins that can be written."""
 
 
 def new_plugin(kind: str, name: str, folder: Path = Path()) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Names of scorers: built-in ones, those of installed packages, and those of a plugin file."""
+"""Registry of scorers: built in, in installed packages, and in plugin files."""
 
 from __future__ import annotations
 

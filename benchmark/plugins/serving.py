@@ -1,4 +1,4 @@
-"""Answer requests in the process of a plugin, which learns no name, no class and no order of a gallery."""
+"""Answer requests in the process of a plugin, without revealing names, classes or the order of a gallery."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def folded(signatures: Sequence[Arrays]) -> dict[str, Any]:
 
 
 def unfolded(arrays: Arrays) -> Iterator[dict[str, Any]]:
-    """Yield the signatures that :func:`folded` combined, in their order."""
+    """Yield the signatures combined by :func:`folded`, in order."""
     signatures: dict[int, dict[str, Any]] = {}
     for name, array in arrays.items():
         number, _, rest = name.partition(":")
@@ -126,7 +126,7 @@ def _shape(facts: Facts, arrays: Arrays) -> Shape:
 
 
 class SharedStages:
-    """Arrays that the methods of one shape share in memory; each is charged the full cost."""
+    """Arrays that the methods of one shape share in memory; each method is charged the full cost."""
 
     def __init__(self, meter: Meter) -> None:
         self._meter = meter

@@ -1,7 +1,7 @@
-"""Specifications of plugins, as they are passed between processes: definition, parameters and facts.
+"""Specifications of plugins, as passed between processes: definition, parameters and facts.
 
 Methods, scorers and data sets of the suite, of installed packages and of plugin files have the same specifications. A
-closed process gets the facts of a plugin, and all its work, from the process of that plugin.
+closed process gets the facts and results of a plugin from the plugin's own process.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Value = TypeVar("Value")
 
 
 class Fact(Generic[Value]):
-    """A fact about a plugin, computed once if the plugin may be imported here, else reported by its process."""
+    """A fact about a plugin, computed once if the plugin may be imported here, otherwise reported by its process."""
 
     def __init__(self, work_out: Callable[[Any], Value]) -> None:
         self._work_out, self._name, self.__doc__ = work_out, work_out.__name__, work_out.__doc__
@@ -69,10 +69,10 @@ class PluginSpec(Generic[Info, Instance]):
     target
         ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
     parameters
-        Parameters as text or values; only those that differ from their defaults are kept, normalised and in the order
-        of the fields, so that equal plugins are equal objects however they are written.
+        Parameters as text or values; only values other than the defaults are stored, normalised and in the order of the
+        fields, so that equal plugins are equal objects however they are written.
     named
-        Whether the user asked for it, by name or by passing its file.
+        Whether the user selected it, by name or by passing its file.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class PluginSpec(Generic[Info, Instance]):
     kind: ClassVar[str]
     #: Type of its description.
     info_type: ClassVar[type[Any]]
-    #: Protocols of which objects implement one, the words for a violation, and a hint where to read.
+    #: Protocols, of which an object must implement one; message for a violation, and hint.
     contracts: ClassVar[tuple[type[Any], ...]]
     lacking: ClassVar[str]
     hint: ClassVar[str]
@@ -160,7 +160,7 @@ class PluginSpec(Generic[Info, Instance]):
 
     @Fact
     def all_parameters(self) -> dict[str, Any]:
-        """All parameters, defaults included, normalised; none if packages are missing to create it."""
+        """All parameters, defaults included, normalised; empty if packages are missing."""
         return {} if self.missing_packages() else parameter_values(self.create())
 
     @Fact
@@ -171,7 +171,7 @@ class PluginSpec(Generic[Info, Instance]):
 
     @property
     def facts(self) -> Facts:
-        """Return all facts as plain values for other processes.
+        """All facts as plain values for other processes.
 
         Raises
         ------
@@ -225,19 +225,19 @@ class PluginSpec(Generic[Info, Instance]):
         return cast(Instance, created)
 
     def _stand_in(self) -> Foreign:
-        """Return an object that passes requests to its process."""
+        """Return an object that forwards requests to its process."""
         return RemoteScorer(self.remote, self.info)
 
     def resolved_parameters(self) -> dict[str, Any]:
-        """All parameters, defaults included, normalised."""
+        """Return all parameters, defaults included, normalised."""
         return dict(self.all_parameters)
 
     def key_parameters(self) -> dict[str, Any]:
-        """Parameters in keys; defaults are omitted for plugins of the suite, whose golden results include them."""
+        """Return parameters for keys, without defaults for plugins of the suite, whose golden results include them."""
         return self.resolved_parameters() if self.is_foreign else dict(self.parameters)
 
     def missing_packages(self) -> tuple[str, ...]:
-        """Declared packages that are not installed."""
+        """Return the declared packages that are not installed."""
         requires = getattr(self.info, "requires", ())
         return tuple(name for name in requires if importlib.util.find_spec(name) is None)
 
@@ -283,7 +283,7 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
 
     @Fact
     def learner(self) -> LearnerFacts | None:
-        """Facts of a learner; None for any other method, or if packages are missing to create it."""
+        """Facts of a learner; None for any other method, or if packages are missing."""
         if not self.learns or self.missing_packages():
             return None
         learner: Any = self.create()

@@ -1,1 +1,1 @@
-"""Protocols of the experiments, as data: tables, trainings, and the models that belong to them."""
+"""Protocols of the experiments as data: galleries, tables, trainings and their models."""

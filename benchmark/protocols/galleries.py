@@ -1,4 +1,4 @@
-"""Galleries: the shapes that a table ranks against each other, and the methods that are tested on them."""
+"""Galleries: the shapes that a table ranks against each other, and the methods tested on them."""
 
 from __future__ import annotations
 
@@ -158,8 +158,8 @@ def galleries(
 ) -> list[Gallery]:
     """Return the galleries for a selection on the command line.
 
-    The paper's data set is used if it is available and its stand-in otherwise, never both in one table. A table that is
-    made with another one is omitted if the data set lacks its classes, unless it was selected by name.
+    The paper's data set is used if it is available and its stand-in otherwise, never both in one table. A table that
+    accompanies another one is omitted if the data set lacks its classes, unless it was selected by name.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def galleries(
         The folder of the official data sets.
     quick
         Use at most :data:`QUICK_POSES` poses of each subject, only the first fold and, unless methods are selected by
-        name, only those of the paper and :data:`QUICK_CONTROLS`.
+        name, only the methods of the paper and :data:`QUICK_CONTROLS`.
     repeat
         Number of additional, jittered preparations of each gallery that is neither perturbed nor decimated.
 
@@ -224,7 +224,7 @@ def _is_selected(table: Table, tables: list[str], sets: list[str], quick: bool) 
 
 
 def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> list[str]:
-    """Return the data sets of a table; of several, those that are present, with an error if none is."""
+    """Return the data sets of a table, of several those present; raise ``DatasetError`` if a named table has none."""
     if not table.any_of:
         return [table.dataset if is_present(table.dataset, data_root) or not table.stand_in else table.stand_in]
     present = [name for name in table.any_of if is_present(name, data_root)]

@@ -18,7 +18,7 @@ from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
-#: Methods outside the paper that have rows in quick runs by default: what a canonical form has to beat.
+#: Methods outside the paper that have rows in quick runs by default: baselines that a canonical form should beat.
 QUICK_CONTROLS = ("identity",)
 
 #: Values of a parameter of learners, besides its default, over which a row is averaged if there are models.
@@ -27,7 +27,7 @@ AVERAGED: Mapping[str, tuple[int | str, ...]] = {
     "training": ("humans-fold-1", "humans-fold-2"),
 }
 
-#: Rows of the ablation: those of the paper, and one that it claims without a figure.
+#: Rows of the ablation: those of the paper, and one about which it makes a claim without figures.
 ABLATION = {row.method for row in paper.ABLATION} | {"learned-without-weighting"}
 
 #: Methods that have rows only in the ablation, unless they are selected by name.
@@ -58,7 +58,7 @@ class Rows:
     trainings
         Trainings of additional rows by learner, by data set, if there is a model.
     averaged
-        Parameter of learners over whose values a row is averaged, as far as there are models; "" for none.
+        Parameter of learners over whose values a row is averaged, if there are models; "" for none.
     """
 
     families: frozenset[str] = _ALL
@@ -100,7 +100,7 @@ class Table:
     stand_in
         Generated data set that replaces it if it is missing; "" if there is none.
     any_of
-        Data sets for which the table is made separately, as far as they are present; empty for a table of one data set.
+        Data sets for which the table is made separately, if they are present; empty for a table of one data set.
     mean_over_sets
         Whether a row is the mean over the data sets of ``any_of``, each of which is a gallery.
     subjects
@@ -264,8 +264,8 @@ TABLES: tuple[Table, ...] = (
         "robustness",
         "What breaks the methods: one gallery, clean and under each perturbation",
         dataset="animals-few",
-        # It has 47 galleries. Least-squares and non-metric MDS are omitted, since they scale the same
-        # distances as classic MDS; one other metric, the input itself, and two descriptors are added.
+        # It has 46 galleries. Least-squares and non-metric MDS are omitted, because they scale the same distances as
+        # classic MDS; another metric, the input itself and two descriptors are added.
         rows=Rows(
             families=frozenset(),
             names=(

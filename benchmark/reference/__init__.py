@@ -1,1 +1,1 @@
-"""The figures printed in the paper."""
+"""Figures printed in the paper."""

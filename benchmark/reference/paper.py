@@ -19,7 +19,7 @@ MEASURES = ("NN", "FT", "ST", "DCG")
 """The measures that the paper prints, in its order."""
 
 SCHEDULE = "500 x 500 pixels, 500 epochs, batch 8, about three days on one RTX 4090"
-"""How the paper trained its network."""
+"""Training schedule of the paper."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class PaperRow:
     title
         Title as printed.
     values
-        Metric by name, by table.
+        Values by table and measure.
     """
 
     method: str
@@ -86,7 +86,7 @@ def is_learned(method: str) -> bool:
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim that one row is better than others.
+    """Claim that one row scores higher than others.
 
     Parameters
     ----------
@@ -95,13 +95,13 @@ class Claim:
     table
         Table that supports it.
     better
-        The row that should lead.
+        Row that should score higher.
     others
-        The rows that it should lead.
+        Rows that should score lower.
     input
         Input of the methods.
     measures
-        Measures by which it should lead.
+        Measures to compare.
     """
 
     words: str
@@ -114,8 +114,8 @@ class Claim:
 
 CLASSICAL = tuple(row.method for row in ROWS if not is_learned(row.method))
 
-#: Measures by which the paper's own figures support them: in Table II its ST is below that of its GPS, in Table III its
-#: ST equals that of Constrained MDS.
+#: Claims, by measures for which the paper's own figures support them: in Table II the ST of its network is below that
+#: of GPS, in Table III it equals that of Constrained MDS.
 CLAIMS: tuple[Claim, ...] = (
     Claim("The network finds more than every classical form on synthetic humans.", "I", "learned", CLASSICAL),
     Claim(
@@ -152,7 +152,7 @@ _ACCENTS = {"'": "\u0301", "`": "\u0300", "^": "\u0302", '"': "\u0308", "~": "\u
 
 
 def source_of(key: str) -> str:
-    """Return authors, year, title and source of an entry as text; the key if there is no such entry."""
+    """Return authors, year, title and source of an entry of the bibliography as text, or the key if there is none."""
     match = re.search(rf"@\w+\{{{re.escape(key)},(.*?)\n\}}", _bibliography(), re.DOTALL) if key else None
     if match is None:
         return key
@@ -167,7 +167,7 @@ def source_of(key: str) -> str:
 
 
 def is_listed(key: str) -> bool:
-    """Return whether the list of references has an entry of this name."""
+    """Return whether the bibliography has an entry with this key."""
     return bool(key) and f"{{{key},\n" in _bibliography()
 
 

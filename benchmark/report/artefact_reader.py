@@ -1,4 +1,4 @@
-"""Read the arrays behind a record: distances, prepared shapes and canonical forms; nothing is computed."""
+"""Read the arrays of a record: distances, prepared shapes and canonical forms; nothing is computed."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ NOT_STORED = "not kept here"
 
 @dataclass(frozen=True)
 class ArtefactReader:
-    """The arrays behind the records of a results folder.
+    """Reader of the arrays of records in a results folder.
 
     Parameters
     ----------
     store
-        The folder.
+        Store of the folder.
     known
         Methods by name.
     data_root
         Folder of the official data sets.
     models
-        Folder of models that were trained here; None for that of the store.
+        Folder of locally trained models; None for that of the store.
     """
 
     store: Store
@@ -81,7 +81,7 @@ class ArtefactReader:
         return dataset
 
     def preparation(self, record: Record) -> Preparation:
-        """Return the prepared shapes behind a record; raise ``BenchmarkError`` if its data set is missing."""
+        """Return the prepared shapes of a record; raise ``BenchmarkError`` if its data set is missing."""
         place = (record["data"]["source"], record["input"])
         if place not in self._preparations:
             self._preparations[place] = Preparation(self.dataset(record), record["input"], self.store)
@@ -121,7 +121,7 @@ class ArtefactReader:
         return np.asarray(surface.vertices @ camera.rotation.T)
 
     def form(self, record: Record, entry: Entry, surface: Mesh | None = None) -> Mesh | str:
-        """Return the canonical form of a shape, or why there is none; the prepared shape is read unless passed."""
+        """Return the canonical form of a shape, or the reason why there is none; ``surface`` is read unless passed."""
         try:
             method_run = self.method_run(record)
             if method_run.describes:

@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
     from retrieval.agreement import Agreement
 
-#: Smallest difference between scores that counts.
+#: Scores that differ by at most this value count as equal.
 _SMALLEST = 5e-7
 
-#: Most pairs that are shown in full, and most pairs with a line each.
+#: Maximum number of pairs shown in full, and of pairs shown with a line each.
 _IN_FULL, _FIRST_SCREEN = 3, 20
 
 _LEGEND = (
@@ -47,20 +47,20 @@ _LEGEND = (
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """Two records that can be compared.
+    """Comparison of two records.
 
     Parameters
     ----------
     where
         Gallery, input and other facts that both share.
     measures
-        By printed measure: the score of the ``first`` and the ``second`` record; ``low`` and ``high``, the 95 %
-        interval, over resampled classes, of the difference between the means over common queries; and its p-values,
-        without adjustment, for other ``poses`` of these subjects and for other ``subjects``.
+        By printed measure: scores of the ``first`` and the ``second`` record; ``low`` and ``high``, the 95 % interval
+        over resampled classes of the difference between the means over common queries; and its unadjusted p-values, for
+        other ``poses`` of these subjects and for other ``subjects``.
     gains
         Gain of the second record for each common query, a column for each measure.
     n_classes
-        Classes of these queries.
+        Number of classes of these queries.
     is_perturbed
         Whether the data set is perturbed.
     """
@@ -73,12 +73,12 @@ class Difference:
 
     @property
     def changed(self) -> int:
-        """Queries for which a measure differs."""
+        """Number of queries for which a measure differs."""
         return int(np.count_nonzero(self.gains.any(axis=1)))
 
     @property
     def is_empty(self) -> bool:
-        """Whether the records are equal in print and for every query."""
+        """Whether all scores are equal, on average and for every query."""
         return not self.changed and (self.measures["second"] - self.measures["first"]).abs().max() <= _SMALLEST
 
 
@@ -143,8 +143,8 @@ def lines(comparison: Comparison, first: str, second: str, *, everything: bool =
     first, second
         Names of the two sides.
     everything
-        Whether to print all pairs in full. Otherwise, if there are more than a few, the first ones, clean data first,
-        have a line each, and the others are counted.
+        Whether to print all pairs in full. Otherwise, if there are more than a few, print a line for each of the first,
+        clean data first, and count the others.
     """
     different = [pair for pair in comparison.differences if not pair.is_empty]
     n_pairs = len(comparison.differences)
@@ -216,7 +216,7 @@ def _signed(value: float) -> str:
 
 
 def compare_scorers(first: Iterable[Result], second: Iterable[Result]) -> list[list[str]]:
-    """Compare the orders of methods by table, input and measure, if both scorers have three methods.
+    """Compare the rankings of methods by table, input and measure, if the scorers have three methods in common.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def _tau(of_order: Agreement) -> str:
 
 
 def agreement_markdown(rows: Sequence[Sequence[str]], first: str, second: str) -> str:
-    """Return agreements as a Markdown table, with the share of random orders that agree or disagree as much."""
+    """Return agreements as a Markdown table, with the fraction of random orders that agree or disagree as much."""
     heading = (
         f"Kendall's tau-b between the orders of the methods by {first} and by {second}; in brackets the share of "
         "random orders with a tau as far from 0."

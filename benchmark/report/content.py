@@ -36,13 +36,13 @@ _NETWORK = "Reconstruction network"
 #: Superscript digits for the numbers of notes.
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-#: Marks rows whose results are outdated.
+#: Mark of rows with outdated results.
 OUTDATED = "†"
 
-#: Marks rows in which first ranks tie.
+#: Mark of rows with ties for the first rank.
 TIED = "‡"
 
-#: Most characters of a file name, which is limited to 255 bytes.
+#: Maximum number of characters of a file name, which is limited to 255 bytes.
 _LONGEST_NAME = 60
 
 
@@ -60,13 +60,13 @@ class TableContent:
         The inputs shown.
     frame
         A row for each method and input with jobs, or with a row in the paper: the paper's methods in the paper's order,
-        then all others. Its columns are ``method``, ``title``, ``family``, ``paper`` (the figures there,
-        or None), ``departs`` (how the method departs from its source), ``run_under`` (all inputs with a job),
-        ``input``, and those of :func:`benchmark.report.results.line_of`.
+        then all others. Its columns are ``method``, ``title``, ``family``, ``paper`` (scores in the paper, or None),
+        ``departs`` (how the method departs from its source), ``run_under`` (all inputs with a job), ``input``, and
+        those of :func:`benchmark.report.results.line_of`.
     chance
-        Expected scores of a random ranking, the mean over galleries if there are several.
+        Chance level by measure; the mean over galleries if there are several.
     n_galleries
-        Number of galleries over which a row is the mean.
+        Number of galleries averaged in each row.
     scorer, scorer_title
         Name and title of the scorer; "" for the default.
     seed
@@ -101,7 +101,7 @@ class TableContent:
         return [*{line.method: line for line in reversed(self.lines)}.values()][::-1]
 
     def line(self, method: str, input_: Input | None) -> Any | None:
-        """Return the line of a method under an input; None if there is none."""
+        """Return the line of a method for an input; None if there is none."""
         return self._by_place.get((method, input_))
 
     @cached_property
@@ -110,7 +110,7 @@ class TableContent:
 
     @cached_property
     def significance(self) -> TableSignificance:
-        """Confidence intervals of our figures, and tests against the best row."""
+        """Confidence intervals of the computed scores, and tests against the best row."""
         if self.whole is None:
             return table_significance(self.lines)
         return {place: judged for place, judged in self.whole.significance.items() if place[1] in self.inputs}
@@ -132,7 +132,7 @@ class TableContent:
 
     @property
     def is_own(self) -> bool:
-        """Whether it shows private data, to which no table of the suite refers."""
+        """Whether it shows private data, which no table of the suite includes."""
         return _known_table(self.identifier, self.data["name"]) is None
 
     @property
@@ -162,7 +162,7 @@ class TableContent:
 
     @property
     def data_title(self) -> str:
-        """Title of the data, which always says if it is a stand-in."""
+        """Title of the data; it always states if they are a stand-in."""
         if official := self.data["stand_in_for"]:
             return f"generated stand-in '{self.data['name']}', not {OFFICIAL_TITLES.get(official, official)}"
         return str(self.data["title"])
@@ -174,7 +174,7 @@ class TableContent:
         return f"{self.n_galleries} x {of_gallery}" if self.n_galleries > 1 else of_gallery
 
     def of(self, input_: Input, *, paper_only: bool = False) -> TableContent:
-        """Return the table for one input, with the paper's rows and, unless excluded, all others that ran under it."""
+        """Return the table for one input: the paper's rows and, unless ``paper_only``, all others that ran with it."""
         frame = self.frame[self.frame["input"] == input_]
         shown = frame["paper"].notna() | ((frame["status"] != MISSING) & (not paper_only))
         return replace(self, inputs=(input_,), frame=frame[shown], whole=None if paper_only else self)
@@ -197,7 +197,7 @@ def _label(lines: Sequence[Any]) -> str:
 def stem(*parts: str) -> str:
     """Return a file name from non-empty parts.
 
-    A name that had to be changed gets a digest, so that two tables never share a file.
+    A modified name ends with a digest, so that two tables never share a file.
     """
     whole = "-".join(filter(None, parts))
     name = re.sub(r"[^\w.-]", "-", whole)[:_LONGEST_NAME]
@@ -214,12 +214,12 @@ def contents(
     results
         The results to show.
     tables
-        Identifiers of tables, to which companion tables are added; empty for all tables of the results.
+        Identifiers of tables; their companion tables are added. Empty for all tables of the results.
     blanks
         Whether the paper's methods have rows even without results.
     named
-        Whether the methods were selected by name. Then methods of the ablation and additional seeds of a training also
-        have rows in other tables.
+        Whether the methods were selected by name. If so, methods of the ablation and additional seeds of a training
+        also have rows in other tables.
     """
     chosen = set(tables)
     with_parts = chosen | {table.identifier for table in TABLES if table.part_of in chosen}
@@ -247,7 +247,7 @@ def _known_table(identifier: str, dataset: str) -> Table | None:
 
 @cache
 def own_table(dataset: str) -> Table:
-    """Return the table of a data set that no table of the paper uses."""
+    """Return the table of a data set that no table of the suite uses."""
     name = Path(dataset).name
     return Table(name, f"Retrieval on {name}", dataset, all_unseen=False)
 
@@ -313,7 +313,7 @@ def row_of(table: Table, record: Mapping[str, Any]) -> str:
 def _heading(
     method: str, by_input: Mapping[Input, Sequence[Result]], printed: paper.PaperRow | None, table: Table
 ) -> dict[str, Any]:
-    """Return title, family and paper's figures of a row; records supply those of methods outside the paper."""
+    """Return title, family and the paper's scores of a row; records supply those of methods outside the paper."""
     if printed is not None:
         return {"title": printed.title, "family": "paper", "paper": printed.values[table.identifier]}
     records = [result.record for results in by_input.values() for result in results]
@@ -325,7 +325,7 @@ def _heading(
 
 
 def departs_of(method: str) -> str:
-    """Return how a method of the suite departs from its source; records do not have this text for plugins."""
+    """Return the departures of a method of the suite from its source; "" for plugins."""
     base = method.partition("[")[0]
     return MethodSpec(base, BUILT_IN[base]).info.departs if base in BUILT_IN else ""
 

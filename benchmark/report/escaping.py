@@ -1,4 +1,4 @@
-"""Escape text for each format, since names, titles and reasons may contain anything; and format rows of it."""
+"""Escape text for each format, since names, titles and reasons may contain anything, and format rows of text."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from markupsafe import Markup
 
 from benchmark.text import clean
 
-#: Replaces a missing figure.
+#: Placeholder for a missing value.
 BLANK = "--"
 
 
 def millionths(value: float) -> float:
-    """Return a figure without digits that vary between processors, for comparisons that affect the output."""
+    """Return a value without digits that vary between processors, for comparisons that affect the output."""
     return round(float(value), 6) + 0.0
 
 
 def number(value: float | None, decimals: int = 2) -> str:
-    """Format a figure with a number of decimals: rounded to 1e-6, then half up."""
+    """Format a value with a number of decimals: round it to 1e-6, then half up."""
     if value is None:
         return BLANK
     rounded = Decimal(repr(millionths(value))).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP)

@@ -77,7 +77,7 @@ def markdown(table: TableContent, most_notes: int | None = None) -> str:
 
 
 def overview(tables: Sequence[TableContent]) -> str:
-    """Return one line for each row of several tables as aligned Markdown: table, data, input and our figures."""
+    """Return one line for each row of several tables as aligned Markdown: table, data, method, and scores by input."""
     inputs = [input_ for input_ in INPUTS if any(input_ in table.inputs for table in tables)]
     head = ["Table", "data", "Method", *(f"{input_} {measure}" for input_ in inputs for measure in PRINTED)]
     body = []
@@ -91,7 +91,7 @@ def overview(tables: Sequence[TableContent]) -> str:
 
 
 def intervals_markdown(table: TableContent) -> str:
-    """Return our figures with interval, spread over codebooks, and test against the best row, as Markdown."""
+    """Return the computed scores as Markdown, with intervals, spread over codebooks, and tests against the best row."""
     body = []
     for line in (line for input_ in table.inputs for line in table.of(input_).lines):
         if judged := _judged(table, line):
@@ -202,7 +202,7 @@ def _json_row(table: TableContent, line: Any) -> dict[str, Any]:
 
 
 def _judged(table: TableContent, line: Any) -> dict[str, FigureSignificance]:
-    """Return the significance of the figures of a line by measure; empty without scores."""
+    """Return the significance of the scores of a line by measure; empty without scores."""
     judged = {name: table.significance.get((line.method, line.input, name)) for name in PRINTED}
     return {name: one for name, one in judged.items() if one is not None}
 

@@ -1,6 +1,6 @@
-"""The printed figures of a table as a tidy frame: a row for each method, group of columns and measure.
+"""Printed values of a table as a tidy frame: a row for each method, group of columns and measure.
 
-Each format writes these figures in its own style. Columns that are not measures form separate groups.
+Each format writes these values in its own style. Columns that are not measures form separate groups.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 Extra = Literal["difference", "interval"]
-"""Groups beside ours: ours minus the paper's, and intervals of ours."""
+"""Additional groups: our scores minus the paper's, and intervals of our scores."""
 
 _TITLES: Mapping[Extra, str] = {"difference": "{} minus paper", "interval": "95 % interval"}
 
 
 @dataclass(frozen=True)
 class Style:
-    """Style of figures in a format.
+    """Style of values in a format.
 
     Parameters
     ----------
     best, inseparable
-        Patterns of the best figure of a column, and of one that does not differ significantly.
+        Patterns of the best value of a column, and of one that does not differ significantly.
     spread
         Pattern of the standard deviation after a mean.
     minus
@@ -53,17 +53,17 @@ class Style:
 
 
 def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
-    """Return the figures of a table: those of the paper if it has the table, then ours, then extra ones.
+    """Return the values of a table: the paper's if it has the table, then ours, then extra ones.
 
-    Figures are compared after rounding, so all that print as the best are marked. Controls and incomplete rows are
+    Values are compared after rounding, so all values printed as the best are marked. Controls and incomplete rows are
     excluded.
 
     Returns
     -------
     pandas.DataFrame
         ``row`` (its index; the last is chance), ``group``, ``kind`` (paper, ours or the extra one), ``input``,
-        ``measure``, ``text``, ``mark`` ("best", "inseparable" or ""), ``spread`` (the standard deviation behind a mean,
-        or "") and ``interval``.
+        ``measure``, ``text``, ``mark`` ("best", "inseparable" or ""), ``spread`` (standard deviation of an averaged
+        score, or "") and ``interval``.
     """
     from pandas import DataFrame
 
@@ -84,7 +84,7 @@ def figures(table: TableContent, extra: Extra | None = None) -> DataFrame:
 
 
 def _figure(table: TableContent, row: Any | None, kind: str, input_: Input | None, measure: str) -> dict[str, object]:
-    """Return text, mark, spread and interval of one figure, as available; without a row, those of chance."""
+    """Return text, mark, spread and interval of one value, as available; without a row, those of the chance level."""
     if row is None:
         return {"text": number(table.chance[measure])} if kind in ("paper", "ours") else {}
     theirs = row.paper[measure] if row.paper else None
@@ -109,7 +109,7 @@ def _figure(table: TableContent, row: Any | None, kind: str, input_: Input | Non
 
 
 def _difference(ours: str, theirs: str) -> str:
-    """Return our figure minus the paper's, both as printed, so that readers get the same difference."""
+    """Return our score minus the paper's, both as printed, so that readers get the same difference."""
     if BLANK in (ours, theirs):
         return BLANK
     hundredths = round(float(ours) * 100) - round(float(theirs) * 100)
@@ -117,7 +117,7 @@ def _difference(ours: str, theirs: str) -> str:
 
 
 def printed(frame: DataFrame, style: Style) -> DataFrame:
-    """Return the figures as text: a row for each method and one for chance, columns by group and measure."""
+    """Return the values as text: a row for each method and one for chance, columns by group and measure."""
     texts = [style.write(figure) for figure in frame.to_dict("records")]
     wide = frame.assign(text=texts).pivot(index="row", columns=["group", "measure"], values="text")
     return wide[[*dict.fromkeys(zip(frame["group"], frame["measure"], strict=True))]]
@@ -129,6 +129,6 @@ def labels(table: TableContent) -> list[str]:
 
 
 def lines(table: TableContent) -> list[tuple[Any | None, str, list[dict[Any, Any]]]]:
-    """Return row, label and figures of each line of a table; the row of chance is None."""
+    """Return row, label and values of each line of a table; the row of the chance level is None."""
     by_row = [of_row.to_dict("records") for _, of_row in figures(table).groupby("row")]
     return list(zip([*table.rows, None], labels(table), by_row, strict=True))

@@ -34,16 +34,16 @@ from benchmark.text import clean
 T = TypeVar("T")
 
 Notes = Literal["table", "appendix", "none"]
-"""Where notes stand: under their table, in a file beside that of the table, or nowhere."""
+"""Place of notes: under their table, in a separate file, or nowhere."""
 
 _STYLE = Style(r"\textbf{{{}}}", r"\textit{{{}}}", r"\,$\pm${}", "$-$")
 
-#: Most figures side by side in a part, and in a table of one column of a two-column page; a figure with spread or
-#: interval counts twice.
+#: Maximum number of values side by side in a part, and in a table of one column of a two-column page; a value with
+#: spread or interval counts twice.
 _MOST_FIGURES, _OF_COLUMN = 12, 4
 
 #: Lines of a page, of the frame of a tabular, and of the caption of a continued part; characters of a line, and of a
-#: title next to many figures.
+#: title next to many values.
 _PAGE, _FRAME, _CONTINUED, _LINE, _TITLE = 36, 4, 3, 80, 22
 
 _INPUTS = {"mesh": "mesh: complete surface", "view": "view: surface seen by one depth camera"}
@@ -72,7 +72,7 @@ class Columns:
 
 
 def latex_files(tables: Sequence[TableContent], where: Notes = "table", *, has_variants: bool = True) -> dict[str, str]:
-    """Write each table with all inputs and, with variants, each input alone and the paper's rows with ours.
+    """Return each table with all inputs and, with variants, each input alone and the paper's rows with ours.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def float_of(
     caption, titles
         As LaTeX; a title for each line.
     columns
-        Columns in their order.
+        Columns, in order.
     rules
         Lines with a rule above.
     notes
@@ -229,7 +229,7 @@ def _rules(table: TableContent) -> list[int]:
 
 
 def _columns(table: TableContent, extra: Extra | None) -> list[Columns]:
-    """Return the figures by group, or the status of a job without scores."""
+    """Return the values by group, or the status of a job without scores."""
     frame = figures(table, extra)
     wide, columns = printed(frame, _STYLE), []
     for (group, kind, input_), of_group in frame.groupby(["group", "kind", "input"], sort=False, dropna=False):
@@ -271,7 +271,7 @@ def scorer_cited(table: TableContent) -> str:
 
 
 def _digest(table: TableContent) -> str:
-    """Return the digest of the figures of a table."""
+    """Return the digest of the scores and statuses of a table."""
     rows: dict[str, dict[str, Any]] = {}
     for line in table.lines:
         rows.setdefault(line.method, {})[line.input] = {"scores": line.scores, "status": line.status}
@@ -308,6 +308,6 @@ ENVIRONMENT = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-#: Template of a table, all of whose values are LaTeX.
+#: Template of a table; all its values are LaTeX.
 _TEMPLATE = ENVIRONMENT.overlay(autoescape=False, finalize=None).get_template("table.tex")
 ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number, "quoted": _quoted}

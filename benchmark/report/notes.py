@@ -1,4 +1,4 @@
-"""Notes below a table: facts about the jobs behind it."""
+"""Notes below a table: facts about its jobs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchmark.report.results import MISSING
 from benchmark.text import brief
 from retrieval.measures import PRINTED
 
-#: Largest share of the surface that may be lost without a note.
+#: Largest fraction of the surface that may be lost without a note.
 _WORTH_TELLING = 0.01
 
 _MARKS = (
@@ -37,7 +37,7 @@ def notes(table: TableContent, *, reasons: bool = True, most: int | None = None)
     reasons
         Whether to explain why rows are outdated.
     most
-        Most notes, the last of which counts the omitted ones; None for all.
+        Maximum number of notes, the last of which counts the omitted ones; None for all.
     """
     lines = ["Quick run: some poses of each subject were omitted."] if table.quick else []
     lines += [_OF_MEANS] if table.n_galleries > 1 else []
@@ -74,7 +74,7 @@ def _titles(rows: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
 
 
 def _tied(table: TableContent) -> Iterator[str]:
-    """Name the rows whose figures are means over the orders of tied first ranks."""
+    """Name the rows whose scores are means over the orders of tied first ranks."""
     tied = [
         f"{line.title}, {line.input} ({line.n_tied} of {line.n_queries} queries)" for line in table.lines if line.n_tied
     ]
@@ -118,7 +118,7 @@ def _trainings(table: TableContent) -> Iterator[str]:
 
 
 def _area(table: TableContent) -> Iterator[str]:
-    """State the score of metric size, which the learned network can read but no form shows."""
+    """State the score of metric size, which the learned network can use but no form shows."""
     figures = [
         f"{' '.join(f'{measure} {number(line.scores[measure])}' for measure in PRINTED)} ({line.input})"
         for line in table.lines
@@ -129,7 +129,7 @@ def _area(table: TableContent) -> Iterator[str]:
 
 
 def _of_jobs(line: Any) -> Iterator[str]:
-    """Say whether the models of a row had seen the shapes, and how many jobs its mean lacks."""
+    """Describe shapes seen in training, runs that differ, and jobs missing from the mean of a row."""
     where = f"{line.title}, {line.input}"
     if line.seen:
         yield f"{where}: {len(line.seen)} of {line.n_shapes} shapes were seen in training"
@@ -143,7 +143,7 @@ def _of_jobs(line: Any) -> Iterator[str]:
 
 
 def _not_here(table: TableContent) -> Iterator[str]:
-    """Name the rows without a job: those with a job under another input, and the others."""
+    """Name the rows without a job: those with a job for another input, and the others."""
     run = {line.method for line in table.lines if line.status != MISSING}
     blank = [row for row in table.rows if row.method not in run]
     for input_ in INPUTS:
@@ -154,7 +154,7 @@ def _not_here(table: TableContent) -> Iterator[str]:
 
 
 def _of_preparation(table: TableContent) -> Iterator[str]:
-    """State the number of bridges between pieces and, if large, the share of the surface lost in preparation."""
+    """State the number of bridges between pieces and, if large, the fraction of the surface lost in preparation."""
     if (bridges := _noted(table, "bridges", "view")) and bridges["max"] > 0:
         yield f"View input: {number(bridges['mean'], 1)} bridges per shape on average, {bridges['max']:.0f} at most."
     for input_ in table.inputs:

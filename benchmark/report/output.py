@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import sweep, write_atomically, write_text
 
-#: Number of leading characters, with kind and name but no figure, that identify a table without a list of files.
+#: Number of leading characters that identify a table without a list of files: its kind and name, but no scores.
 _HEAD = 16
 
 
@@ -26,7 +26,7 @@ class Folder:
     verb
         Name of the command.
     contents
-        File with the digests of the written files, from which edited and obsolete files are known. Without it, a file
+        File with the digests of the written files, which identifies edited and obsolete files. Without it, a file
         belongs to the command if it starts like the new one.
     force
         Whether to replace files that were edited or come from elsewhere.
@@ -38,7 +38,7 @@ class Folder:
     force: bool = False
 
     def require_own(self, names: Iterable[str]) -> None:
-        """Raise ``ConfigurationError`` if one of these files comes from elsewhere, unless forced."""
+        """Raise ``ConfigurationError`` if one of these files comes from elsewhere, unless ``force``."""
         strange = next((name for name in names if (self.root / name).exists()), None)
         if strange and not self.force and not self._earlier({}):
             raise self._strange(strange)
@@ -54,7 +54,7 @@ class Folder:
         Raises
         ------
         ConfigurationError
-            If one would replace a file from elsewhere, unless forced.
+            If one would replace a file from elsewhere, unless ``force``.
         BenchmarkError
             If they cannot be written.
         """
@@ -101,7 +101,7 @@ class Folder:
             write_text(self.root / self.contents, json.dumps(lists, indent=0) + "\n")
 
     def _earlier(self, files: Mapping[str, bytes]) -> dict[str, list[str]]:
-        """Return the digests of the previous files, without names that lead out of the folder."""
+        """Return the digests of the previous files, without names outside the folder."""
         if not self.contents:
             own = (name for name, data in files.items() if data[:_HEAD] == self._read(name)[:_HEAD])
             return {name: [self._digest(name)] for name in own}

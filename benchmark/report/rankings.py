@@ -35,10 +35,10 @@ class Ranking:
     Parameters
     ----------
     nearest
-        The nearest other shapes of each query, shape (N, min(NEAREST, N - 1)); of equals the first.
+        Nearest other shapes of each query, shape (N, min(NEAREST, N - 1)); ties are in gallery order.
     precision
-        Interpolated precision of each query at :data:`RECALLS`, shape (N, 20): the highest precision at this recall or
-        a higher one; NaN for the only shape of a class.
+        Interpolated precision of each query at :data:`RECALLS`, shape (N, 20): the highest precision at this or a
+        higher recall; NaN for the only shape of a class.
     """
 
     nearest: NDArray[np.intp]
@@ -108,7 +108,7 @@ Attraction = dict[str, float]
 
 
 def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
-    """Return how often a method retrieves the subject or the pose; None if no two shapes share a pose."""
+    """Return how often nearest matches share the query's subject or pose; None if no two shapes share a pose."""
     if len(set(poses)) == len(poses) or not nearest.size:
         return None
     same, alike = (np.array(kinds)[nearest[:, 0]] == np.array(kinds) for kinds in (subjects, poses))
@@ -116,7 +116,7 @@ def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequen
 
 
 def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
-    """Return the same for a random match."""
+    """Return the :func:`attraction` of random matches."""
     count = len(subjects)
     if len(set(poses)) == len(poses) or count < 2:
         return None
@@ -126,7 +126,7 @@ def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attrac
 
 
 def _shares(same: int, alike: int, both: int, total: int) -> Attraction:
-    """Return shares from the numbers of pairs with the same subject, the same pose, and both."""
+    """Return fractions from the numbers of pairs with the same subject, the same pose, and both."""
     counts = {"subject": same - both, "pose": alike - both, "neither": total - same - alike + both, "both": both}
     return {name: count / total for name, count in counts.items()}
 
@@ -173,19 +173,19 @@ class RankedGallery:
 
 @dataclass(frozen=True, eq=False)
 class RankedCell:
-    """Galleries of one row of a table under one input, by the first of several trainings."""
+    """Galleries of one row of a table for one input, with the first of several trainings."""
 
     line: Any
     galleries: list[RankedGallery]
 
     @cached_property
     def _rankings(self) -> list[tuple[RankedGallery, Ranking]]:
-        """Return the galleries with their rankings; empty unless all are stored."""
+        """Galleries with their rankings; empty unless all are stored."""
         rankings = [(gallery, gallery.ranking) for gallery in self.galleries if gallery.ranking is not None]
         return rankings if len(rankings) == len(self.galleries) else []
 
     def precision(self) -> list[float] | None:
-        """Return the interpolated precision at the levels of recall, as the mean over all queries."""
+        """Return the interpolated precision at each level of recall, averaged over all queries."""
         curves = [ranks.precision for _, ranks in self._rankings]
         rows = np.concatenate(curves) if curves else np.empty((0, 1))
         rows = rows[~np.isnan(rows[:, 0])]
@@ -200,7 +200,7 @@ class RankedCell:
         return counts
 
     def attraction(self) -> tuple[Attraction, Attraction] | None:
-        """Return what nearest matches, and random ones, have in common with their queries."""
+        """Return the attraction of the nearest matches, and that of random ones."""
         shares, weights = [], []
         for gallery, ranks in self._rankings:
             classes, poses = gallery.kinds(CLASSES), gallery.kinds(POSES)
@@ -231,7 +231,7 @@ class RankedCell:
 
 
 def ranked_cells(table: TableContent, artefacts: ArtefactReader) -> list[RankedCell]:
-    """Return the rows of a table with scores under each input, with stored rankings."""
+    """Return the rows of a table with scores for each input, with stored rankings."""
     poses: dict[str, dict[str, str]] = {}
     cells = []
     for line in table.lines:
@@ -258,7 +258,7 @@ def poses_of(cells: Sequence[RankedCell]) -> list[str]:
 
 
 def _poses(record: Record, artefacts: ArtefactReader) -> dict[str, str]:
-    """Return the pose of each shape, if the data set is available and its classes have the same poses, or empty."""
+    """Return the pose of each shape; empty if the data set is missing or its classes have different poses."""
     try:
         entries = artefacts.dataset(record).entries
     except BenchmarkError:

@@ -1,7 +1,7 @@
-"""Reproduction of the paper's tables: an outcome for each of its figures, and for each of its claims.
+"""Reproduction of the paper's tables: an outcome for each of its scores and claims.
 
-The rules were fixed before any of our figures was known. The rule on chance was added later and only reduces the
-number of reproduced figures.
+The rules were fixed before any of our scores was known. The rule on chance level was added later and only reduces the
+number of reproduced scores.
 """
 
 from __future__ import annotations
@@ -38,29 +38,29 @@ Outcome = Literal[
     "reproduced", "at chance", "same order", "other data", "other training", "unexplained", "not comparable"
 ]  # fmt: skip
 
-#: Outcomes from best to worst. The three before the last are figures that differ, by the reason.
+#: Outcomes from best to worst. The three before the last are scores that differ, by reason.
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
-#: Mark next to our figure, by outcome.
+#: Mark next to our score, by outcome.
 _MARKS = dict(zip(OUTCOMES, ("=", "c", "~", "d", "t", "x", ""), strict=True))
 
 Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
 
-#: Largest distance of a reproduced figure: two hundredths more than the standard deviation of NN over draws of the
-#: codebook on a hundred shapes (median .026).
+#: Largest difference of a reproduced score from the paper's: two hundredths more than the standard deviation of NN over
+#: draws of the codebook on a hundred shapes (median .026).
 TOLERANCE = 0.05
 
-#: Smallest share of comparisons with other rows that must agree with the paper, and fewest comparisons. Of eight coin
-#: tosses, six or more give heads with probability 1/7.
+#: Minimum fraction of comparisons with other rows that must agree with the paper, and minimum number of comparisons. Of
+#: eight coin tosses, six or more are heads with probability 1/7.
 AGREEING = 0.75
 FEWEST = 3
 
-#: Scores have six decimals; a distance of half the last one is none.
+#: Scores have six decimals; half a unit of the last one counts as no difference.
 _SLACK = 5e-7
 
 
 def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
-    """Return the content of each of the paper's tables, for official data or else the stand-in, without quick runs."""
+    """Return the content of each of the paper's tables, for official data or the stand-in, without quick runs."""
     contents: dict[str, TableContent] = {}
     for table in tables:
         identifier = table.identifier
@@ -71,7 +71,7 @@ def paper_tables(tables: Iterable[TableContent]) -> dict[str, TableContent]:
 
 
 def reproduced_figures(tables: Iterable[TableContent]) -> DataFrame:
-    """Return each figure of the paper, under every input that its row may have had, in the paper's order.
+    """Return each score of the paper, for every input that its row may have used, in the paper's order.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def reproduced_figures(tables: Iterable[TableContent]) -> DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``table`` (numeral), ``method``, ``title``, ``input`` of ours (the paper does not say what its baselines had),
-        ``measure``, ``paper`` as printed, ``ours`` (NaN if missing), ``chance`` (the score of a random order in our
-        gallery) and ``outcome``.
+        ``table`` (numeral), ``method``, ``title``, ``input`` of ours (the paper does not state that of its baselines),
+        ``measure``, ``paper`` as printed, ``ours`` (NaN if missing), ``chance`` (the chance level of our gallery) and
+        ``outcome``.
     """
     from pandas import DataFrame
 
@@ -106,7 +106,7 @@ def reproduced_figures(tables: Iterable[TableContent]) -> DataFrame:
 
 
 def _ours(content: TableContent | None, method: str, input_: Input, measure: str) -> dict[str, float | str]:
-    """Return our figure, the chance level, and the outcome if the figure differs."""
+    """Return our score, the chance level, and the outcome if the score differs."""
     if content is None:
         return {}
     chance: dict[str, float | str] = {"chance": content.chance[measure]}
@@ -118,7 +118,7 @@ def _ours(content: TableContent | None, method: str, input_: Input, measure: str
 
 
 def _outcomes(column: DataFrame) -> dict[int, Outcome]:
-    """Return the outcomes of the reproduced figures of one measure, by index in the frame."""
+    """Return the outcomes of the reproduced scores of one measure, by index in the frame."""
     known = column.dropna(subset="ours")
     pairs = dict(zip(known.index, zip(known["paper"], known["ours"], strict=True), strict=True))
     outcomes: dict[int, Outcome] = {}
@@ -131,7 +131,7 @@ def _outcomes(column: DataFrame) -> dict[int, Outcome]:
 
 
 def is_near(theirs: float, ours: float) -> bool:
-    """Return whether a figure is as close to the paper's as a reproduced one."""
+    """Return whether a score is close enough to the paper's to count as reproduced."""
     return abs(theirs - ours) <= TOLERANCE + _SLACK
 
 
@@ -141,7 +141,7 @@ def keeps_order(theirs: float, ours: float, others: Sequence[tuple[float, float]
     Parameters
     ----------
     theirs, ours
-        Figure of the paper, and ours.
+        Score of the paper, and ours.
     others
         The same for each other row. Rows that are equal in the paper are not compared; a tie between ours disagrees
         with the paper.
@@ -240,7 +240,7 @@ def _trainings(records: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, A
 
 
 def reproduction_markdown(tables: Sequence[TableContent]) -> str:
-    """Return the outcomes of the paper's figures and claims as Markdown: counts, claims, inputs, all figures."""
+    """Return the outcomes of the paper's scores and claims as Markdown: counts, claims, inputs, all scores."""
     contents, figures = paper_tables(tables), reproduced_figures(tables)
     of_tables = [(numeral, contents.get(str(numeral)), _figures(part)) for numeral, part in figures.groupby("table")]
     return markdown_document(
@@ -250,7 +250,7 @@ def reproduction_markdown(tables: Sequence[TableContent]) -> str:
 
 
 def _counts(figures: DataFrame) -> Markup:
-    """Return the numbers of figures by table, input and outcome."""
+    """Return the number of scores by table, input and outcome."""
     body = []
     for input_ in INPUTS:
         of_input = figures[figures["input"] == input_]
@@ -274,7 +274,7 @@ def _claims(assessed: Sequence[AssessedClaim]) -> Markup:
 
 
 def _distances(figures: DataFrame) -> Markup:
-    """Return the distances of our classical rows, by input, and of chance from the paper's figures."""
+    """Return the differences of our classical rows, by input, and of the chance level from the paper's scores."""
     body = []
     known = figures[figures["ours"].notna() & ~figures["method"].map(is_learned)]
     for numeral, of_table in known.groupby("table"):
@@ -291,7 +291,7 @@ def _distances(figures: DataFrame) -> Markup:
 
 
 def _figures(of_table: DataFrame) -> Markup:
-    """Return the paper's figures, ours and marks of outcomes, with a row for each method and input."""
+    """Return the paper's scores, ours and marks of outcomes, with a row for each method and input."""
     body = []
     for (_, title, input_), of_row in of_table.groupby(["method", "title", "input"], sort=False):
         cells = zip(of_row["paper"], of_row["ours"], of_row["outcome"], strict=True)

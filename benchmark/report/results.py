@@ -1,4 +1,4 @@
-"""Select the records of tables, detect outdated ones, and compute the figures of each row."""
+"""Select the records of tables, detect outdated ones, and compute the values of each row."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ __all__ = ["MISSING", "Figures", "Result", "Results", "line_of", "with_repeats"]
 
 @dataclass(frozen=True)
 class Result:
-    """The record for one method on one gallery under one input.
+    """The record for one method on one gallery with one input.
 
     Parameters
     ----------
     record
         The record of the job.
     outdated
-        What has changed since; "" if nothing has, or it is unknown.
+        Change since it was computed; "" if nothing changed or it is unknown.
     origin
         ``"here"`` if it ran in this results folder, ``"published"`` if it came with the suite.
     repeats
@@ -68,7 +68,7 @@ class Results:
     Parameters
     ----------
     store
-        The folder.
+        Store of the folder.
     known
         Methods by name; it is unknown whether records of others are outdated.
     data_root
@@ -90,7 +90,7 @@ class Results:
         self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT,
         places: Mapping[Place, list[Record]] | None = None,
     ) -> list[Result]:  # fmt: skip
-        """Return one result for each place: the newest that is up to date, else the newest with scores.
+        """Return one result for each place: the newest that is up to date, otherwise the newest with scores.
 
         Jittered preparations are part of the result that they repeat.
 
@@ -139,7 +139,7 @@ class Results:
         return max(results, key=worth)
 
     def outdated(self, record: Record) -> str:
-        """Describe what has changed since a record was made, as far as known; "" if nothing has."""
+        """Describe what changed since a record was computed, as far as known; "" if nothing did."""
         if record["key"] not in self._outdated:
             self._outdated[record["key"]] = self._what_changed(record)
         return self._outdated[record["key"]]
@@ -231,7 +231,7 @@ def with_repeats(results: Iterable[Result]) -> list[Result]:
 
 
 def _repeated(record: Record, gallery: str) -> tuple[str, str, str, str]:
-    """Return a key that a record shares with those that may repeat it."""
+    """Return a key that a record shares with records that may repeat it."""
     return gallery, str(record["input"]), str(record["method"]), scorer_name(record)
 
 
@@ -246,7 +246,7 @@ def _is_repeat(record: Record, of: Record) -> bool:
 
 @cache
 def tables_of(gallery: str, dataset: str, *, quick: bool) -> tuple[str, ...]:
-    """Return the identifiers of the tables that show a gallery; unused data sets have their own."""
+    """Return the identifiers of the tables that show a gallery; data sets in no table have their own."""
     names = tuple(
         table.identifier
         for table in TABLES
@@ -272,7 +272,7 @@ _EMPTY: Mapping[str, Any] = {
 
 
 def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
-    """Return the figures of one job, or the means over several: galleries of folds, seeds of a training.
+    """Return the values of one job, or the means over several: galleries of folds, seeds of a training.
 
     A gallery or a training without a result counts as 0, so that a crash is never an advantage.
 
@@ -287,12 +287,12 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
     -------
     dict
         ``status`` ("missing" without a record) and ``reason``; ``scores`` by measure, or None, and ``coverage``, means
-        over galleries; ``deviation``, their standard deviation (n - 1), of galleries where there are several, else of
-        trainings, None for a single job; ``preparation_sd``, that over ``n_repeats`` jittered preparations, where there
-        are two; ``chance``; ``supported``, ``codebook_deviation`` and ``splits`` of a single job; ``n_averaged`` and
-        ``n_wanted``, jobs that the scores are the mean of, and that there should be; ``n_shapes``, ``n_classes``,
-        ``n_queries``, and ``n_tied`` (queries whose first rank ties, so that their NN is a mean over orders);
-        ``unsupported`` and ``seen`` shapes, ``models``, ``notes``; seconds a shape by phase (``phases``, medians over
+        over galleries; ``deviation``, their standard deviation (n - 1) over galleries if there are several, otherwise
+        over trainings, None for a single job; ``preparation_sd``, that over ``n_repeats`` jittered preparations, if
+        there are at least two; ``chance``; ``supported``, ``codebook_deviation`` and ``splits`` of a single job;
+        ``n_averaged`` and ``n_wanted``, the numbers of averaged and of expected jobs; ``n_shapes``, ``n_classes``,
+        ``n_queries``, and ``n_tied`` (queries with ties for the first rank, whose NN is a mean over orders);
+        ``unsupported`` and ``seen`` shapes, ``models``, ``notes``; seconds per shape by phase (``phases``, medians over
         the jobs) and their sum (``seconds``); ``peak_mib``, ``origin``, ``outdated``, and the ``records`` with scores.
     """
     if not results:

@@ -48,7 +48,7 @@ def half_at(clean: float, values: Sequence[float | None], chance: float, amounts
     clean, values
         NN without the perturbation, and at each amount; None if there is no result.
     chance
-        NN of a random ranking.
+        Chance level of NN.
     amounts
         Amounts in increasing order.
 
@@ -111,7 +111,7 @@ def robustness(results: Iterable[Result]) -> list[DataFrame]:
 
 
 def _curve(clean: Record, records: Sequence[Record | None], amounts: Sequence[float]) -> list[dict[str, Any]]:
-    """Return the rows of one method under one perturbation, by strength."""
+    """Return the rows of one method for one perturbation, by strength."""
     nn, values = _counted(clean) or 0.0, [_counted(record) for record in records]
     chance = chance_of(clean)["NN"]
     half = half_at(nn, values, chance, amounts)
@@ -135,12 +135,12 @@ def _counted(record: Record | None) -> float | None:
         return 0.0  # no shape left
     if record is None or record["status"] != "ok":
         return None
-    # Records of before did not count what was refused.
+    # Older records do not count refused shapes.
     return float(record["scores"]["NN"]) * (1.0 if "coverage" in record else coverage_of(record))
 
 
 def file_stem(frame: DataFrame) -> str:
-    """Return the prefix of file names for a data set under an input."""
+    """Return the prefix of file names for a data set and an input."""
     return stem("robustness", *frame.iloc[0][["dataset", "input", "scorer"]])
 
 
@@ -214,7 +214,7 @@ def _rows(frames: Sequence[DataFrame]) -> list[dict[str, Any]]:
 
 
 def _halves(frame: DataFrame) -> dict[str, list[str]]:
-    """Return clean NN, and where each perturbation halves it, by heading, as text for each method."""
+    """Return clean NN, and the amount at which each perturbation halves it, by heading, as text for each method."""
     names, by_method = list(titles(frame)), frame.drop_duplicates("method").set_index("method")
     columns = {"clean NN": [number(value) for value in by_method.loc[names, "clean_NN"]]}
     for perturbation, part in frame.groupby("perturbation", sort=False):

@@ -33,7 +33,7 @@ UNIT = 1e-6
 DRAWS = 9999
 LEVEL = 0.95
 
-#: Number of random exchanges, besides the observed assignment.
+#: Number of random exchanges, in addition to the observed assignment.
 RESAMPLES = 9999
 
 #: Significance level.
@@ -198,7 +198,7 @@ def class_permutation_test(differences: NDArray[np.float64], labels: Sequence[Ha
 
 
 def least_class_probability(n_classes: int) -> float:
-    """Return the smallest p-value that :func:`class_permutation_test` can give."""
+    """Return the smallest p-value that :func:`class_permutation_test` can return."""
     return max(2.0 ** (1 - n_classes), 1 / (RESAMPLES + 1))
 
 
@@ -213,18 +213,19 @@ def holm(probabilities: ArrayLike) -> list[float]:
 
 @dataclass(frozen=True)
 class FigureSignificance:
-    """Interval and significance of one figure.
+    """Interval and significance of one score.
 
     Parameters
     ----------
     low, high
         Ends of its 95 % interval over classes.
     is_best
-        Whether no other row of the column, except controls, has a higher figure.
+        Whether no other row of the column, except controls and incomplete rows, has a higher score.
     probability
-        Adjusted p-value of the difference from the best row; None for the best row itself and for controls.
+        Adjusted p-value of the difference from the best row; None for the best row itself, controls and incomplete
+        rows.
     is_tied
-        Whether first ranks of the row tie.
+        Whether the row has ties for the first rank.
     """
 
     low: float
@@ -239,12 +240,12 @@ class FigureSignificance:
         return self.probability is not None and millionths(self.probability) >= ALPHA and not self.is_tied
 
 
-#: Significance by method, input and measure, for figures with scores.
+#: Significance by method, input and measure, for rows with scores.
 TableSignificance = dict[tuple[str, Input, str], FigureSignificance]
 
 
 def table_significance(lines: Iterable[Any]) -> TableSignificance:
-    """Return the significance of our figures in a table; see :attr:`.TableContent.lines`."""
+    """Return the significance of our scores in a table; see :attr:`.TableContent.lines`."""
     by_input: dict[Input, list[Any]] = {}
     for line in lines:
         if line.records:

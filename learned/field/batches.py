@@ -1,4 +1,4 @@
-"""Fresh bodies as the field sees them: a batch is a function of its number alone."""
+"""Training batches of fresh bodies for the field, each determined by its number."""
 
 from __future__ import annotations
 
@@ -19,36 +19,36 @@ from learned.field.sampling import random_samples
 from learned.frame import centred, frame_of
 
 EDGES = 192
-"""Edges of each body whose two ends are asked for."""
+"""Edges sampled from each posed body; the decoder is queried at both ends."""
 
 WALK = 8
-"""Steps of a random walk over the mesh from the start of an edge to its end: about a fortieth of a body's height on
-the meshes of bodies, as far as the neighbours in a mesh of two thousand vertices are apart."""
+"""Steps of the random walk over the mesh from the start of an edge to its end. On meshes of bodies, they cover about a
+fortieth of the height, the distance between neighbours in a mesh of 2000 vertices."""
 
 NOISE = 2e-3
-"""Standard deviation of what is added to points and positions in training, in roots of the area."""
+"""Standard deviation of the training noise on points and positions, in units of sqrt(area)."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceBatch:
-    """Bodies to train on; the poses of one body are neighbours.
+    """Bodies to train on; the poses of a body are adjacent.
 
     Parameters
     ----------
     number
-        Place in the stream.
+        Index in the stream.
     identifiers
         Names of the bodies.
     points, normals
-        What the encoder sees, shape (n, m, 3); n is bodies times poses.
+        Input of the encoder, shape (n, m, 3); n is bodies times poses.
     positions, position_normals
-        What the decoder is asked for, shape (n, q, 3): starts of edges along the surface, then their ends.
+        Queries of the decoder, shape (n, q, 3): starts of edges along the surface, then their ends.
     targets, target_normals
-        The same places in the canonical pose, shape (n, q, 3).
+        The same points in the canonical pose, shape (n, q, 3).
     heights
-        Of the bodies in the canonical pose, in roots of their area, shape (n,).
+        Heights of the bodies in the canonical pose, in units of sqrt(area), shape (n,).
     drawn_again
-        How often something was drawn again, by reason.
+        Number of redraws, by reason.
     """
 
     number: int
@@ -66,7 +66,7 @@ class SurfaceBatch:
     def of(
         cls, number: int, identifiers: tuple[str, ...], rows: Iterable[Sequence[Any]], drawn_again: Mapping[str, int]
     ) -> SurfaceBatch:
-        """Stack rows, each the arrays of one pose from ``points`` to ``heights``."""
+        """Stack rows, each with the arrays of one pose from ``points`` to ``heights``."""
         points, normals, positions, position_normals, targets, target_normals, heights = (
             torch.from_numpy(np.stack(column).astype(np.float32)) for column in zip(*rows, strict=True)
         )
@@ -77,24 +77,24 @@ class SurfaceBatch:
 
 
 def noised(places: Points, random: np.random.Generator) -> Points:
-    """Return points or positions with the noise of training."""
+    """Add the training noise to points or positions."""
     return places + random.normal(scale=NOISE, size=places.shape)
 
 
 @dataclass(frozen=True)
 class MakesSurfaceBatches:
-    """Makes batches; can be sent to another process.
+    """Maker of batches; can be sent to another process.
 
     Parameters
     ----------
     make
-        Makes fresh bodies.
+        Maker of fresh bodies.
     configuration
-        What the network sees of them.
+        Configuration of the network.
     bodies
-        Bodies of each batch.
+        Bodies per batch.
     perturbed
-        Whether frames and points are perturbed as in training.
+        Whether to perturb frames and points as in training.
     """
 
     make: MakesSurfaces
@@ -119,7 +119,7 @@ class MakesSurfaceBatches:
     def _of_pose(
         self, mesh: Mesh, over: _Over, random: np.random.Generator
     ) -> tuple[tuple[Points, Points, Points, Points], NDArray[np.int64]]:
-        """Points and positions with their normals in the frame of a body, and which vertices the positions are."""
+        """Return points and positions with normals in the frame of a body, and the vertices at the positions."""
         inside = frame_of(mesh, random if self.perturbed else None).seen(mesh)
         samples = random_samples(inside, self.configuration.points, random)
         starts = random.choice(mesh.n_vertices, EDGES, p=shares(inside))
@@ -132,14 +132,14 @@ class MakesSurfaceBatches:
 
 @dataclass(frozen=True, eq=False)
 class _Over:
-    """Facts of all bodies' vertices from their triangles.
+    """Adjacency in the mesh that all bodies share.
 
     Parameters
     ----------
     neighbours
-        Which vertices share an edge, shape (n, n).
+        Pairs of vertices that share an edge, shape (n, n).
     triangles
-        Which vertices have which triangles, shape (n, m).
+        Triangles of each vertex, shape (n, m).
     """
 
     neighbours: csr_array
@@ -153,7 +153,7 @@ class _Over:
         return cls(csr_array((np.ones(len(both)), both.T)), csr_array((np.ones(faces.size), (faces.ravel(), owners))))
 
     def walked(self, starts: NDArray[np.int64], random: np.random.Generator) -> NDArray[np.int64]:
-        """Return where random walks from vertices end; one that ends where it began is led to a neighbour."""
+        """Return the ends of random walks from vertices; a walk that ends at its start takes another step."""
         first, heads = self.neighbours.indptr, self.neighbours.indices
         places = starts
         for step in range(WALK + 1):
@@ -162,7 +162,7 @@ class _Over:
         return places
 
     def normals(self, mesh: Mesh, vertices: NDArray[np.int64]) -> Points:
-        """Unit normals at some vertices, the means over their triangles by area, shape (k, 3)."""
+        """Return unit normals at some vertices, averaged over their triangles by area, shape (k, 3)."""
         around = self.triangles[vertices]
         a, b, c = (mesh.vertices[mesh.faces[around.indices, k]] for k in range(3))
         summed = csr_array((around.data, np.arange(around.nnz), around.indptr)) @ np.cross(b - a, c - a)
@@ -170,6 +170,6 @@ class _Over:
 
 
 def shares(mesh: Mesh) -> NDArray[np.float64]:
-    """Share of the area that belongs to each vertex, shape (n,)."""
+    """Return the share of the area that belongs to each vertex, shape (n,)."""
     areas = np.bincount(mesh.faces.ravel(), np.repeat(mesh.face_areas, 3), minlength=mesh.n_vertices)
     return np.asarray(areas / areas.sum())

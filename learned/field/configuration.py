@@ -1,4 +1,4 @@
-"""Named configurations of the deformation field: each differs from the plain one in one respect."""
+"""Named configurations of the deformation field: the plain one and its variants."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from learned.described import configuration_named, described_by
 
 @dataclass(frozen=True, kw_only=True)
 class Field:
-    """One field, and what it is trained for.
+    """Architecture and loss weights of a field.
 
     Parameters
     ----------
     name
         Name on the command line.
     points
-        Points of the surface that the encoder sees.
+        Surface points that the encoder sees.
     tokens
-        Neighbourhoods that they are gathered in.
+        Neighbourhoods into which the points are grouped.
     neighbours
-        Points of each neighbourhood.
+        Points per neighbourhood.
     width
-        Features of a token; a multiple of ``heads``.
+        Features per token; a multiple of ``heads``.
     heads
-        Heads of an attention.
+        Heads per attention layer.
     encoder_layers
-        Attentions among tokens.
+        Self-attention layers of the tokens.
     decoder_layers
-        Attentions of a position to tokens.
+        Attention layers from positions to tokens.
     frequencies
-        Octaves in which a position is written [Mildenhall et al. 2020, equation 4].
+        Octaves of the positional encoding [Mildenhall et al. 2020, equation 4].
     edge
         Weight of the error of the predicted rotations, on edges and normals.
     isometry
-        Weight of the change of the lengths of edges.
+        Weight of the change in edge length.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Field:
     isometry: Annotated[float, Interval(0)] = 0.1
 
     def described(self) -> dict[str, Any]:
-        """All fields, for a card."""
+        """Return all fields, for a card."""
         return asdict(self)
 
 
@@ -71,17 +71,17 @@ FIELDS: dict[str, Field] = {
 
 
 def field_named(name: str) -> Field:
-    """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
+    """Return the configuration of this name, or raise ``ConfigurationError`` with the closest names."""
     return configuration_named(name, FIELDS)
 
 
 def from_card(described: object) -> Field:
-    """Configuration that a card describes.
+    """Return the configuration that a card describes.
 
     Raises
     ------
     ConfigurationError
-        If it is not one.
+        If the card describes another kind of network, or sizes that do not fit together.
     """
     configuration = described_by(described, PLAIN)
     check_sizes(configuration)

@@ -1,4 +1,4 @@
-"""A form that keeps the detail of the input: only where its parts lie and how they are turned is predicted."""
+"""Forms that keep the detail of the input: only positions and rotations of parts are predicted."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from benchmark.geometry.laplacian import Laplacian
 from benchmark.geometry.mesh import Points
 
 WEIGHT_FLOOR = 1e-2
-"""Smallest weight of an edge, as a share of the mean one: cotangents of obtuse pairs are negative or vanish."""
+"""Smallest edge weight, as a share of the mean weight: cotangents of obtuse pairs are negative or zero."""
 
 INERTIA = 1e-3
-"""Weight of the rotation that a cell had, as a share of the weight of its edges: a cell whose edges leave its rotation
-open keeps it."""
+"""Weight of the previous rotation of a cell, as a share of the weight of its edges: a cell whose edges do not determine
+its rotation keeps the previous one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A surface as it is given.
+    """The input surface, undeformed.
 
     Parameters
     ----------
     positions
-        Shape (n, 3).
+        Vertices, shape (n, 3).
     weights
         Positive weights of the edges, symmetric, shape (n, n).
     mass
-        Shares of the area, shape (n,).
+        Share of the area of each vertex, shape (n,).
     """
 
     positions: Points
@@ -40,7 +40,7 @@ class Rest:
 
     @classmethod
     def of(cls, positions: Points, laplacian: Laplacian) -> Rest:
-        """Surface of unit area at these positions, whose cotangent Laplacian in any size and place is given."""
+        """Build the surface of unit area at these positions; its Laplacian may be of any size and position."""
         weights = csr_array(-laplacian.stiffness)
         weights.setdiag(0)
         weights.eliminate_zeros()
@@ -51,16 +51,16 @@ class Rest:
 
 
 def with_detail(rest: Rest, positions: Points, rotations: FloatArray, reach: float, rounds: int) -> Points:
-    r"""Positions near the predicted ones whose edges are those of the input, turned.
+    r"""Return positions near the predicted ones, with the edges of the input, rotated.
 
-    Least of
+    Minimise
 
     .. math:: \frac12 \sum_{ij} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2 + \rho^{-2} \sum_i m_i \|x_i - y_i\|^2
 
-    over the positions :math:`x` for the predicted rotations :math:`R`, and then, in turns, over the rotations and the
-    positions: the deformation that is as rigid as possible [Sorkine & Alexa 2007, equations 3 and 8] under a screen
-    that holds it to the predicted positions :math:`y`. Details smaller than :math:`\rho` come from the input :math:`p`,
-    and where parts as large as it lie from the prediction.
+    over the positions :math:`x` for the predicted rotations :math:`R`, and then alternately over rotations and
+    positions: as-rigid-as-possible deformation [Sorkine & Alexa 2007, equations 3 and 8] with a term that attracts it
+    to the predicted positions :math:`y`. Details smaller than :math:`\rho` come from the input :math:`p`, the positions
+    of larger parts from the prediction.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def with_detail(rest: Rest, positions: Points, rotations: FloatArray, reach: flo
     rotations
         Predicted rotations, shape (n, 3, 3).
     reach
-        The length :math:`\rho`, in roots of the area; 0 returns the predicted positions.
+        Length :math:`\rho`, in units of sqrt(area); 0 returns the predicted positions.
     rounds
-        How often rotations are fitted after the first positions.
+        Rounds of fitting rotations, and then positions, after the first positions.
 
     Returns
     -------
@@ -106,9 +106,9 @@ class _Cells:
     weights
         Shape (e,).
     edges
-        From end to start, shape (e, 3).
+        Vectors from end to start, shape (e, 3).
     sums
-        Sums what edges have over their starts, shape (n, e).
+        Matrix that sums values of edges over their starts, shape (n, e).
     """
 
     starts: FloatArray
@@ -128,13 +128,13 @@ class _Cells:
         return cls(starts, graph.indices, graph.data, edges, sums)
 
     def load(self, rotations: FloatArray) -> FloatArray:
-        """Right-hand side that belongs to rotations, shape (n, 3)."""
+        """Return the right-hand side for rotations, shape (n, 3)."""
         between = 0.5 * (rotations[self.starts] + rotations[self.ends])
         turned = np.einsum("eij,ej->ei", between, self.edges)
         return np.asarray(self.sums @ (self.weights[:, None] * turned))
 
     def rotations(self, positions: Points, before: FloatArray) -> FloatArray:
-        """Rotations that fit the cells best, shape (n, 3, 3); see :data:`INERTIA`."""
+        """Return the best-fitting rotations of the cells, shape (n, 3, 3); see :data:`INERTIA`."""
         now = positions[self.starts] - positions[self.ends]
         products = (self.weights[:, None, None] * now[:, :, None] * self.edges[:, None, :]).reshape(-1, 9)
         size = self.sums @ (self.weights * (self.edges**2).sum(axis=1))

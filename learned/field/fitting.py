@@ -1,4 +1,4 @@
-"""From a stream of fresh bodies to a folder with a finished deformation field."""
+"""Training of a deformation field on a stream of fresh bodies, into a folder."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from learned.training.machine import MachineWithWorkers
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Field, FieldPlan, MachineWithWorkers]:
-    """The configuration of a name, its plan and the machine with options.
+    """Return the configuration of this name, and the plan and machine that the options describe.
 
     Raises
     ------
     ConfigurationError
-        If an option does not fit, or there is no such device here.
+        If an option does not fit, or the device is not available.
     """
     chosen = field_named(name)
     if "resolution" in options:
@@ -49,20 +49,20 @@ def fit(
     seed
         Seed of the weights.
     data
-        A stream.
+        A stream of fresh bodies.
     folder
-        Where the model goes.
+        Folder of the model.
     options
         Fields of :class:`learned.field.training.FieldPlan` and of :class:`learned.training.machine.MachineWithWorkers`.
     say
-        Told about progress.
+        Called with each progress message.
 
     Raises
     ------
     ConfigurationError
-        If an option does not fit, the data is no stream, or the folder holds a finished model of another training.
+        If an option does not fit, the data is not a stream, or the folder holds a finished model of another training.
     TrainingError
-        If training cannot go on.
+        If training cannot continue.
     """
     chosen, plan, machine = checked_plan(name, options)
     stream = _stream_for(plan, data)
@@ -87,7 +87,7 @@ def fit(
 
 
 def _stream_for(plan: FieldPlan, data: TrainingData) -> StreamedData | ScannedData:
-    """Stream that a plan trains on; raises ``ConfigurationError`` if the data has none."""
+    """Return the stream that a plan trains on, or raise ``ConfigurationError`` if the data has none."""
     stream = stream_of(data)
     if plan.shapes == "bodies":
         return stream
@@ -97,7 +97,7 @@ def _stream_for(plan: FieldPlan, data: TrainingData) -> StreamedData | ScannedDa
 
 
 def _in_words(chosen: Field, plan: FieldPlan) -> str:
-    """Network and plan in one clause."""
+    """Describe network and plan in one clause."""
     shown = "fresh bodies" if plan.shapes == "bodies" else f"scanned bodies, each scan {plan.uses} times"
     begun = "" if plan.start == "random" else ", from the shipped weights"
     return f"field '{chosen.name}', {chosen.points} points, {plan.steps} steps of {plan.bodies} {shown}{begun}"

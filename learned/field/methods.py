@@ -1,4 +1,4 @@
-"""The row of the deformation field: a complete surface goes in, the same surface in the canonical pose comes out."""
+"""Row of the deformation field, which deforms a complete surface into the canonical pose."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from learned.field.configuration import FIELDS
 from learned.learner import StreamLearner
 
 MOST_ROUNDS = 100
-"""Beyond this nothing moves that the scorer sees."""
+"""Largest number of rounds; more would change nothing that the scorer sees."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationField(StreamLearner):
-    """Every vertex where a network says that it lies in the canonical pose, with the detail of the input.
+    """Vertices at the canonical positions that a network predicts, with the detail of the input.
 
-    A code of the whole surface and a position give the position in the canonical pose, as in the deformation fields of
-    DIF-Net [Deng et al. 2021] and Deform2NeRF; a deformation that is as rigid as possible follows the prediction; see
-    :mod:`learned.field`.
+    The network maps a position and a code of the whole surface to the position in the canonical pose, like the
+    deformation fields of DIF-Net [Deng et al. 2021] and Deform2NeRF. An as-rigid-as-possible deformation then follows
+    the prediction; see :mod:`learned.field`.
 
     Parameters
     ----------
@@ -33,10 +33,9 @@ class DeformationField(StreamLearner):
     training
         Name of the training data.
     reach
-        Length, in roots of the area, up to which details come from the input; 0 takes the predicted positions as they
-        are.
+        Length, in units of sqrt(area), up to which details come from the input; 0 keeps the predicted positions.
     rounds
-        How often rotations are fitted to the form after the predicted ones were used.
+        Rounds of fitting rotations to the form, after the predicted rotations were used.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

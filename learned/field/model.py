@@ -1,4 +1,4 @@
-"""A trained field, from its files to forms."""
+"""A trained field: loading, prediction and forms."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ from learned.frame import frame_of, of_unit_area
 from learned.weights import with_weights
 
 MOST_VERTICES = 50_000
-"""Vertices that are treated; what is prepared for a comparison has two thousand."""
+"""Largest number of vertices; meshes prepared for a comparison have 2000."""
 
 INSIDE_OUT = 1e-9
-"""Negative volume, in powers of the root of the area, of a surface that looks inward; a flat one has none."""
+"""Size of a negative volume, in units of sqrt(area)^3, above which a surface faces inward; a flat one has no volume."""
 
 _AT_ONCE = 4096
-"""Positions that are decoded together, so that memory does not grow with the mesh."""
+"""Positions that are decoded together, which bounds the memory for large meshes."""
 
 
 def configuration_of(card: Mapping[str, Any], folder: Path) -> Field:
-    """Configuration that a card names.
+    """Return the configuration on a card.
 
     Raises
     ------
     ConfigurationError
-        If it is the card of another kind of model.
+        If the card belongs to another kind of model.
     """
     return from_card(described_in(card, "field", folder, "a deformation field"))
 
 
 def load_field(folder: Path) -> FieldNetwork:
-    """Network with the weights in a folder, ready to predict.
+    """Load the network in a folder, ready to predict.
 
     Raises
     ------
     ConfigurationError
-        If the weights are not those that the card describes, or belong to another configuration.
+        If the weights do not match the card, or belong to another configuration.
     """
     return _load(folder, card_digest(read_card(folder)))
 
@@ -64,7 +64,7 @@ def _load(folder: Path, _digest: str) -> FieldNetwork:
 
 @torch.inference_mode()
 def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
-    """Canonical positions of vertices, shape (n, 3), and rotations on the way there, shape (n, 3, 3).
+    """Predict canonical positions of vertices, shape (n, 3), and rotations to the canonical pose, shape (n, 3, 3).
 
     Parameters
     ----------
@@ -91,21 +91,21 @@ def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
 
 
 def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> tuple[Points, dict[str, float | str]]:
-    """Vertices of the form, of unit area, shape (n, 3), and facts about it.
+    """Return the vertices of the form, of unit area, shape (n, 3), and notes about it.
 
     Parameters
     ----------
     network
         The field.
     shape
-        What is treated.
+        The input.
     reach, rounds
         See :func:`learned.field.detail.with_detail`.
 
     Raises
     ------
     UnsupportedShape
-        If the surface has no area, more vertices than can be treated, or a form without area.
+        If the surface has no area or too many vertices, or its form has no area.
     """
     mesh = shape.mesh
     if mesh.n_vertices > MOST_VERTICES:
@@ -126,7 +126,7 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
 
 
 def _outward(mesh: Mesh) -> Mesh:
-    """The same surface with its triangles turned over if it encloses a negative volume: bodies look outward."""
+    """Return the surface with its triangles flipped if its volume is negative: bodies face outward."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     volume = float(np.einsum("mk,mk->", a, np.cross(b, c)) / 6)
     return Mesh(mesh.vertices, mesh.faces[:, ::-1]) if volume < -INSIDE_OUT else mesh

@@ -1,9 +1,9 @@
-"""The field: from points of a surface to tokens, and from a position and the tokens to where it lies unbent.
+"""Network of the field: encodes surface points to tokens, and decodes positions to their place in the canonical pose.
 
-Neighbourhoods become tokens as in PointNet++ [Qi et al. 2017, section 3.2], tokens see each other, and a position asks
-them, by attention [Vaswani et al. 2017, section 3.2]. That the canonical position is a function of the position and of
-a code of the whole shape is the idea of deformation fields [DIF-Net, Deng et al. 2021, section 3]; here the code is a
-set of tokens, one of which belongs to no place.
+Neighbourhoods become tokens as in PointNet++ [Qi et al. 2017, section 3.2]. Tokens attend to each other, and positions
+to tokens [Vaswani et al. 2017, section 3.2]. As in deformation fields [DIF-Net, Deng et al. 2021, section 3], the
+canonical position is a function of the position and a code of the whole shape; here the code is a set of tokens, one of
+which has no position.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from torch.nn import functional
 from learned.field.configuration import Field, check_sizes
 
 SHARPNESS = (1.0, 200.0)
-"""How fast the attention of the widest and of the narrowest head falls at first: factors of squared distances, in
-inverse areas of the surface. The narrowest sees the next few of a hundred tokens."""
+"""Initial decay of attention with distance, in the widest and the narrowest head: factors of squared distances, in
+units of 1 / area. The narrowest head sees the nearest few of a hundred tokens."""
 
 REACH = 0.15
-"""Unit of places inside a neighbourhood, in roots of the area: about the radius of one of a hundred."""
+"""Unit of relative positions in a neighbourhood, in units of sqrt(area): about the radius of one of a hundred."""
 
 
 class Tokens(NamedTuple):
-    """Tokens that a shape is reduced to.
+    """Tokens of a batch of shapes.
 
     Parameters
     ----------
     features
-        Shape (n, tokens + 1, width); the first belongs to no place.
+        Shape (n, tokens + 1, width); the first token has no position.
     places
-        Shape (n, tokens, 3).
+        Positions, shape (n, tokens, 3).
     """
 
     features: Tensor
@@ -41,14 +41,14 @@ class Tokens(NamedTuple):
 
 
 class Unbent(NamedTuple):
-    """Answer of the field for positions.
+    """Output of the field at positions.
 
     Parameters
     ----------
     positions
-        In the canonical pose, shape (n, q, 3), of a body of unit area with its centroid at the origin.
+        Positions in the canonical pose, shape (n, q, 3), of a body of unit area with its centroid at the origin.
     rotations
-        How the surface around each turns on its way there, shape (n, q, 3, 3).
+        Rotation of the surface around each position to the canonical pose, shape (n, q, 3, 3).
     """
 
     positions: Tensor
@@ -56,7 +56,7 @@ class Unbent(NamedTuple):
 
 
 class Attention(nn.Module):
-    """Features ask features, near ones rather than far ones, each head at a scale of its own; then two layers.
+    """Attention that decays with distance, at a learned rate per head, followed by a two-layer perceptron.
 
     Parameters
     ----------
@@ -78,16 +78,16 @@ class Attention(nn.Module):
         )
 
     def forward(self, asking: Tensor, asked: Tensor, squares: Tensor) -> Tensor:
-        """New features, shape (n, q, width).
+        """Return new features, shape (n, q, width).
 
         Parameters
         ----------
         asking
-            Shape (n, q, width).
+            Features of the queries, shape (n, q, width).
         asked
-            Normalised features, shape (n, t, width).
+            Normalised features of the keys and values, shape (n, t, width).
         squares
-            Squared distances between them, shape (n, q, t); 0 for what has no place.
+            Squared distances between them, shape (n, q, t); 0 for a token without position.
         """
         query = self._of_heads(self.query(self.norm(asking)))
         key, value = (self._of_heads(part) for part in self.key_value(asked).chunk(2, dim=-1))
@@ -106,7 +106,7 @@ class FieldNetwork(nn.Module):
     Parameters
     ----------
     configuration
-        What it consists of.
+        Sizes of the network.
     """
 
     def __init__(self, configuration: Field) -> None:
@@ -129,12 +129,12 @@ class FieldNetwork(nn.Module):
         self.head = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, 9))
 
     def encoded(self, points: Tensor, normals: Tensor) -> Tokens:
-        """Tokens of shapes.
+        """Encode shapes to tokens.
 
         Parameters
         ----------
         points
-            Spread over each surface so that the first few are as even as all, shape (n, m, 3).
+            Points of each surface, of which the first few are spread as evenly as all, shape (n, m, 3).
         normals
             Unit normals there, shape (n, m, 3).
         """
@@ -148,12 +148,12 @@ class FieldNetwork(nn.Module):
         return Tokens(self.code_norm(features), places)
 
     def decoded(self, tokens: Tokens, positions: Tensor, normals: Tensor) -> Unbent:
-        """Return what becomes of positions on the surfaces with these tokens.
+        """Decode positions on the surfaces with these tokens.
 
         Parameters
         ----------
         tokens
-            Of n shapes.
+            Tokens of n shapes.
         positions, normals
             Shape (n, q, 3).
         """
@@ -170,10 +170,10 @@ class FieldNetwork(nn.Module):
         return self.decoded(self.encoded(points, normals), positions, position_normals)
 
     def _neighbourhoods(self, points: Tensor, normals: Tensor, places: Tensor, place_normals: Tensor) -> Tensor:
-        """Largest of what is seen in the neighbourhood of each place, shape (n, tokens, width).
+        """Max-pool the features of the neighbourhood of each token, shape (n, tokens, width).
 
-        What a point adds falls to zero towards the rim of the neighbourhood, so that which of two points that are
-        equally far is the last one makes no difference.
+        The weight of a point falls to zero towards the rim of the neighbourhood, so ties between the farthest points do
+        not matter.
         """
         nearest, which = _squares(places, points).topk(self.n_neighbours, dim=-1, largest=False)
         n, t, k = which.shape
@@ -186,19 +186,19 @@ class FieldNetwork(nn.Module):
         return cast(Tensor, (seen * weights[..., None]).amax(dim=2))
 
     def _written(self, positions: Tensor, normals: Tensor) -> Tensor:
-        """Positions in octaves of sines and cosines, and normals, shape (n, q, 3 (2 + 2 frequencies))."""
+        """Return positions, normals, and octaves of sines and cosines, shape (n, q, 3 (2 + 2 frequencies))."""
         octaves = 2.0 ** torch.arange(self.frequencies, device=positions.device) * (math.pi / 2)
         phases = (positions[..., None] * octaves).flatten(-2)
         return torch.cat([positions, normals, phases.sin(), phases.cos()], dim=-1)
 
 
 def rotations_of(raw: Tensor) -> Tensor:
-    """Rotations from two columns each, made square to each other [Zhou et al. 2019, equation 15].
+    """Return rotations from two columns each, orthonormalised [Zhou et al. 2019, equation 15].
 
     Parameters
     ----------
     raw
-        What the columns differ from those of the identity by, shape (..., 6).
+        Differences between the two columns and those of the identity, shape (..., 6).
 
     Returns
     -------
@@ -212,17 +212,17 @@ def rotations_of(raw: Tensor) -> Tensor:
 
 
 def _squares(one: Tensor, other: Tensor) -> Tensor:
-    """Squared distances between points, shape (n, a, b); from differences, for near ones must not cancel."""
+    """Return squared distances between points, shape (n, a, b), from differences to avoid cancellation."""
     return sum((one[:, :, None, k] - other[:, None, :, k]).square() for k in range(3))
 
 
 def build_field(configuration: Field, seed: int = 0) -> FieldNetwork:
-    """Network with random weights that depend on the seed alone."""
+    """Build a network with random weights that depend only on the seed."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = FieldNetwork(configuration)
         last = cast(nn.Linear, network.head[-1])
-        # At first everything is drawn to the centroid and nothing turns.
+        # Initially all positions are predicted near the centroid, with almost no rotation.
         nn.init.normal_(last.weight, std=0.02)
         nn.init.zeros_(last.bias)
         nn.init.normal_(network.whole, std=0.02)

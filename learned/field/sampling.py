@@ -1,4 +1,4 @@
-"""Points that stand for a surface, spread evenly, the first few of them as evenly as all."""
+"""Sampling of points of a surface, spread evenly, the first few of them as evenly as all."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh, Points
 
 PER_POINT = 4
-"""Candidates for each point that is taken, where they lie evenly."""
+"""Candidates per sampled point if they are evenly spaced."""
 
 RANDOM_PER_POINT = 2
-"""Candidates for each point that is taken, where they are random: training need not be as even."""
+"""Candidates per sampled point if they are random: training need not be as even."""
 
 MOST_PER_TRIANGLE = 64
-"""Candidates along a side of a triangle at most: what a triangle with the whole area gets."""
+"""Largest number of candidates along the side of a triangle, that of a triangle with the whole area."""
 
 TIE = 1e-6
-"""Distances that differ by less than this share are equal: far above rounding errors."""
+"""Relative difference below which squared distances are equal, far above rounding errors."""
 
 _TIE_BREAKER = np.array([1.0, 0.7390851332, 0.5671432904])
-"""Direction that no edge of a regular shape is square to; its component decides between equal distances."""
+"""Direction perpendicular to no edge of a regular shape; the component along it breaks ties between distances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Samples:
     points
         Shape (m, 3).
     normals
-        Unit normals of the triangles that they lie on, shape (m, 3).
+        Unit normals of their triangles, shape (m, 3).
     """
 
     points: Points
@@ -44,20 +44,20 @@ class Samples:
 
 
 def even_samples(mesh: Mesh, count: int) -> Samples:
-    """Points of a surface by farthest point sampling, whatever the numbering of its vertices and triangles.
+    """Sample a surface by farthest point sampling, independently of the order of its vertices and triangles.
 
-    Each triangle gets candidates by its area, at the centres of the small triangles that it is divided into, which are
-    the same whichever of its corners is the first.
+    Each triangle gets candidates according to its area, at the centres of the small triangles into which it is divided.
+    These do not depend on the order of its corners.
 
     Parameters
     ----------
     mesh
         A surface with area, in its own frame (:func:`learned.frame.frame_of`).
     count
-        Points, m.
+        Number of points, m.
     """
     areas = mesh.face_areas
-    # A triangle of area a is divided into k^2; the margin keeps equal triangles equal.
+    # Each triangle is divided into k^2; the margin gives triangles of equal area the same k.
     parts = np.ceil(np.sqrt(areas / areas.sum() * PER_POINT * count) * (1 - TIE)).astype(np.int64)
     parts = np.where(areas > 0, np.clip(parts, 1, MOST_PER_TRIANGLE), 0)
     points, owners = [], []
@@ -70,11 +70,11 @@ def even_samples(mesh: Mesh, count: int) -> Samples:
 
 
 def random_samples(mesh: Mesh, count: int, random: np.random.Generator) -> Samples:
-    """The same from random candidates, uniform by area."""
+    """Sample a surface by farthest point sampling from random candidates, uniform by area."""
     areas = mesh.face_areas
     number = RANDOM_PER_POINT * count
     owners = np.searchsorted(np.cumsum(areas), random.uniform(0, areas.sum(), number)).clip(max=len(areas) - 1)
-    # Square roots make them uniform in a triangle [Osada et al. 2002, equation 1].
+    # Square roots make the candidates uniform in a triangle [Osada et al. 2002, equation 1].
     root, along = np.sqrt(random.uniform(size=number)), random.uniform(size=number)
     weights = (1 - root, root * (1 - along), root * along)
     points = sum(weight[:, None] * mesh.vertices[mesh.faces[owners, k]] for k, weight in enumerate(weights))
@@ -89,7 +89,7 @@ def _spread(mesh: Mesh, candidates: Points, owners: NDArray[np.int64], count: in
 
 
 def _centres(k: int) -> FloatArray:
-    """Barycentric coordinates of the centres of the k^2 triangles that a triangle is divided into, shape (k^2, 3)."""
+    """Return the barycentric coordinates of the centres of the k^2 parts of a triangle, shape (k^2, 3)."""
     i, j = (indices.ravel() for indices in np.indices((k, k)))
     upright, inverted = i + j < k, i + j < k - 1
     first = np.concatenate([i[upright] + 1 / 3, i[inverted] + 2 / 3])
@@ -99,9 +99,9 @@ def _centres(k: int) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _farthest_points(points: FloatArray, keys: FloatArray, count: int) -> NDArray[np.int64]:
-    """Farthest point sampling in space, from the point farthest from the origin on; ties by key, the larger first.
+    """Select points by farthest point sampling, starting farthest from the origin; the larger key breaks ties.
 
-    Where there are fewer points than asked for, they come again.
+    If there are fewer points than requested, points repeat.
     """
     chosen = np.zeros(count, dtype=np.int64)
     squares = np.empty(len(points))

@@ -1,8 +1,8 @@
-"""Scanned bodies as the field sees them: batches of which most show scans again, from a window that moves along.
+"""Training batches of scanned bodies for the field, from a moving window of groups.
 
-A scan costs more than a step, so each is used several times: a batch shows the newest group of bodies and some older
-ones, ``LAG`` batches apart, in another frame, as other points, and half of them mirrored. Which groups these are is a
-matter of the batch's number alone, so that a training goes on as if it had not been stopped.
+A scan costs more than a step, so it is used several times: a batch shows the newest group of bodies and some older
+ones, ``LAG`` batches apart, in another frame, with other points, and half of them mirrored. The groups depend only on
+the number of the batch, so an interrupted training resumes with the same batches.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ LAG = 32
 """Batches between two uses of a group of bodies."""
 
 LONGEST, SLACK = 2.0, 0.01
-"""An edge joins two parts of the body, and is not asked for, if its ends lie farther apart in the canonical pose than
-this multiple of its length and, in roots of the area, so much more."""
+"""An edge joins two parts of the body, and is not sampled, if its ends are farther apart in the canonical pose than
+``LONGEST`` times its length plus ``SLACK``, in units of sqrt(area)."""
 
 Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Everything of a scan that does not change from use to use.
+    """Data of a scan that does not change between uses.
 
     Parameters
     ----------
     vertices, faces
-        Of the scan, in metres.
+        Mesh of the scan, in metres.
     normals
         Unit normals of the vertices.
     targets, target_normals
-        Where the vertices belong in the canonical pose of the body, which has unit area and its centroid at the origin,
-        and which way the surface looks there.
+        Positions and unit normals of the vertices in the canonical pose of the body, which has unit area and its
+        centroid at the origin.
     edges, chances
-        Edges that may be asked for, and how likely each is.
+        Edges that may be sampled, and their probabilities.
     height
-        Of the body in the canonical pose, in roots of its area.
+        Height of the body in the canonical pose, in units of sqrt(area).
     """
 
     vertices: Single
@@ -62,7 +62,7 @@ class Seen:
 
     @classmethod
     def of(cls, scan: Scan, canonical: Mesh) -> Seen:
-        """Facts of a scan of a body that stands in the canonical pose, centred."""
+        """Compute the data of a scan from its body in the canonical pose, centred."""
         body_normals = _unit(vertex_normals(canonical))
         targets, target_normals = (
             np.einsum("nc,nck->nk", scan.weights, values[scan.corners]) for values in (canonical.vertices, body_normals)
@@ -74,7 +74,7 @@ class Seen:
         )
         asked = true_lengths <= LONGEST * lengths / mesh.area**0.5 + SLACK
         ends = ends[asked] if asked.any() else ends
-        # As if a vertex were drawn by its share of the area, and then one of its neighbours.
+        # As if drawing a vertex by its share of the area, and then one of its neighbours.
         chances = (shares(mesh) / np.bincount(ends.ravel(), minlength=mesh.n_vertices).clip(min=1))[ends].sum(axis=1)
         return cls(
             vertices=mesh.vertices.astype(np.float32),
@@ -88,7 +88,7 @@ class Seen:
         )
 
     def mirrored(self) -> Seen:
-        """Return the scan of the mirror image of the body: left is right in both poses."""
+        """Return the scan of the mirrored body, with left and right swapped in both poses."""
         flip = np.array([-1, 1, 1], dtype=np.float32)
         places = {name: getattr(self, name) * flip for name in ("vertices", "normals", "targets", "target_normals")}
         return replace(self, faces=self.faces[:, ::-1], **places)
@@ -96,7 +96,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Bodies that are used together: names, all scans, and how often something was drawn again."""
+    """Bodies that are used together: names, all scans, and number of redraws by reason."""
 
     identifiers: tuple[str, ...]
     seen: tuple[Seen, ...]
@@ -104,25 +104,25 @@ class Group:
 
 
 _KEPT: dict[tuple[MakesScans, int, int], Group] = {}
-"""Groups that later batches of this process show again, by maker, bodies and number."""
+"""Groups that later batches of this process use again, by maker, group size and number."""
 
 
 @dataclass(frozen=True)
 class MakesScanBatches:
-    """Makes batches; can be sent to another process.
+    """Maker of batches; can be sent to another process.
 
     Parameters
     ----------
     make
-        Makes scans of fresh bodies.
+        Maker of scans of fresh bodies.
     configuration
-        What the network sees of them.
+        Configuration of the network.
     bodies
-        Bodies of each batch.
+        Bodies per batch.
     uses
         Batches that show each body; a divisor of ``bodies``.
     perturbed
-        Whether frames and points are perturbed, and scans mirrored, as in training.
+        Whether to perturb frames and points, and mirror scans, as in training.
     """
 
     make: MakesScans
@@ -132,7 +132,7 @@ class MakesScanBatches:
     perturbed: bool = True
 
     def __post_init__(self) -> None:
-        """Raise ``ConfigurationError`` if a batch cannot be made of whole groups."""
+        """Raise ``ConfigurationError`` if ``uses`` does not divide ``bodies``."""
         if self.bodies % self.uses:
             raise ConfigurationError(
                 f"batches of {self.bodies} bodies cannot show each body {self.uses} times", "take a multiple as bodies"
@@ -148,7 +148,7 @@ class MakesScanBatches:
         return SurfaceBatch.of(number, names, rows, groups[-1].drawn_again)
 
     def _groups(self, number: int) -> Iterator[Group]:
-        """Groups of a batch, the newest last."""
+        """Yield the groups of a batch, the newest last."""
         bodies = self.bodies // self.uses
         for old in [key for key in _KEPT if key[:2] == (self.make, bodies) and key[2] < number]:
             del _KEPT[old]
@@ -167,7 +167,7 @@ class MakesScanBatches:
         return Group(drawn.identifiers, tuple(seen), dict(drawn.drawn_again))
 
     def _row(self, seen: Seen, random: np.random.Generator) -> tuple[Points | Single | float, ...]:
-        """Points and positions with their normals in the frame of a scan, where they belong, and the height."""
+        """Return points and positions in the frame of a scan, and targets, all with normals, and the height."""
         if self.perturbed and random.random() < 0.5:
             seen = seen.mirrored()
         mesh = Mesh(seen.vertices.astype(np.float64), seen.faces)
@@ -184,7 +184,7 @@ class MakesScanBatches:
 
 
 def bodies_made(steps: int, bodies: int, uses: int) -> int:
-    """Return how many bodies a training of so many steps sees, each ``uses`` times but for the first and the last."""
+    """Return the number of bodies in a training, each used ``uses`` times except for the first and the last."""
     return bodies // uses * (steps + (uses - 1) * min(LAG, steps))
 
 

@@ -1,4 +1,4 @@
-"""Train the field to predict canonical positions of points of new bodies or scans."""
+"""Training of the field to predict canonical positions on fresh bodies or scans."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ NAMES = ("position loss", "edge loss", "isometry loss")
 """Columns of the history."""
 
 _LEAST = 1e-8
-"""Added to squared distances, lest their root have no gradient at zero."""
+"""Added to squared distances, whose root has no gradient at zero."""
 
 
 def losses(unbent: Unbent, positions: Tensor, targets: Tensor, normals: Tensor, target_normals: Tensor) -> Tensor:
-    """All terms, unweighted.
+    """Compute all terms of the loss, unweighted.
 
     Parameters
     ----------
     unbent
-        What the field says of the positions.
+        Output of the field at the positions.
     positions, targets
-        In the pose and in the canonical pose, shape (n, 2 p, 3): the first p are the starts of p edges along the
-        surface, the others their ends.
+        Positions in the pose and in the canonical pose, shape (n, 2 p, 3): the first p are the starts of p edges along
+        the surface, the others their ends.
     normals, target_normals
         Unit normals there, shape (n, 2 p, 3).
 
     Returns
     -------
     torch.Tensor
-        Shape (3,), in the order of :data:`NAMES`. Mean distance to the true positions, in roots of the area; mean
-        squared error of turned edges, relative to their lengths, and of turned normals; mean squared relative change
-        of the lengths of edges.
+        Shape (3,), in the order of :data:`NAMES`. Mean distance to the true positions, in units of sqrt(area); mean
+        squared error of rotated edges, relative to their lengths, plus that of rotated normals; mean squared relative
+        change in edge length.
     """
     edges, true_edges, unbent_edges = _edges(positions), _edges(targets), _edges(unbent.positions)
     lengths = _lengths(edges)
@@ -64,7 +64,7 @@ def losses(unbent: Unbent, positions: Tensor, targets: Tensor, normals: Tensor, 
 
 
 def weighted(terms: Tensor, configuration: Field) -> Tensor:
-    """The loss that is minimised, a scalar."""
+    """Return the loss to minimise, a scalar."""
     return terms[0] + configuration.edge * terms[1] + configuration.isometry * terms[2]
 
 
@@ -78,21 +78,21 @@ def _lengths(vectors: Tensor) -> Tensor:
 
 
 LOOKED_AT = 16
-"""Validation bodies that are looked at."""
+"""Number of validation bodies."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FieldPlan(Plan):
-    """Plan of the training of a field; see :class:`learned.training.loop.Plan` for the other parameters.
+    """Training plan of a field; see :class:`learned.training.loop.Plan` for the other parameters.
 
     Parameters
     ----------
     shapes
-        ``"bodies"``: surfaces of fresh bodies. ``"scans"``: the same as scanners leave them, each several times.
+        ``"bodies"``: surfaces of fresh bodies. ``"scans"``: scans of fresh bodies.
     uses
-        Steps that show each scan; a divisor of ``bodies``. Of a body that is not scanned it is 1.
+        Steps that use each scan; a divisor of ``bodies``. It is 1 for bodies that are not scanned.
     start
-        ``"random"``: random weights. ``"shipped"``: those of the model of this configuration that is shipped.
+        ``"random"``: random weights. ``"shipped"``: weights of the shipped model of this configuration.
     """
 
     steps: Annotated[int, Interval(1)] = 12_000
@@ -103,7 +103,7 @@ class FieldPlan(Plan):
     start: Literal["random", "shipped"] = "random"
 
     def __post_init__(self) -> None:
-        """Raise ``ConfigurationError`` if batches cannot be made of whole bodies, or bodies are to come twice."""
+        """Raise ``ConfigurationError`` if ``uses`` does not divide ``bodies``, or exceeds 1 without scans."""
         super().__post_init__()
         if self.bodies % self.uses or (self.shapes == "bodies" and self.uses > 1):
             raise ConfigurationError(
@@ -122,24 +122,24 @@ def train_field(
     validation: Makes | None,
     run: TrainingRun,
 ) -> Trained[FieldNetwork]:
-    """Train a field, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
+    """Train a field, resuming from a checkpoint if there is one; see :class:`learned.training.loop.TrainingLoop`.
 
     Parameters
     ----------
     configuration, plan
-        What is trained, and how.
+        Configuration and training plan.
     make
-        Makes the bodies, or the scans if the plan says so.
+        Maker of bodies, or of scans if the plan says so.
     validation
-        Makes others for the curves; None for no curves.
+        Maker of other bodies or scans for validation curves; None for no curves.
     run
-        Where; its seed is that of the weights.
+        Folder and device, and the seed of the weights.
 
     Raises
     ------
     TrainingError
-        If a body cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then stands at
-        the last step that was done.
+        If a body cannot be made, a loss is not finite, or the checkpoint does not fit. A checkpoint of the last
+        completed step remains, unless a loss is not finite.
     """
     network, details = build_field(configuration, run.seed), {}
     if plan.start == "shipped":
@@ -179,7 +179,7 @@ class _Objective(Objective[SurfaceBatch]):
         return weighted(losses, self.configuration)
 
     def measured(self, half: bool) -> Mapping[str, float]:
-        """Mean distance to the true position as a share of the body's height, and the terms of the loss."""
+        """Return the mean error of positions, as a share of the body height, and the other terms of the loss."""
         if self.unseen is None:
             return {}
         unbent = self._unbent(self.unseen, half)

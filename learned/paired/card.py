@@ -1,4 +1,4 @@
-"""Fields that the card of a model must have before its network is built."""
+"""Check of the card of a model before its network is built."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmark.errors import ConfigurationError
 from learned.paired.configuration import Configuration, from_card
 
 LARGEST = 4096
-"""Most pixels per side, and most channels, that a network may have."""
+"""Largest resolution in pixels per side, width in channels and code size of a network."""
 
 HINT = "train the model again"
 
@@ -33,7 +33,7 @@ class Network:
     configuration
         The network.
     resolution
-        Pixels per side of the images that it sees.
+        Pixels per side of its images.
     """
 
     configuration: Configuration
@@ -43,21 +43,21 @@ class Network:
 def network_of(card: Mapping[str, Any], folder: Path) -> Network:
     """Return the network of a card, after checking every field that :func:`learned.paired.fitting.fit` writes.
 
-    A field more or less is an error, for nobody knows what a card of another version means.
+    A missing or unknown field is an error, because the meaning of a card of another version is unknown.
 
     Parameters
     ----------
     card
-        The card, as :func:`benchmark.api.learning.read_card` gives it.
+        The card, as returned by :func:`benchmark.api.learning.read_card`.
     folder
-        Where the model is, for messages.
+        Folder of the model, for messages.
 
     Raises
     ------
     ConfigurationError
-        If it is not the card of such a model; the message names the field.
+        If the card is not that of such a model; the message names the field.
     """
-    # A card of an older model says nothing of the clearance.
+    # The card of an older model lacks the clearance.
     if odd := sorted((card.keys() - {"clearance"}) ^ _KINDS.keys()):
         verb = "lacks" if odd[0] in _KINDS else "has an unknown field"
         raise ConfigurationError(f"the card in {folder} {verb} '{odd[0]}'", HINT)
@@ -76,7 +76,7 @@ def network_of(card: Mapping[str, Any], folder: Path) -> Network:
 def _configuration(described: Mapping[str, Any], folder: Path) -> Configuration:
     configuration = from_card(described)
     for name, hint in get_type_hints(Configuration).items():
-        if name not in described:  # of the schedule a card speaks elsewhere; others have their usual value
+        if name not in described:  # the schedule has an entry of its own; other fields have their usual value
             continue
         value = described[name]
         choices = get_args(hint)

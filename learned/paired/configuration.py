@@ -1,4 +1,4 @@
-"""Named configurations of the network: every choice that the paper leaves open, or departs from, in one place."""
+"""Named configurations of the network, with all choices that the paper leaves open and all departures from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from learned.described import without_settled
 
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
-    """One network.
+    """Architecture and training of a network.
 
     Parameters
     ----------
@@ -23,17 +23,17 @@ class Configuration:
         ``"progressive"``: short-range features, long-range features, encoder-decoder, as in the paper.
         ``"global-code"``: an encoder to one vector and a decoder from it.
     short_range, long_range
-        Whether SRF and LRF are there.
+        Whether the network has SRF and LRF.
     width
         Channels of SRF and LRF; the encoder-decoder has 2, 4, 8 and 16 times as many. The paper names no widths.
     code_size
         Length of the vector of ``"global-code"``.
     extra_data
-        Whether it is trained on more data than the paper's network.
+        Whether the network is trained on more data than the paper's.
     crop
         Whether images and targets are cropped to the body, so that its size is unknown.
     schedule
-        Fields of :class:`learned.paired.schedule.Schedule` in which its own schedule departs from the paper's.
+        Fields of :class:`learned.paired.schedule.Schedule` that differ from the paper's schedule.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Configuration:
     schedule: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
 
     def described(self) -> dict[str, Any]:
-        """All fields that shape the network, for a card."""
+        """Return all fields that shape the network, for a card."""
         values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         return {name: value for name, value in values.items() if name != "schedule"}
 
@@ -55,7 +55,7 @@ class Configuration:
 LITERAL = Configuration(name="literal")
 
 SETTLED = MappingProxyType({"dilated_deconvolutions": True, "convolutions_per_block": 1, "global_context": False})
-"""Fields of cards of version 0.2 that have one value now, beside ``group_norm``, which the architecture decides."""
+"""Fields of cards of version 0.2 that are fixed now, in addition to ``group_norm``, which follows the architecture."""
 
 CONFIGURATIONS: dict[str, Configuration] = {
     configuration.name: configuration
@@ -85,23 +85,23 @@ CONFIGURATIONS: dict[str, Configuration] = {
 
 
 def configuration(name: str) -> Configuration:
-    """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
+    """Return the configuration of this name, or raise ``ConfigurationError`` with the closest names."""
     if name not in CONFIGURATIONS:
         raise did_you_mean("configuration", name, CONFIGURATIONS)
     return CONFIGURATIONS[name]
 
 
 def from_card(described: Mapping[str, Any]) -> Configuration:
-    """Configuration that a card describes.
+    """Return the configuration that a card describes.
 
     Raises
     ------
     ConfigurationError
-        If it has fields that no network has.
+        If the card lacks a field, or has one that no network has.
     """
     known = {entry.name for entry in fields(Configuration)} - {"schedule"}
     settled = {**SETTLED, "group_norm": described.get("architecture") == "global-code"}
-    described = {"crop": False} | without_settled(described, settled)  # which cards of version 0.2 do not name
+    described = {"crop": False} | without_settled(described, settled)  # missing on cards of version 0.2
     if set(described) != known:
         raise ConfigurationError(
             f"the card describes another kind of network: {', '.join(sorted(set(described) ^ known))}",

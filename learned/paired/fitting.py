@@ -1,4 +1,4 @@
-"""From training data to a folder with a finished model: options, pairs, training, and what the card tells of it."""
+"""Training of a model on pairs, into a folder: options, pairs, training, pictures and entries of the card."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from learned.training.machine import Machine, machine_among
 from learned.weights import as_stored
 
 SAMPLES = 60
-"""Pairs that are predicted for the pictures and the measures of seen shapes."""
+"""Pairs of each kind, training and unseen, that are predicted for the pictures and measures at the end."""
 
 
 def checked_options(name: str, options: Mapping[str, Any]) -> tuple[Configuration, Schedule, Machine]:
-    """The configuration of a name, and its schedule and the machine with options; see :func:`fit`.
+    """Return the configuration of this name, and the schedule and machine that the options describe; see :func:`fit`.
 
     Raises
     ------
     ConfigurationError
-        If an option does not fit, or there is no such device here.
+        If an option does not fit, or the device is not available.
     """
     chosen = configuration_named(name)
     machine, others = machine_among(Machine, options)
@@ -61,20 +61,20 @@ def fit(
     seed
         Seed of the weights and of the order of pairs.
     data
-        What to train on.
+        Training data.
     folder
-        Where the model goes.
+        Folder of the model.
     options
         Fields of :class:`learned.paired.schedule.Schedule` and of :class:`learned.training.machine.Machine`.
     say
-        Told about progress.
+        Called with each progress message.
 
     Raises
     ------
     ConfigurationError
         If an option does not fit, or the folder holds a finished model of another training.
     TrainingError
-        If training cannot go on.
+        If training cannot continue.
     """
     chosen, plan, machine = checked_options(name, options)
 
@@ -115,12 +115,12 @@ def _looked_at(network: nn.Module, pairs: Pairs, picture: Path, title: str) -> d
     predictions = torch.stack([predict(network, image) for image in images])
     names = [pairs.identifiers[row] for row in rows]
     pictures.draw_samples(names, images, predictions, targets, picture, title)
-    # The error of masks that do not overlap is none, which JSON calls null.
+    # Masks that do not overlap have no depth error: null in JSON.
     return {name: value if isfinite(value) else None for name, value in measures(predictions, targets).items()}
 
 
 def _card_details(chosen: Configuration, plan: Schedule, trained: Trained[nn.Module]) -> dict[str, Any]:
-    """Return what the card of such a network tells besides what all cards do; see :mod:`learned.paired.card`."""
+    """Return the card entries that are specific to these networks; see :mod:`learned.paired.card`."""
     progress = trained.progress
     images = trained.seen["pairs"] * plan.epochs / progress.seconds if progress.seconds else 0.0
     settings = {name: value for name, value in asdict(plan).items() if name != "compile"}

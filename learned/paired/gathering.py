@@ -1,4 +1,4 @@
-"""Pairs of a training in memory, kept on disk as they are gathered: making many of them takes longer than an epoch."""
+"""Gathering of training pairs in memory, cached on disk: making many of them takes longer than an epoch."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from learned.paired.pairs import Pairs, gather, joined
 from learned.training.checkpoint import write
 
 RUN = 512
-"""Pairs in a file: what an interruption costs at most, a few seconds; fewer than that are gathered without a file."""
+"""Pairs per file, a few seconds of work that an interruption may cost; fewer pairs are gathered without a file."""
 
 TELL_SECONDS = 20.0
-"""Time between words about progress."""
+"""Seconds between progress messages."""
 
 _FOLDER = "gathered"
 
 
 def gather_kept(data: TrainingData, resolution: int, crop: bool, folder: Path, say: Callable[[str], None]) -> Pairs:
-    """Shrink all pairs of a training into memory, those that were gathered before from their files.
+    """Load all pairs of a training into memory, downsampled, from files if they were gathered before.
 
     Parameters
     ----------
     data
-        The pairs.
+        Training data.
     resolution
         Pixels per side.
     crop
         Whether images and targets are cropped to the body.
     folder
-        Of the model; the files go into a folder of their own inside, see :func:`forget`.
+        Folder of the model; the files go into a subfolder, see :func:`forget`.
     say
-        Told about progress.
+        Called with each progress message.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def gather_kept(data: TrainingData, resolution: int, crop: bool, folder: Path, s
 
 
 def forget(folder: Path) -> None:
-    """Remove the files, which a finished model needs no more."""
+    """Remove the files, which a finished model no longer needs."""
     shutil.rmtree(folder / _FOLDER, ignore_errors=True)
 
 
@@ -96,7 +96,7 @@ def _write(path: Path, pairs: Pairs, recipe: str) -> None:
 
 
 def _read(path: Path, recipe: str) -> Pairs | None:
-    """Pairs of a file, unless it is not there, damaged, or of another recipe: then they are made again."""
+    """Return the pairs of a file, or None if it is missing, damaged, or of another recipe."""
     try:
         with np.load(path, allow_pickle=False) as file:
             if str(file["recipe"]) != recipe:

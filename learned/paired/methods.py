@@ -1,4 +1,4 @@
-"""The learned rows of the tables: a depth image goes in, the predicted image of the canonical pose is the form."""
+"""Learned rows of the tables, whose form is the depth image of the canonical pose predicted from a depth image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ConfigurationName = Annotated[str, OneOf(CONFIGURATIONS.keys())]
 
 MOST_SMOOTHING = 50.0
-"""Beyond this a body of the size of the frame would lose all relief."""
+"""Largest smoothing; with more, a body of the size of the frame would lose all relief."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +38,13 @@ class Learned(DepthImageLearner):
     training_seed
         Seed of the training whose model is used.
     training
-        Name of the training data; "" takes what the table says.
+        Name of the training data; "" for that of the table.
     smoothing
         Standard deviation, in pixels of the network, of a Gaussian that smooths the predicted depth inside the mask.
-        The paper has none; a schedule shorter than the paper's leaves noise that this takes away.
+        The paper has none; a schedule shorter than the paper's leaves noise, which smoothing removes.
     jump
-        Depth discontinuity at which the predicted surface is cut: the largest depth difference along one of its edges,
-        as a share of half the frame (the view input has 0.05). None: the predicted mask alone says what is surface.
+        Depth discontinuity at which the predicted surface is cut: the largest depth difference along an edge, as a
+        share of half the frame (0.05 for the view input). None: the predicted mask alone defines the surface.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -142,7 +142,7 @@ class WithoutWeighting(Learned):
 
 @dataclass(frozen=True, kw_only=True)
 class SizeFree(Learned):
-    """The network with images and targets cropped to the body, whose size it therefore does not know."""
+    """The network with images and targets cropped to the body, so that its size is unknown."""
 
     info: ClassVar[MethodInfo] = replace(
         Learned.info,
@@ -157,7 +157,7 @@ class SizeFree(Learned):
 
 @dataclass(frozen=True, kw_only=True)
 class Strict(Learned):
-    """The network tested on subjects and poses that it has never seen (Table IV)."""
+    """The network tested on subjects and poses not seen in training (Table IV)."""
 
     info: ClassVar[MethodInfo] = replace(
         Learned.info,

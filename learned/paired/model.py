@@ -1,4 +1,4 @@
-"""A trained model: from its files to predictions, and from a depth image to the surface of the canonical pose."""
+"""A trained model: loading, prediction, and the surface of the canonical pose."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from learned.weights import with_weights
 
 
 def load_model(folder: Path) -> tuple[nn.Module, dict[str, Any]]:
-    """Network with the weights in a folder, ready to predict, and its card.
+    """Load the network in a folder, ready to predict, and its card.
 
     Raises
     ------
     ConfigurationError
-        If the weights are not those that the card describes, or belong to another configuration.
+        If the weights do not match the card, or belong to another configuration.
     """
     return _load(folder, card_digest(read_card(folder)))
 
@@ -39,7 +39,7 @@ def _load(folder: Path, _digest: str) -> tuple[nn.Module, dict[str, Any]]:
 
 @torch.inference_mode()
 def predict(network: nn.Module, image: Tensor) -> Tensor:
-    """Depth and mask, shape (2, r, r), from one depth image, shape (1, r, r)."""
+    """Predict depth and mask, shape (2, r, r), from one depth image, shape (1, r, r)."""
     image = image.to(next(network.parameters()).dtype)
     prediction: Tensor = network(image[None].contiguous(memory_format=torch.channels_last))[0]
     return prediction
@@ -51,7 +51,7 @@ def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> 
     Parameters
     ----------
     folder
-        The model.
+        Folder of the model.
     depth
         Depth image, shape (500, 500).
     smoothing
@@ -65,15 +65,15 @@ def canonical_depth(folder: Path, depth: DepthImage, smoothing: float = 0.0) -> 
     Raises
     ------
     InvalidMesh, UnsupportedShape
-        If the image does not fit, or shows nothing.
+        If the image does not fit, or is empty.
     ConfigurationError
-        If the model does not fit its card.
+        If the model does not match its card.
     """
     return enlarge(smooth(prediction(folder, depth), smoothing))
 
 
 def prediction(folder: Path, depth: DepthImage) -> Tensor:
-    """Depth and mask, shape (2, r, r), that a model predicts from a depth image; see :func:`canonical_depth`."""
+    """Predict depth and mask, shape (2, r, r), from a depth image; see :func:`canonical_depth`."""
     network, card = load_model(folder)
     crop = network_of(card, folder).configuration.crop
     image = seen_by(depth, int(card["schedule"]["resolution"]), crop)[:1]
@@ -83,12 +83,12 @@ def prediction(folder: Path, depth: DepthImage) -> Tensor:
 def canonical_surface(
     folder: Path, depth: DepthImage, smoothing: float = 0.0, jump: float | None = None
 ) -> tuple[Mesh, dict[str, float | str]]:
-    """Surface behind the predicted image, of unit area, and facts about it; see :func:`canonical_depth`.
+    """Return the surface of unit area behind the predicted image, and notes about it.
 
     Parameters
     ----------
     folder, depth, smoothing
-        As there.
+        See :func:`canonical_depth`.
     jump
         Largest depth difference along an edge, as in :func:`surface_behind`.
 

@@ -3,7 +3,7 @@
 "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
 Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask) = DPR(I, Y_SRF, Y_LRF), each of the size
 of the image. The paper counts the blocks of SRF in three ways: five convolution layers, nine blocks of a convolution
-and a transposed one, and a figure of nine blocks. Five convolutions and four transposed ones are built: five layers
+and a transposed one, and a figure of nine blocks. This SRF has five convolutions and four transposed ones: five layers
 and nine blocks, but not both kinds in each block.
 """
 
@@ -27,39 +27,39 @@ CONVOLUTIONS, DECONVOLUTIONS = 5, 4
 """Blocks of SRF."""
 
 GROUPS = 8
-"""Groups of channels that are normalised together."""
+"""Number of channel groups in group normalisation."""
 
 CHANNELS = 2
 """Output channels: depth and mask."""
 
 MASK_LOGIT = -2.5
-"""First guess of the mask, about the share of a frame that a shape covers. Without it the first steps, which see
-background almost everywhere, drive the sigmoid to where its gradient vanishes, and the training never leaves zero."""
+"""Initial logit of the mask, about the share of a frame that a shape covers. Without it, the first steps, which see
+mostly background, saturate the sigmoid, and the mask stays at zero."""
 
 
 def _rectifier() -> nn.LeakyReLU:
-    """The activation behind each convolution; in place, for no gradient needs what comes before it."""
+    """Return the activation after a convolution; in place, because no gradient needs its input."""
     return nn.LeakyReLU(SLOPE, inplace=True)
 
 
 class SameSizeDeconvolution(nn.ConvTranspose2d):
-    """Transposed convolution of stride 1, computed as what it is: a convolution with the kernel turned by 180 degrees.
+    """Transposed convolution of stride 1, computed as a convolution with the kernel rotated by 180 degrees.
 
-    Torch takes half as long for the gradients of a convolution, in bfloat16, as for those of a transposed one.
+    In bfloat16, torch takes half as long for the gradients of a convolution as for those of a transposed one.
     """
 
     def __init__(self, channels_in: int, channels_out: int, kernel_size: int, padding: int, dilation: int = 1) -> None:
         super().__init__(channels_in, channels_out, kernel_size, padding=padding, dilation=dilation)
 
     def forward(self, x: Tensor, output_size: list[int] | None = None) -> Tensor:
-        """Transposed convolution, shape (n, channels_out, h, w) for a padding that keeps the size."""
+        """Compute the transposed convolution, shape (n, channels_out, h, w) for a padding that keeps the size."""
         padding = self.dilation[0] * (self.kernel_size[0] - 1) - int(self.padding[0])
         kernel = self.weight.transpose(0, 1).flip(2, 3)
         return functional.conv2d(x, kernel, self.bias, padding=padding, dilation=self.dilation)
 
 
 class ShortRangeFeatures(nn.Sequential):
-    """SRF: nine blocks at full size, five convolutions and four transposed ones; one channel comes out.
+    """SRF: nine blocks at full size, five convolutions and four transposed ones, with one output channel.
 
     Parameters
     ----------
@@ -78,15 +78,15 @@ class ShortRangeFeatures(nn.Sequential):
 
 
 class LongRangeFeatures(nn.Sequential):
-    """LRF: five blocks with dilations 2 to 6 at full size; one channel comes out.
+    """LRF: five blocks with dilations 2 to 6 at full size, with one output channel.
 
-    A transposed convolution of the same dilation follows each convolution: the caption of the paper's figure says so,
-    its text does not.
+    A transposed convolution of the same dilation follows each convolution, according to the caption of the paper's
+    figure but not to its text.
 
     Parameters
     ----------
     channels_in
-        Channels of the image and of what is concatenated to it.
+        Channels of the image and of the features concatenated to it.
     width
         Channels inside.
     """
@@ -114,7 +114,7 @@ class EncoderDecoder(nn.Module):
     channels_in
         Channels of the image and of the features concatenated to it.
     width
-        Channels of the outermost block; each further one has twice as many.
+        Channels of the outermost block; each inner one has twice as many.
     """
 
     def __init__(self, channels_in: int, width: int) -> None:
@@ -127,7 +127,7 @@ class EncoderDecoder(nn.Module):
         )
         innermost = widths[::-1]
         afters = [*innermost[1:], width]
-        # Four by four kernels cover every pixel of the doubled size equally often; three by three make a checkerboard.
+        # 4x4 kernels cover every pixel of the doubled size equally often; 3x3 kernels make a checkerboard.
         self.decoder = nn.ModuleList(
             nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
             for before, after in zip(innermost, afters, strict=True)
@@ -143,19 +143,19 @@ class EncoderDecoder(nn.Module):
             x = functional.max_pool2d(block(x), 2, ceil_mode=True)
         for deconvolution, (height, width) in zip(self.decoder, reversed(sizes), strict=True):
             x = deconvolution(x)
-            if x.shape[-2:] != (height, width):  # to cut nothing would cost two copies in the backward pass
+            if x.shape[-2:] != (height, width):  # an empty cut would cost two copies in the backward pass
                 x = x[..., :height, :width]
             x = functional.relu(x)
         return cast(Tensor, self.head(x))
 
 
 class ProgressiveNetwork(nn.Module):
-    """SRF, LRF and DPR in a row, each seeing the image and all features before it.
+    """SRF, LRF and DPR in sequence; each sees the image and all features before it.
 
     Parameters
     ----------
     configuration
-        What is there, and how wide.
+        Parts of the network, and their width.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -221,7 +221,7 @@ class GlobalCodeNetwork(nn.Module):
         self.head = nn.Conv2d(width, CHANNELS, 3, padding=1)
 
     def forward(self, image: Tensor) -> Tensor:
-        """Predict depth and mask; see :meth:`ProgressiveNetwork.forward`. Images are of 128 x 128 pixels."""
+        """Predict depth and mask; see :meth:`ProgressiveNetwork.forward`. Images have 128 x 128 pixels."""
         innermost = self.encoder(image)
         code = self.encode(innermost.flatten(1))
         decoded = functional.relu(self.decode(code)).view_as(innermost)
@@ -229,19 +229,19 @@ class GlobalCodeNetwork(nn.Module):
 
 
 def _depth_and_mask(x: Tensor) -> Tensor:
-    """Leave the depth as it is, for it is regressed; squash the mask into (0, 1). Shape (n, 2, h, w)."""
+    """Leave the depth, which is regressed, and squash the mask into (0, 1); shape (n, 2, h, w)."""
     return torch.stack([x[:, 0], torch.sigmoid(x[:, 1])], dim=1)
 
 
 RESOLUTIONS = {"progressive": range(32, 2049), "global-code": (128,)}
-"""Pixels per side that each architecture can have."""
+"""Pixels per side that each architecture supports."""
 
 
 def build(configuration: Configuration, seed: int = 0) -> nn.Module:
-    """Network with random weights that depend on the seed alone.
+    """Build a network with random weights that depend only on the seed.
 
-    Convolutions before a (leaky) rectifier start with variances that keep the scale of activations [He et al. 2015,
-    eq. 14].
+    Convolutions before a (leaky) rectifier start with variances that keep the scale of activations [He et al. 2015, eq.
+    14].
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -249,7 +249,7 @@ def build(configuration: Configuration, seed: int = 0) -> nn.Module:
         network: nn.Module = kind(configuration)
         for module in network.modules():
             if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module.out_channels != CHANNELS:
-                # Products that add up to one output pixel; a stride spreads those of a transposed convolution.
+                # Products per output pixel; a stride spreads those of a transposed convolution.
                 products = module.in_channels * module.kernel_size[0] ** 2
                 if isinstance(module, nn.ConvTranspose2d):
                     products //= module.stride[0] ** 2

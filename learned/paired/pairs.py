@@ -1,4 +1,4 @@
-"""Training pairs in memory, and how well predictions cover their targets."""
+"""Training pairs in memory."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class Pairs:
         return len(self.identifiers)
 
     def to(self, device: torch.device) -> Pairs:
-        """Copy to a device."""
+        """Return a copy on a device."""
         moved = (tensor.to(device) for tensor in (self.images, self.targets, self.target_of))
         return Pairs(self.identifiers, *moved)
 
 
 def seen_by(image: DepthImage, resolution: int, crop: bool) -> Floats:
-    """Depth and mask as a network sees them, shape (2, resolution, resolution), cropped to the body or not."""
+    """Return depth and mask as a network sees them, shape (2, resolution, resolution), cropped if ``crop`` is set."""
     if not crop:
         return shrink(checked_image(image), resolution)
     depth = cropped(checked_image(image)[None], resolution)[0]
@@ -55,7 +55,7 @@ def seen_by(image: DepthImage, resolution: int, crop: bool) -> Floats:
 
 
 def gather(pairs: Iterable[TrainingPair], resolution: int, crop: bool = False) -> Pairs:
-    """Shrink all pairs into memory; each distinct target is kept once.
+    """Load all pairs into memory, downsampled; each distinct target is kept once.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def gather(pairs: Iterable[TrainingPair], resolution: int, crop: bool = False) -
 
 
 def joined(parts: Sequence[Pairs]) -> Pairs:
-    """Several parts as one, in their order; a target that two parts share is kept in both."""
+    """Concatenate parts in their order; a target that two parts share is kept in both."""
     before = itertools.accumulate((len(part.targets) for part in parts[:-1]), initial=0)
     return Pairs(
         tuple(identifier for part in parts for identifier in part.identifiers),

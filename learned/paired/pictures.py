@@ -1,4 +1,4 @@
-"""Pictures of a training: the losses, and what the network makes of seen and unseen shapes."""
+"""Pictures of a training: the losses, and predictions for seen and unseen shapes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 COLUMNS = 10
-"""Samples in a grid."""
+"""Samples per grid."""
 
 
 def draw_history(history: Sequence[Mapping[str, float]], path: Path, title: str) -> None:
-    """Draw the losses of training pairs, and overlap of masks on unseen ones, over the epochs."""
+    """Draw the losses, and mask overlap and depth error of unseen pairs, over the epochs."""
     from matplotlib.figure import Figure
 
     epochs = [row["epoch"] for row in history]
@@ -67,13 +67,13 @@ def draw_samples(
     predictions, targets
         Depth and mask, shape (n, 2, r, r).
     path, title
-        Where to, and what it is.
+        File and title of the picture.
     """
     from matplotlib.figure import Figure
 
     overlap = overlaps(predictions, targets).numpy()
     order = np.argsort(overlap, kind="stable")
-    # The three worst show the failures, the others are spread over the whole range.
+    # The three worst show failures; the others are spread over the whole range.
     chosen = np.unique(np.concatenate([np.arange(3), np.linspace(3, len(order) - 1, COLUMNS - 3).round().astype(int)]))
     chosen = order[chosen[chosen < len(order)]]
     rows = ("input", "predicted depth", "true depth", "predicted mask", "true mask")

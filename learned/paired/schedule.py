@@ -1,4 +1,4 @@
-"""Losses and schedule: the paper's by default, every departure by name."""
+"""Losses and schedule, by default those of the paper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from learned.training.machine import Precision
 DepthLoss = Literal["all", "masked"]
 
 LOOKS = 25
-"""Times that the unseen pairs are looked at during a training."""
+"""Number of evaluations of the unseen pairs during a training."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class Schedule:
     epochs
         Passes over the pairs.
     early_epochs
-        Epochs at the beginning during which the depth counts little; None keeps the paper's share, a fifth.
+        Initial epochs with a small weight of the depth; None for the paper's share, a fifth.
     early_alpha, alpha
         Weight of the depth loss during and after the early epochs.
     beta
@@ -47,9 +47,9 @@ class Schedule:
     cosine
         Whether the step size falls to zero along half a cosine.
     jitter
-        Largest shift of the input in pixels of the 500 x 500 image; the target stays. 0 for none.
+        Largest shift of the input in pixels of the 500 x 500 image; the target is not shifted. 0 for none.
     precision
-        Arithmetic of the network: ``"auto"`` takes bfloat16 where the hardware has it.
+        Arithmetic of the network: ``"auto"`` takes bfloat16 if the hardware supports it.
     compile
         Whether torch compiles the network.
     """
@@ -71,28 +71,28 @@ class Schedule:
 
     @property
     def n_early(self) -> int:
-        """Epochs during which ``early_alpha`` holds."""
+        """Number of epochs with ``early_alpha``."""
         return round(self.epochs / 5) if self.early_epochs is None else self.early_epochs
 
     def weight_of_depth(self, epoch: int) -> float:
-        """Alpha of an epoch, counted from 0."""
+        """Return alpha of an epoch, counted from 0."""
         return self.early_alpha if epoch < self.n_early else self.alpha
 
     def step_size(self, epoch: int) -> float:
-        """Step size of Adam in an epoch, counted from 0."""
+        """Return the step size of Adam in an epoch, counted from 0."""
         if not self.cosine:
             return self.learning_rate
         return self.learning_rate * 0.5 * (1 + math.cos(math.pi * epoch / self.epochs))
 
     def over(self, n_pairs: int, batch: int) -> Epochs:
-        """Plan of the steps over so many pairs, in batches of a size."""
+        """Return the plan of the steps over ``n_pairs`` pairs, in batches of ``batch``."""
         return Epochs(
             steps=self.epochs * math.ceil(n_pairs / batch), bodies=batch, gradient_clip=self.gradient_clip,
             precision=self.precision, settings=self,
         )  # fmt: skip
 
     def non_default_settings(self) -> list[str]:
-        """Fields that differ from the paper's schedule, in words; arithmetic and compilation are not part of it."""
+        """Describe the fields that differ from the paper's schedule, except for arithmetic and compilation."""
         paper = Schedule()
         values = {**asdict(self), "early_epochs": self.n_early}
         printed = {**asdict(paper), "early_epochs": paper.n_early}
@@ -103,7 +103,7 @@ class Schedule:
         ]
 
     def in_words(self) -> str:
-        """The schedule in one clause."""
+        """Describe the schedule in one clause."""
         text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs, batch {self.batch}"
         named = {"resolution", "epochs", "batch", *(["early_epochs"] if self.early_epochs is None else [])}
         return ", ".join([text, *(part for part in self.non_default_settings() if part.split()[0] not in named)])
@@ -111,7 +111,7 @@ class Schedule:
 
 @dataclass(frozen=True, kw_only=True)
 class Epochs(Plan):
-    """Plan of the steps of a schedule, whose progress is counted in epochs.
+    """Plan of the steps of a schedule, with progress counted in epochs.
 
     Parameters
     ----------
@@ -124,31 +124,31 @@ class Epochs(Plan):
 
     @property
     def unit(self) -> int:
-        """Steps of an epoch; the last one may see fewer pairs."""
+        """Steps per epoch; the last one may have fewer pairs."""
         return self.steps // self.settings.epochs
 
     @property
     def row(self) -> int:
-        """Steps of a row of the history."""
+        """Steps per row of the history."""
         return self.unit
 
     @property
     def look(self) -> int:
-        """Steps between two looks at pairs that are not trained on."""
+        """Steps between two evaluations of the unseen pairs."""
         return self.unit * max(1, self.settings.epochs // LOOKS)
 
     def step_size(self, step: int) -> float:
-        """Step size of Adam in a step, counted from 0."""
+        """Return the step size of Adam in a step, counted from 0."""
         return self.settings.step_size(step // self.unit)
 
 
 def schedule(defaults: Mapping[str, Any], options: Mapping[str, Any]) -> Schedule:
-    """Schedule of a configuration with the options of the command line.
+    """Return the schedule of a configuration with the options of the command line.
 
     Parameters
     ----------
     defaults
-        Fields in which the configuration departs from the paper.
+        Fields in which the configuration differs from the paper.
     options
         Values by field, as text or as numbers.
 
@@ -161,14 +161,14 @@ def schedule(defaults: Mapping[str, Any], options: Mapping[str, Any]) -> Schedul
 
 
 def losses(prediction: Tensor, target: Tensor, depth_loss: DepthLoss) -> tuple[Tensor, Tensor]:
-    """Mean squared errors of depth and mask.
+    """Compute the mean squared errors of depth and mask.
 
     Parameters
     ----------
     prediction, target
         Depth and mask, shape (n, 2, h, w).
     depth_loss
-        Over which pixels the error of the depth is averaged.
+        Pixels over which the error of the depth is averaged.
 
     Returns
     -------

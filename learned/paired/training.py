@@ -1,4 +1,4 @@
-"""Training over a fixed set of pairs in memory, which are shown once an epoch."""
+"""Training on a fixed set of pairs in memory, each used once per epoch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from learned.training.machine import is_out_of_memory
 
 
 def check_resolution(configuration: Configuration, resolution: int) -> None:
-    """Raise ``ConfigurationError`` if the network cannot have this resolution."""
+    """Raise ``ConfigurationError`` if the network does not support this resolution."""
     allowed = RESOLUTIONS[configuration.architecture]
     if resolution not in allowed:
         fits = f"{allowed[0]} to {allowed[-1]}" if len(allowed) > 1 else f"{allowed[0]}"
@@ -34,36 +34,36 @@ def check_resolution(configuration: Configuration, resolution: int) -> None:
 def train(
     configuration: Configuration, schedule: Schedule, pairs: Pairs, unseen: Pairs | None, run: TrainingRun
 ) -> Trained[nn.Module]:
-    """Train a network, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
+    """Train a network, resuming from a checkpoint if there is one; see :class:`learned.training.loop.TrainingLoop`.
 
-    Where memory does not suffice, it goes on from the last checkpoint with batches of half the size.
+    If memory does not suffice, training resumes from the last checkpoint with batches of half the size.
 
     Parameters
     ----------
     configuration, schedule
-        What is trained, and how.
+        Configuration and training schedule.
     pairs
         The training pairs.
     unseen
-        Pairs for curves only.
+        Held-out pairs, for curves only.
     run
-        Where; its seed is that of the weights and of the order of the pairs.
+        Folder and device, and the seed of the weights and of the order of the pairs.
 
     Raises
     ------
     ConfigurationError
-        If the network cannot have this resolution.
+        If the network does not support this resolution.
     TrainingError
-        If a loss is not a number, memory does not suffice for half the batch, or the checkpoint does not fit.
+        If a loss is not finite, memory does not suffice for half the batch, or the checkpoint does not fit.
     """
     check_resolution(configuration, schedule.resolution)
     pairs, unseen = pairs.to(run.device), unseen.to(run.device) if unseen else None
 
     def attempt(batch: int) -> Trained[nn.Module] | None:
-        """Train with batches of this size; None if memory does not suffice."""
+        """Train with batches of this size; return None if memory does not suffice."""
         network = build(configuration, run.seed).to(run.device, memory_format=torch.channels_last)
         plan = schedule.over(len(pairs), batch)
-        # Compiled or not, the same parameters are trained.
+        # The compiled network shares the parameters of the original.
         forward = torch.compile(network) if schedule.compile else network
         objective = _Objective(forward, schedule, plan, pairs, unseen, run.seed)
         try:
@@ -87,7 +87,7 @@ def train(
 
 @dataclass(frozen=True)
 class PairBatch:
-    """Rows of the pairs of a step, and the epoch that it belongs to, counted from 0."""
+    """Rows of the pairs of a step, and its epoch, counted from 0."""
 
     number: int
     epoch: int
@@ -108,7 +108,7 @@ class _Objective(Objective[PairBatch]):
     held_out = "unseen"
 
     def batch(self, number: int) -> PairBatch:
-        """Batch of a number: the order of the pairs depends on the seed and the epoch alone."""
+        """Return the batch of a number; the order of the pairs depends only on the seed and the epoch."""
         epoch, place = divmod(number, self.plan.unit)
         order = np.random.default_rng([self.seed, epoch]).permutation(len(self.pairs))
         return PairBatch(number, epoch, order[place * self.plan.bodies : (place + 1) * self.plan.bodies])
@@ -152,7 +152,7 @@ class _Objective(Objective[PairBatch]):
 
 
 def _shifted(images: Tensor, largest: int, random: np.random.Generator) -> Tensor:
-    """Images shifted by whole pixels, the same for all of a batch; what leaves the frame is lost."""
+    """Shift all images of a batch by the same random number of whole pixels, cropped to the frame."""
     limit = round(largest * images.shape[-1] / SIZE)
     down, right = (int(shift) for shift in random.integers(-limit, limit + 1, size=2))
     height, width = images.shape[-2:]

@@ -13,49 +13,49 @@ from learned.described import configuration_named, described_by
 
 @dataclass(frozen=True, kw_only=True)
 class Streamed:
-    """One network, and what it is trained for.
+    """Architecture, loss weights and stream of a network.
 
     Parameters
     ----------
     name
         Name on the command line.
     resolution
-        Pixels per side of what it sees and predicts; a multiple of 32.
+        Pixels per side of input and prediction; a multiple of 32.
     width
         Channels of the outermost block.
     code_size
-        Numbers that a body is reduced to.
+        Length of the code of a body.
     decoder
-        ``"plain"``: a transposed convolution in each block. ``"residual"``: enlarging by interpolation, then two
-        convolutions around which the block's input is led. ``"shuffle"``: as plain, but for the last two doublings 16
-        channels are rearranged into 16 pixels.
+        ``"plain"``: a transposed convolution in each block. ``"residual"``: upsampling by interpolation, then two
+        convolutions with a skip connection. ``"shuffle"``: as plain, but the last two doublings rearrange 16 channels
+        into 16 pixels.
     sides
-        1: depth of the front of the canonical pose. 2: of its back as well, and the form is a closed surface.
+        1: depth of the front of the canonical pose. 2: also of its back, and the form is a closed surface.
     crop
-        Whether the network sees the foreground alone, centred and scaled, so that the frame is of no account.
+        Whether the network sees only the foreground, centred and scaled, so that the frame does not matter.
     one_code
-        Weight of the distance between the codes of two poses of one body, relative to that between bodies.
+        Weight of the distance between codes of two poses of a body, relative to that between bodies.
     gradient
-        Weight of the error of the depth's differences between neighbouring pixels.
+        Weight of the error of depth differences between neighbouring pixels.
     norm
-        ``"group"``: each sample in eight groups of channels. ``"sample"``: all channels of a sample at once, of which
-        the derivative costs a tenth. ``"none"``: standardised weights instead.
+        ``"group"``: group normalisation with eight groups of channels. ``"sample"``: with one group of all channels,
+        whose gradient costs a tenth. ``"none"``: standardised weights instead.
     encoder
         ``"plain"``: five strided convolutions. ``"residual"``: with a residual block after the second and the third.
     attention
-        Layers of self-attention over the last features but one, which see the whole image.
+        Self-attention layers over the penultimate features, which see the whole image.
     average
-        Whether what the decoder predicts is added to images of the average body, which are learned too.
+        Whether the output of the decoder is added to learned images of the average body.
     one_form
-        Weight of the variance of the forms that are predicted for one body, relative to that of all forms.
+        Weight of the variance of the predicted forms of a body, relative to that of all forms.
     places
-        Weight of the error of the canonical positions of what the image shows, predicted from the last features but
-        one; no form needs them, they make the encoder tell which part of the body is where.
+        Weight of the error of the canonical positions of visible points, predicted from the penultimate features. Forms
+        do not use them; they make the encoder locate the parts of the body.
     points
-        Weight of the error of the places of points of the body in the canonical pose, a linear function of the code; no
-        form needs them, they make the code tell what a body is.
+        Weight of the error of the canonical positions of points of the body, a linear function of the code. Forms do
+        not use them; they make the code describe the body.
     stream
-        Bodies it is trained on: ``"varied"``, or ``"wide"`` with harder poses and several views of each.
+        Training bodies: ``"varied"``, or ``"wide"`` with harder poses and several views of each.
     """
 
     name: str
@@ -78,11 +78,11 @@ class Streamed:
 
     @property
     def channels(self) -> int:
-        """Predicted images: a depth for each side, and the mask."""
+        """Number of predicted images: one depth per side, and the mask."""
         return self.sides + 1
 
     def described(self) -> dict[str, Any]:
-        """All fields, for a card."""
+        """Return all fields, for a card."""
         return asdict(self)
 
 
@@ -102,23 +102,23 @@ STREAMED: dict[str, Streamed] = {
         stream="wide",
     ),
 }
-"""All configurations by name. The weights are those that make each term as large as the others early in a training."""
+"""All configurations by name. Their weights make all loss terms about equally large early in a training."""
 
 
 def streamed(name: str) -> Streamed:
-    """Configuration of this name, or a ``ConfigurationError`` that names the nearest ones."""
+    """Return the configuration of this name, or raise ``ConfigurationError`` with the closest names."""
     return configuration_named(name, STREAMED)
 
 
 def from_card(described: object) -> Streamed:
-    """Configuration that a card describes; an older card lacks some fields, which then have their default.
+    """Return the configuration that a card describes; fields that an older card lacks get their defaults.
 
     Raises
     ------
     ConfigurationError
-        If it is not one.
+        If the card describes another kind of network, or a resolution that does not fit.
     """
-    # Only an older card of a streamed network lacks fields: their defaults are those that were fixed before.
+    # Only an older card of a streamed network lacks fields, whose defaults are the values that were fixed before.
     whole = {**PLAIN.described(), **described} if isinstance(described, Mapping) and "name" in described else described
     configuration = described_by(whole, PLAIN)
     check_resolution(configuration)
@@ -126,7 +126,7 @@ def from_card(described: object) -> Streamed:
 
 
 def check_resolution(configuration: Streamed) -> None:
-    """Raise ``ConfigurationError`` if the network cannot have its resolution."""
+    """Raise ``ConfigurationError`` if the resolution is not a multiple of 32."""
     if configuration.resolution % 32:
         raise ConfigurationError(
             f"network '{configuration.name}' has no resolution {configuration.resolution}", "take a multiple of 32"

@@ -1,4 +1,4 @@
-"""From a stream of fresh bodies to a folder with a finished network of images."""
+"""Training of a network of images on a stream of fresh bodies, into a folder."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from learned.training.machine import MachineWithWorkers
 
 
 def checked_plan(name: str, options: Mapping[str, Any]) -> tuple[Streamed, Plan, MachineWithWorkers]:
-    """The configuration of a name, its plan and the machine with options.
+    """Return the configuration of this name, and the plan and machine that the options describe.
 
     Raises
     ------
     ConfigurationError
-        If an option does not fit, or there is no such device here.
+        If an option does not fit, or the device is not available.
     """
     chosen = streamed(name)
     if "resolution" in options and str(options["resolution"]) != str(chosen.resolution):
@@ -51,20 +51,20 @@ def fit(
     seed
         Seed of the weights.
     data
-        A stream.
+        A stream of fresh bodies.
     folder
-        Where the model goes.
+        Folder of the model.
     options
         Fields of :class:`learned.training.loop.Plan` and of :class:`learned.training.machine.MachineWithWorkers`.
     say
-        Told about progress.
+        Called with each progress message.
 
     Raises
     ------
     ConfigurationError
-        If an option does not fit, the data is no stream, or the folder holds a finished model of another training.
+        If an option does not fit, the data is not a stream, or the folder holds a finished model of another training.
     TrainingError
-        If training cannot go on.
+        If training cannot continue.
     """
     chosen, plan, machine = checked_plan(name, options)
     stream = stream_of(data)
@@ -92,6 +92,6 @@ def fit(
 
 
 def in_words(chosen: Streamed, plan: Plan) -> str:
-    """Network and plan in one clause."""
+    """Describe network and plan in one clause."""
     size = f"{chosen.resolution} x {chosen.resolution} pixels"
     return f"'{chosen.name}', {size}, {plan.steps} steps of {plan.bodies} fresh bodies"

@@ -1,4 +1,4 @@
-"""Fresh bodies as a streamed network sees them: a batch is a function of its number alone."""
+"""Training batches of fresh bodies for streamed networks, each determined by its number."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from learned.images import Floats, cropped, shrunk, window
 from learned.streamed.configuration import Streamed
 
 OVERSAMPLING = {"varied": 2.0, "wide": 1.5}
-"""Pixels rendered for each side of a pixel that the network sees, by stream."""
+"""Rendered pixels per network pixel, along each side, by stream."""
 
 
 CELL = 8
@@ -22,18 +22,18 @@ CELL = 8
 
 
 def seen_by(configuration: Streamed, images: Floats) -> Floats:
-    """Return what a network of this configuration is given of depth images of one mask, shape (k, r, r)."""
+    """Return depth images with the same mask as a network of this configuration sees them, shape (k, r, r)."""
     return (cropped if configuration.crop else shrunk)(images, configuration.resolution)
 
 
 @dataclass(frozen=True, eq=False)
 class ImageBatch:
-    """Pairs to train on; the images of one body are neighbours.
+    """Pairs to train on; the images of a body are adjacent.
 
     Parameters
     ----------
     number
-        Place in the stream.
+        Index in the stream.
     identifiers
         Names of the bodies.
     images
@@ -41,14 +41,14 @@ class ImageBatch:
     targets
         Depth of each side, then the mask, shape (bodies * k, sides + 1, r, r).
     poses
-        Images of each body, k.
+        Images per body, k.
     drawn_again
-        How often something was drawn again, by reason.
+        Number of redraws, by reason.
     places
-        Canonical positions of the body's points in coarse pixels of the image, and whether there are any, shape
-        (bodies * k, 4, r / CELL, r / CELL); None where no loss asks for them.
+        Mean canonical position of the body points in each coarse pixel, and whether it contains any of these points.
+        Shape (bodies * k, 4, r / CELL, r / CELL); None if no loss uses them.
     points
-        Standardised places of points of the body, shape (bodies * k, p); None where no loss asks for them.
+        Standardised positions of points of the body, shape (bodies * k, p); None if no loss uses them.
     """
 
     number: int
@@ -63,16 +63,16 @@ class ImageBatch:
 
 @dataclass(frozen=True)
 class MakesImages:
-    """Makes batches of images; can be sent to another process.
+    """Maker of batches of images; can be sent to another process.
 
     Parameters
     ----------
     make
-        Makes fresh bodies.
+        Maker of fresh bodies.
     configuration
-        What the network sees of them.
+        Configuration of the network.
     bodies
-        Bodies of each batch.
+        Bodies per batch.
     """
 
     make: MakesFresh
@@ -87,7 +87,7 @@ class MakesImages:
 
 
 def batch_of(fresh: Fresh, number: int, configuration: Streamed) -> ImageBatch:
-    """Fresh bodies at the resolution of a network, without their frame if it does without."""
+    """Resample fresh bodies to a batch for a network, cropped if its configuration says so."""
     poses = fresh.images.shape[1]
     images = [seen_by(configuration, image[None]) for of_body in fresh.images for image in of_body]
     targets = []
@@ -104,7 +104,7 @@ def batch_of(fresh: Fresh, number: int, configuration: Streamed) -> ImageBatch:
 
 
 def _places(fresh: Fresh, cells: int) -> Tensor | None:
-    """Mean canonical position of the points that each coarse pixel of each image shows, and whether there are any."""
+    """Return the mean canonical position of the points in each coarse pixel, and whether there are any."""
     if fresh.pixels is None or fresh.places is None:
         return None
     cell_places = np.zeros((*fresh.images.shape[:2], 4, cells, cells), dtype=np.float32)

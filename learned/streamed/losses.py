@@ -1,4 +1,4 @@
-"""Losses of a streamed network: depth inside the mask, the mask, smoothness of what is smooth, and one code."""
+"""Losses of a streamed network: depth inside the mask, mask, depth gradients, codes, forms, places and points."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ NAMES = ("depth loss", "mask loss", "gradient loss", "code loss", "form loss", "
 """Columns of the history."""
 
 WEIGHTS = ("gradient", "one_code", "one_form", "places", "points")
-"""Fields of a configuration that weigh all of them but the first two."""
+"""Fields of a configuration with the weights of all terms but the first two."""
 
 FORM_PIXELS = 4
 """Pixels per side that are averaged before forms are compared."""
 
 _LEAST_SPREAD = 1e-6
-"""Smallest variance between codes, lest all of them being one be divided by zero."""
+"""Smallest variance between codes, which avoids a division by zero if all codes are equal."""
 
 
 def losses(
@@ -32,21 +32,21 @@ def losses(
     configuration: Streamed,
     beside: Mapping[str, tuple[Tensor, Tensor]] = MappingProxyType({}),
 ) -> Tensor:
-    """All terms, unweighted; those of weight zero are zero.
+    """Compute all terms of the loss, unweighted; terms of weight zero are zero.
 
     Parameters
     ----------
     prediction, target
         Depth of each side, then the mask, shape (n, sides + 1, r, r).
     code
-        Shape (n, code_size); the poses of one body are neighbours.
+        Codes, shape (n, code_size); the poses of a body are adjacent.
     poses
         Poses of each body.
     configuration
-        Which terms count.
+        Configuration, whose weights select the terms.
     beside
-        What is predicted beside the images, with what is true. ``"places"``: canonical positions, shape (n, 3, s, s),
-        and the true ones with their mask, shape (n, 4, s, s). ``"points"``: places of points, shape (n, p) each.
+        Predictions other than images, with their targets. ``"places"``: canonical positions, shape (n, 3, s, s), and
+        the true ones with their mask, shape (n, 4, s, s). ``"points"``: positions of points, shape (n, p) each.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def losses(
 
 
 def weighted(terms: Tensor, configuration: Streamed) -> Tensor:
-    """The loss that is minimised, a scalar."""
+    """Return the loss to minimise, a scalar."""
     total = terms[0] + terms[1]
     for name, term in zip(WEIGHTS, terms[2:], strict=True):
         total = total + getattr(configuration, name) * term
@@ -81,27 +81,27 @@ def weighted(terms: Tensor, configuration: Streamed) -> Tensor:
 
 
 def place_loss(predicted: Tensor, true: Tensor) -> Tensor:
-    """Mean square of the distance of canonical positions, over the coarse pixels that show the body."""
+    """Return the mean squared distance of canonical positions over the coarse pixels that show the body."""
     shown = true[:, 3:]
     return ((predicted - true[:, :3]).square() * shown).sum() / shown.sum().clamp(min=1)
 
 
 def _shown(prediction: Tensor, mask: Tensor) -> Tensor:
-    """Mask of a prediction, and its depths where the true mask is, in coarse pixels, shape (n, numbers)."""
+    """Return the depths inside the true mask, then the predicted mask, in coarse pixels, shape (n, numbers)."""
     depths, predicted_mask = prediction.split([prediction.shape[1] - 1, 1], dim=1)
     shown = torch.cat([depths * mask, predicted_mask], dim=1)
     return functional.avg_pool2d(shown, FORM_PIXELS).flatten(1)
 
 
 def gradient_loss(errors: Tensor, mask: Tensor) -> Tensor:
-    """Mean square of the differences of the depth's error between neighbours that both show the body.
+    """Return the mean squared difference of depth errors between neighbouring pixels that both show the body.
 
-    An error that is the same everywhere moves the surface and costs nothing here; one that alternates is a waffle.
+    A constant error shifts the surface and costs nothing here, unlike one that alternates between pixels.
 
     Parameters
     ----------
     errors
-        Predicted less true depth, shape (n, sides, r, r).
+        Predicted minus true depth, shape (n, sides, r, r).
     mask
         Shape (n, 1, r, r).
     """
@@ -117,9 +117,9 @@ def gradient_loss(errors: Tensor, mask: Tensor) -> Tensor:
 
 
 def code_loss(code: Tensor, poses: int) -> Tensor:
-    """Variance of the codes of one body over that of all codes: 0 where the pose leaves no trace, 1 at random.
+    """Return the variance of the codes of a body over that of all codes: 0 if they ignore the pose, 1 at random.
 
-    A ratio, for the distance alone is least where every body has the code zero.
+    The ratio is necessary, because the numerator alone is smallest if all codes are zero.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The row of the streamed networks: one depth image goes in, the canonical form comes out, of any body in any frame."""
+"""Row of the streamed networks, which predict the canonical form from one depth image, of any body in any frame."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class StreamedLearner(StreamLearner, DepthImageLearner):
-    """Depth image of the canonical pose from one code, by a network that was trained on fresh bodies without end.
+    """Depth image of the canonical pose from one code, by a network trained on an endless stream of bodies.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class StreamedLearner(StreamLearner, DepthImageLearner):
     configuration: Annotated[str, OneOf(STREAMED.keys())] = "people"
 
     def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
-        """Train the model; see :class:`learned.training.steps.Plan`."""
+        """Train the model; see :class:`learned.training.loop.Plan`."""
         from learned.streamed.fitting import fit
 
         fit(self.configuration, self.training_seed, data, folder, options, say)

@@ -1,4 +1,4 @@
-"""A trained streamed network: its files, predictions, and the closed surface of front and back."""
+"""A trained streamed network: loading, prediction, and the closed surface of front and back."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from learned.weights import with_weights
 
 
 def configuration_of(card: Mapping[str, Any], folder: Path) -> Streamed:
-    """Configuration that a card names.
+    """Return the configuration on a card.
 
     Raises
     ------
     ConfigurationError
-        If it is the card of another kind of model.
+        If the card belongs to another kind of model.
     """
     return from_card(described_in(card, "streamed", folder, "a streamed network"))
 
 
 def load_streamed(folder: Path) -> tuple[StreamedNetwork, Streamed]:
-    """Network with the weights in a folder, ready to predict, and its configuration.
+    """Load the network in a folder, ready to predict, and its configuration.
 
     Raises
     ------
     ConfigurationError
-        If the weights are not those that the card describes, or belong to another configuration.
+        If the weights do not match the card, or belong to another configuration.
     """
     return _load(folder, card_digest(read_card(folder)))
 
@@ -56,12 +56,12 @@ def _load(folder: Path, _digest: str) -> tuple[StreamedNetwork, Streamed]:
 
 @torch.inference_mode()
 def predicted(network: StreamedNetwork, configuration: Streamed, depth: DepthImage) -> Tensor:
-    """Depth of each side and the mask, shape (sides + 1, r, r), from a depth image of shape (500, 500).
+    """Predict the depth of each side and the mask, shape (sides + 1, r, r), from an image of shape (500, 500).
 
     Raises
     ------
     InvalidMesh, UnsupportedShape
-        If the image does not fit, or shows nothing.
+        If the image does not fit, or is empty.
     """
     image = torch.from_numpy(seen_by(configuration, checked_image(depth)[None]))[None].double()
     prediction: Tensor = network(image.contiguous(memory_format=torch.channels_last))[0]
@@ -69,12 +69,12 @@ def predicted(network: StreamedNetwork, configuration: Streamed, depth: DepthIma
 
 
 def form_of(prediction: Tensor) -> tuple[Mesh, dict[str, float | str]]:
-    """Surface of unit area behind a prediction, closed where it has two sides, and facts about it.
+    """Return the surface of unit area behind a prediction, closed if it has two sides, and notes about it.
 
     Parameters
     ----------
     prediction
-        As from :func:`predicted`.
+        Output of :func:`predicted`.
 
     Raises
     ------
@@ -88,22 +88,22 @@ def form_of(prediction: Tensor) -> tuple[Mesh, dict[str, float | str]]:
 
 
 THINNEST = 0.004
-"""Smallest distance of front and back, as a share of half the frame: less than that of two samples, so that a surface
-whose predicted sides cross is thin there and not inside out."""
+"""Smallest distance between front and back, as a share of half the frame: less than that between two samples, so that a
+surface is thin, not inside out, where its predicted sides cross."""
 
 
 def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, dict[str, float | str]]:
-    """Closed surface of unit area behind two depth images, and facts about it.
+    """Return the closed surface of unit area behind two depth images, and notes about it.
 
-    The front is triangulated as a view is, nothing cut inside the mask and its pieces joined by bridges; the back gets
-    the same triangles, turned over; a wall of triangles runs along each border. So the surface is closed whatever the
-    images hold.
+    The front is triangulated like a view, without cuts inside the mask and with bridges between its pieces. The back
+    gets the same triangles, flipped, and a wall of triangles runs along each border. So the surface is closed whatever
+    the images contain.
 
     Parameters
     ----------
     front, back
-        Depth of the nearest and of the farthest surface from the same eye, shape (500, 500), 0 outside the mask of
-        the front.
+        Depth of the nearest and of the farthest surface from the same viewpoint, shape (500, 500), 0 outside the mask
+        of the front.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, dict[str,
     seen = front > 0
     if not seen.any():
         raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
-    # Each side gets half of the vertices that a form should have.
+    # Each side gets half of the vertices of a form.
     stride = max(1, round(math.sqrt(np.count_nonzero(seen) / (SAMPLES / 2))))
     side, report = back_project(front, 1.0, stride=stride, jump=math.inf)
     behind = np.minimum(2 * _below(side.vertices, back, seen) - 1, side.vertices[:, 2] - THINNEST)
@@ -129,7 +129,7 @@ def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, dict[str,
 
 
 def _below(vertices: NDArray[np.float64], back: DepthImage, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Depth of the back at vertices of the front; beside the mask, where bridges are, that of the nearest pixel."""
+    """Return the depth of the back at vertices of the front; on bridges outside the mask, at the nearest mask pixel."""
     rows, columns = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     # Vertices are centres of pixels, so rounding down is far from a tie.
     column, row = np.clip(((vertices[:, :2] * [1, -1] + 1) * (SIZE / 2)).astype(np.int64), 0, SIZE - 1).T
@@ -137,7 +137,7 @@ def _below(vertices: NDArray[np.float64], back: DepthImage, seen: NDArray[np.boo
 
 
 def _joined(side: Mesh) -> NDArray[np.int32]:
-    """Triangles of the front, of the back, and of the wall along every border, shape (m, 3)."""
+    """Return the triangles of the front, the back, and the wall along every border, shape (m, 3)."""
     count = side.n_vertices
     tails, heads = side.faces.ravel(), np.roll(side.faces, -1, axis=1).ravel()
     forward = tails.astype(np.int64) * count + heads

@@ -1,6 +1,6 @@
-"""Networks with one code: everything that is predicted comes from a few hundred numbers, and nothing of the pose leaks.
+"""Networks with one code: all predicted images come from a few hundred numbers, so no pixel of the pose leaks through.
 
-The blocks are those of :class:`learned.paired.network.GlobalCodeNetwork`; what differs is named by the configuration.
+The blocks are those of :class:`learned.paired.network.GlobalCodeNetwork`; the configuration names the differences.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ HALVINGS = 5
 """Blocks of the encoder and of the decoder."""
 
 HEADS = 4
-"""Heads of a layer of attention."""
+"""Heads per attention layer."""
 
 _AVERAGE_GAIN = 10.0
-"""Factor of the images of the average body: a pixel belongs to no convolution and has to learn by itself."""
+"""Factor of the images of the average body, whose pixels learn independently, not as outputs of a convolution."""
 
 _SHUFFLED = 2
-"""Doublings of a decoder that are one rearrangement of channels into pixels."""
+"""Doublings of a decoder that one rearrangement of channels into pixels replaces."""
 
 _RESIDUAL_STAGES = (1, 2)
-"""Strided convolutions of a residual encoder after which there is a residual block."""
+"""Strided convolutions of a residual encoder that are followed by a residual block."""
 
 _SECOND_GAIN = 0.1
-"""Scale of what a residual block adds at first, so that it begins as an enlargement."""
+"""Initial scale of the residual branch of a block, so that the block starts close to its skip connection."""
 
 
 def normalised(channels: int, norm: str) -> nn.Module:
-    """Return the norm of a configuration for so many channels."""
+    """Return the normalisation layer of a configuration."""
     if norm == "none":
         return nn.Identity()
     return nn.GroupNorm(GROUPS if norm == "group" else 1, channels)
@@ -63,12 +63,12 @@ class StandardisedConv2d(nn.Conv2d):
 
 
 class InnerBlock(nn.Module):
-    """Two convolutions at one size around which the input is led.
+    """Residual block of two convolutions that keep the size.
 
     Parameters
     ----------
     channels
-        Channels that come in and go out.
+        Input and output channels.
     norm
         As in :class:`learned.streamed.configuration.Streamed`.
     """
@@ -86,12 +86,12 @@ class InnerBlock(nn.Module):
 
 
 class Attention(nn.Module):
-    """Layer of self-attention over the pixels of small features [Vaswani et al. 2017], normalised before each part.
+    """Pre-norm self-attention layer over the pixels of small features [Vaswani et al. 2017].
 
     Parameters
     ----------
     channels
-        Channels that come in and go out.
+        Input and output channels.
     side
         Pixels per side.
     """
@@ -119,18 +119,18 @@ class Attention(nn.Module):
 
 
 def convolution(before: int, after: int, kernel: int, stride: int, norm: str) -> nn.Conv2d:
-    """Return a convolution that keeps or halves the size, with standardised weights where there is no norm."""
+    """Return a convolution that keeps or halves the size, with standardised weights if there is no norm."""
     kind = StandardisedConv2d if norm == "none" else nn.Conv2d
     return kind(before, after, kernel, stride=stride, padding=1)
 
 
 class ResidualBlock(nn.Module):
-    """Doubles the size by interpolation and adds what two convolutions make of it; leaves no checkerboard.
+    """Residual block that doubles the size by interpolation, followed by two convolutions; leaves no checkerboard.
 
     Parameters
     ----------
     before, after
-        Channels that come in and go out.
+        Input and output channels.
     norm
         As in :class:`learned.streamed.configuration.Streamed`.
     """
@@ -145,7 +145,7 @@ class ResidualBlock(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Map features, shape (n, before, h, w), to shape (n, after, 2 h, 2 w)."""
-        # A convolution of one pixel and an enlargement may change places, and the small image is cheaper.
+        # A 1x1 convolution commutes with the upsampling, and is cheaper on the small image.
         around = functional.interpolate(self.around(x), scale_factor=2, mode="bilinear", align_corners=False)
         inside = functional.interpolate(x, scale_factor=2, mode="nearest")
         inside = functional.leaky_relu(self.first_norm(self.first(inside)), SLOPE)
@@ -158,7 +158,7 @@ class StreamedNetwork(nn.Module):
     Parameters
     ----------
     configuration
-        What it consists of.
+        Configuration of the network.
     """
 
     def __init__(self, configuration: Streamed) -> None:
@@ -200,17 +200,17 @@ class StreamedNetwork(nn.Module):
         self.average = nn.Parameter(torch.zeros(size)) if configuration.average else None
 
     def code(self, image: Tensor) -> Tensor:
-        """Return what a body is reduced to, shape (n, code_size), from depth images, shape (n, 1, r, r)."""
+        """Encode depth images, shape (n, 1, r, r), to codes, shape (n, code_size)."""
         return self.code_and_places(image)[0]
 
     def code_and_places(self, image: Tensor) -> tuple[Tensor, Tensor | None]:
-        """Return the code, and the canonical positions of what each coarse pixel shows, shape (n, 3, r / 8, r / 8)."""
+        """Return the codes, and the canonical positions in coarse pixels, shape (n, 3, r / 8, r / 8), or None."""
         features = self.encoder[:-1](image)
         places = self.places(features) if self.places is not None else None
         return self.encode(self.encoder[-1](features).flatten(1)), places
 
     def decoded(self, code: Tensor) -> Tensor:
-        """Depth of each side, then the mask in (0, 1), shape (n, sides + 1, r, r), from codes."""
+        """Decode codes to the depth of each side, then the mask in (0, 1), shape (n, sides + 1, r, r)."""
         innermost = functional.relu(self.decode(code)).view(-1, *self.innermost)
         raw = self.head(self.decoder(innermost))
         if self.average is not None:
@@ -228,7 +228,7 @@ def _plain_block(before: int, after: int, norm: str) -> nn.Module:
 
 
 def build_streamed(configuration: Streamed, seed: int = 0) -> StreamedNetwork:
-    """Network with random weights that depend on the seed alone.
+    """Build a network with random weights that depend only on the seed.
 
     Convolutions before a rectifier start with variances that keep the scale of activations [He et al. 2015, eq. 14].
     """
@@ -238,7 +238,7 @@ def build_streamed(configuration: Streamed, seed: int = 0) -> StreamedNetwork:
         head = network.head[0] if isinstance(network.head, nn.Sequential) else network.head
         for module in network.modules():
             if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module is not head:
-                # Products that add up to one output pixel; a stride spreads those of a transposed convolution.
+                # Products per output pixel; a stride spreads those of a transposed convolution.
                 products = module.in_channels * module.kernel_size[0] ** 2
                 if isinstance(module, nn.ConvTranspose2d):
                     products //= module.stride[0] ** 2
@@ -247,7 +247,7 @@ def build_streamed(configuration: Streamed, seed: int = 0) -> StreamedNetwork:
             if isinstance(module, ResidualBlock) and isinstance(module.second_norm, nn.GroupNorm):
                 nn.init.constant_(module.second_norm.weight, _SECOND_GAIN)
         with torch.no_grad():
-            # Depths begin in the middle of the frame, the mask at the share that a body covers.
+            # Depths start in the middle of the frame, the mask at about the share that a body covers.
             first = torch.tensor([*[0.5] * configuration.sides, MASK_LOGIT])
             head.bias.copy_(first.repeat_interleave(len(head.bias) // len(first)))
             if configuration.average:

@@ -16,7 +16,7 @@ from learned.streamed.network import StreamedNetwork, build_streamed
 from learned.training.loop import Objective, Plan, Trained, TrainingLoop, TrainingRun, fresh_bodies, measures
 
 LOOKED_AT = 32
-"""Validation bodies that are looked at."""
+"""Number of validation bodies."""
 
 
 def train_streamed(
@@ -26,24 +26,24 @@ def train_streamed(
     validation: MakesFresh | None,
     run: TrainingRun,
 ) -> Trained[StreamedNetwork]:
-    """Train a network, going on from a checkpoint; see :class:`learned.training.loop.TrainingLoop`.
+    """Train a network, resuming from a checkpoint if there is one; see :class:`learned.training.loop.TrainingLoop`.
 
     Parameters
     ----------
     configuration, plan
-        What is trained, and how.
+        Configuration and training plan.
     make
-        Makes the bodies.
+        Maker of the bodies.
     validation
-        Makes bodies for the curves; None for no curves.
+        Maker of bodies for validation curves; None for no curves.
     run
-        Where; its seed is that of the weights.
+        Folder and device, and the seed of the weights.
 
     Raises
     ------
     TrainingError
-        If a body cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then stands at
-        the last step that was done.
+        If a body cannot be made, a loss is not finite, or the checkpoint does not fit. A checkpoint of the last
+        completed step remains, unless a loss is not finite.
     """
     network = build_streamed(configuration, run.seed).to(run.device, memory_format=torch.channels_last)
     unseen = MakesImages(validation, configuration, LOOKED_AT)(0) if validation else None
@@ -85,18 +85,18 @@ class _Objective(Objective[ImageBatch]):
 def batch_losses(
     network: StreamedNetwork, configuration: Streamed, batch: ImageBatch, device: torch.device, half: bool
 ) -> Tensor:
-    """Return all terms of the loss of a batch; see :func:`learned.streamed.losses.losses`.
+    """Compute all terms of the loss of a batch; see :func:`learned.streamed.losses.losses`.
 
     Parameters
     ----------
     network, configuration
-        What is trained.
+        The network and its configuration.
     batch
-        What it is trained on.
+        Training batch.
     device
-        Where the network is.
+        Device of the network.
     half
-        Whether it may compute in bfloat16.
+        Whether the network may compute in bfloat16.
     """
     images = batch.images.to(device).contiguous(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16, enabled=half):

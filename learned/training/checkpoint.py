@@ -24,7 +24,7 @@ class Average:
     Parameters
     ----------
     network
-        As it begins.
+        Network with its initial weights.
     """
 
     def __init__(self, network: nn.Module) -> None:
@@ -34,14 +34,14 @@ class Average:
         }
 
     def add(self, kept: float, step: int) -> None:
-        """Take in the weights after a step.
+        """Update the average with the weights after a step.
 
         Parameters
         ----------
         kept
-            Share of the average that is kept; less in the first steps, so that the beginning is forgotten soon.
+            Decay of the average; smaller in the first steps, so that the initial weights are soon forgotten.
         step
-            Which step, counted from 0.
+            Index of the step, counted from 0.
         """
         share = 1 - min(kept, (1 + step) / (10 + step))
         newest = [parameter.detach() for parameter in self._network.parameters()]
@@ -57,7 +57,7 @@ class Average:
 
     @contextmanager
     def used(self) -> Iterator[None]:
-        """Let the network have the averaged weights for a while."""
+        """Give the network the averaged weights inside a ``with`` block."""
         self.swap()
         try:
             yield
@@ -68,28 +68,28 @@ class Average:
 CHECKPOINT = "checkpoint.safetensors"
 
 SNAPSHOTS = "snapshots"
-"""Folder of the weights at several numbers of bodies."""
+"""Folder of snapshots of the weights after several numbers of bodies."""
 
 VERSION = str(torch.__version__)
-"""Release of torch, whose arithmetic differs from that of others."""
+"""Version of torch; arithmetic differs between versions."""
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Facts in a checkpoint besides tensors.
+    """Content of a checkpoint other than tensors.
 
     Parameters
     ----------
     epoch
-        Epochs or steps that are done.
+        Number of completed epochs or steps.
     batch
-        Pairs or bodies of a step, halved if memory ran out.
+        Pairs or bodies per step, halved if memory ran out.
     seconds
         Time spent so far.
     history
-        Its rows so far.
+        Rows of the history so far.
     """
 
     epoch: int
@@ -99,7 +99,7 @@ class Progress:
 
 
 def write(path: Path, content: bytes) -> None:
-    """Write a file so that it is whole or not there; raises ``TrainingError`` if it cannot be written."""
+    """Write a file atomically, or raise ``TrainingError`` if it cannot be written."""
     try:
         write_atomically(path, lambda file: file.write(content), durable=True)
     except OSError as error:
@@ -111,16 +111,16 @@ def write(path: Path, content: bytes) -> None:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The file in a folder from which a training goes on.
+    """The file in a folder from which a training resumes.
 
     Parameters
     ----------
     folder
-        Where it is.
+        Folder of the file.
     network, optimiser
-        What is trained, and the Adam that trains it.
+        The network, and the Adam that trains it.
     average
-        Averaged weights, if there are any.
+        Averaged weights, if any.
     """
 
     folder: Path
@@ -129,12 +129,12 @@ class Checkpoint:
     average: Average | None = None
 
     def keep(self, progress: Progress, recipe: Mapping[str, Any]) -> None:
-        """Write it.
+        """Write the checkpoint.
 
         Parameters
         ----------
         progress
-            How far.
+            Progress of the training.
         recipe
             Everything that determines the result; :meth:`resume` refuses another one.
         """
@@ -160,12 +160,12 @@ class Checkpoint:
         write(self.folder / CHECKPOINT, save(tensors, metadata))
 
     def resume(self, recipe: Mapping[str, Any]) -> Progress | None:
-        """Set network, optimiser and average to where it stands; None if there is none.
+        """Restore network, optimiser and average, and return the progress; None if there is no checkpoint.
 
         Raises
         ------
         TrainingError
-            If it is damaged, or was made with other options or data, or another torch.
+            If the checkpoint is damaged, or was made with other options or data, or another torch.
         """
         path = self.folder / CHECKPOINT
         if not path.is_file():
@@ -204,19 +204,19 @@ class Checkpoint:
 
 
 def keep_snapshot(folder: Path, weights: Mapping[str, Tensor], bodies: int, recipe: Mapping[str, Any]) -> None:
-    """Keep weights, rounded to half precision, by the number of bodies that were seen."""
+    """Save weights, rounded to half precision, under the number of bodies seen."""
     metadata = {"recipe": json.dumps(recipe, sort_keys=True), "bodies": str(bodies)}
     halves = {name: tensor.detach().cpu().half().contiguous() for name, tensor in weights.items()}
     write(folder / SNAPSHOTS / f"{bodies:010}.safetensors", save(halves, metadata))
 
 
 def newest_snapshot(folder: Path) -> tuple[int, dict[str, Any], dict[str, Tensor]] | None:
-    """Return bodies, recipe and weights of the snapshot that has seen the most bodies; None if there is none.
+    """Return bodies, recipe and weights of the snapshot with the most bodies; None if there is none.
 
     Raises
     ------
     TrainingError
-        If it is damaged.
+        If the snapshot is damaged.
     """
     kept = sorted((folder / SNAPSHOTS).glob("*.safetensors"))
     if not kept:
@@ -231,7 +231,7 @@ def newest_snapshot(folder: Path) -> tuple[int, dict[str, Any], dict[str, Tensor
 
 
 def stands_at(folder: Path) -> tuple[int, int]:
-    """Return the epochs or steps that are done, and the batch; 0 and 0 if there is no checkpoint that can be read."""
+    """Return the completed epochs or steps, and the batch; 0 and 0 if there is no readable checkpoint."""
     try:
         with safe_open(str(folder / CHECKPOINT), framework="pt") as file:
             metadata = file.metadata() or {}
@@ -241,10 +241,10 @@ def stands_at(folder: Path) -> tuple[int, int]:
 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Names of the entries that are not the same."""
+    """Return the names of the entries that differ."""
     return sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
 
 
 def _release(version: str) -> str:
-    """Version without the kind of build: a training may go on on another device."""
+    """Return the version without the kind of build, because a training may resume on another device."""
     return version.partition("+")[0]

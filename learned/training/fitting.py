@@ -1,4 +1,4 @@
-"""From training data to a folder with a finished model, whatever network it is."""
+"""Training of any network, from training data to a folder with a finished model."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ P = TypeVar("P", bound=Plan)
 
 
 def plan_among(kind: type[P], options: Mapping[str, Any]) -> tuple[P, MachineWithWorkers]:
-    """The plan and the machine that options of a training describe which sees no body twice.
+    """Return the plan and machine that the options of a training on a stream describe.
 
     Parameters
     ----------
     kind
-        Plan or a kind of it.
+        ``Plan`` or a subclass.
     options
-        As the user gave them.
+        Options as given by the user.
 
     Raises
     ------
     ConfigurationError
-        If an option does not fit, or there is no such device here.
+        If an option does not fit, or the device is not available.
     """
     for known, instead in (("epochs", "-o steps=N: no body is seen twice"), ("batch", "-o bodies=N")):
         if known in options:
@@ -52,7 +52,7 @@ def plan_among(kind: type[P], options: Mapping[str, Any]) -> tuple[P, MachineWit
 
 
 def stream_of(data: TrainingData) -> StreamedData:
-    """The data, if it is a stream; raises ``ConfigurationError`` if not."""
+    """Return the data if it is a stream, or raise ``ConfigurationError``."""
     if not isinstance(data, StreamedData):
         raise ConfigurationError(f"training '{data.name}' is no stream of fresh bodies", "take --only humans-varied")
     return data
@@ -60,32 +60,32 @@ def stream_of(data: TrainingData) -> StreamedData:
 
 @dataclass(frozen=True, kw_only=True)
 class Fitting(Generic[N]):
-    """A training into a folder.
+    """Training of a model into a folder.
 
     Parameters
     ----------
     kind
-        What the card calls the configuration.
+        Key of the configuration on the card.
     name
         Name of the configuration.
     described
         All fields of the configuration.
     plan
-        How it is trained.
+        Training plan.
     words
         Network and plan in one clause.
     training_data
-        What it is trained on.
+        Training data.
     seed
         Seed of the weights.
     train
-        Trains, going on from the checkpoint in the folder.
+        Trains, resuming from the checkpoint in the folder.
     load
         Loads the finished model, and raises ``ConfigurationError`` if it cannot be used.
     defaults
-        Fields of the configuration that the card of an older model may lack.
+        Defaults of fields of the configuration that the card of an older model may lack.
     planned
-        What the card calls the plan.
+        Key of the plan on the card.
     """
 
     kind: str
@@ -111,23 +111,23 @@ class Fitting(Generic[N]):
         }
 
     def into(self, folder: Path, machine: Machine, say: Callable[[str], None]) -> None:
-        """Train a model into a folder, or go on where a training was stopped; a finished one is left alone.
+        """Train a model into a folder, resuming an interrupted training; a finished model is left alone.
 
         Parameters
         ----------
         folder
-            Where the model goes.
+            Folder of the model.
         machine
-            What it is trained on.
+            Machine of the training.
         say
-            Told about progress.
+            Called with each progress message.
 
         Raises
         ------
         ConfigurationError
             If the folder holds a finished model of another training.
         TrainingError
-            If training cannot go on.
+            If training cannot continue.
         """
         recipe = self.recipe
         if (folder / CARD).is_file():
@@ -151,7 +151,7 @@ class Fitting(Generic[N]):
         """Raise ``ConfigurationError`` unless the finished model in a folder came from this recipe."""
         card = read_card(folder)
         recipe = dict(card.get("recipe", {}))
-        # An older card may lack what has a default.
+        # An older card may lack fields that have a default.
         for part, defaults in (("configuration", self.defaults), (self.planned, defaults_of(self.plan))):
             if part in recipe:
                 recipe[part] = {**defaults, **recipe[part]}
@@ -163,7 +163,7 @@ class Fitting(Generic[N]):
             )
 
     def _saved(self, folder: Path, trained: Trained[N], hardware: str) -> dict[str, Any]:
-        """Write weights, rounded to what is stored, history and, last, the card, which is returned."""
+        """Write the weights, rounded as they are stored, the history and, last, the card; return the card."""
         network, progress, data = trained.network.to("cpu").eval(), trained.progress, self.training_data
         as_stored(network)
         weights = stored(network)
@@ -194,18 +194,18 @@ class Fitting(Generic[N]):
         }
         write(folder / WEIGHTS, weights)
         write(folder / HISTORY, _table(progress.history).encode())
-        # Its presence means a finished model.
+        # Written last, because its presence means a finished model.
         write(folder / CARD, _card_text(card).encode())
         return card
 
 
 def defaults_of(described: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that have a default, with it, by name."""
+    """Return the defaults of the fields of a dataclass, by name."""
     return {entry.name: entry.default for entry in fields(described) if entry.default is not MISSING}
 
 
 def hardware(device: str) -> str:
-    """Return what computes, in words."""
+    """Describe the hardware in words."""
     if device == "cuda":
         return str(torch.cuda.get_device_name())
     threads = torch.get_num_threads()
@@ -213,7 +213,7 @@ def hardware(device: str) -> str:
 
 
 def _card_text(card: Mapping[str, Any]) -> str:
-    """JSON with one line for each entry: long lists of shapes stay on one line."""
+    """Return JSON with one line per entry, so that long lists of shapes stay on one line."""
     lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
 

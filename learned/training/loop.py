@@ -1,4 +1,4 @@
-"""Training loop of all networks with Adam: an interrupted training resumes with the same result."""
+"""Training loop of all networks, with Adam; an interrupted training resumes with the same result."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from learned.training.stream import Batch, batches
 
 
 def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
-    """Intersection over union of the masks of each pair, shape (n,); both have depth and mask, shape (n, 2, r, r)."""
+    """Return the intersection over union of masks, shape (n,), from depths and masks, shape (n, 2, r, r)."""
     predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
     return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
 
 
 def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
-    """Overlap of masks, and error of depths where both masks are.
+    """Compute the overlap of masks, and the depth error inside both masks.
 
     Parameters
     ----------
@@ -53,19 +53,19 @@ def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
 
 
 CHECKPOINT_SECONDS = 60.0
-"""Time between checkpoints: what a crash costs at most, and the steps of a row."""
+"""Seconds between checkpoints; a crash costs at most this time and the steps of a row."""
 
 ROW = 50
-"""Steps of a row of the history; checkpoints are written between rows."""
+"""Steps per row of the history; checkpoints are written between rows."""
 
 LOOKS = 20
-"""Times that validation bodies are looked at during a training whose end is known."""
+"""Number of validations during a training of known length."""
 
 LOOK_STEPS = 2000
-"""Steps between two looks of one whose end is not."""
+"""Steps between two validations of a training of unknown length."""
 
 FIRST_SNAPSHOT = 1000
-"""Bodies after which the weights of a training of unknown length are kept, and again whenever they have doubled."""
+"""Bodies after which a training of unknown length saves its weights, and again after each doubling."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,23 +77,23 @@ class Plan:
     steps
         Steps of Adam, each on other bodies.
     bodies
-        Bodies of each step; the stream says in how many poses.
+        Bodies per step; the stream determines the number of poses.
     learning_rate
         Largest step size of Adam; it rises over the first ``warm_up`` steps.
     warm_up
-        Steps of the rise.
+        Steps over which the step size rises.
     schedule
-        ``"cosine"``: the step size falls to zero along half a cosine. ``"constant"``: it stays, so that a training may
-        be given more ``steps``, or a ``falling`` end, when it is well under way.
+        ``"cosine"``: the step size falls to zero along half a cosine. ``"constant"``: it stays constant, so that a
+        running training can be given more ``steps`` or a ``falling`` end.
     falling
-        Last steps of a constant schedule, along which the step size falls to zero in a line.
+        Last steps of a constant schedule, over which the step size falls linearly to zero.
     average
-        Share of the averaged weights that is kept in each step, the rest being the newest weights; 0 for no average.
-        The finished model has the averaged weights.
+        Decay of the exponential moving average of the weights; 0 for no average. The finished model has the averaged
+        weights.
     gradient_clip
         Largest norm of the gradient; 0 for no limit.
     precision
-        Arithmetic of the network: ``"auto"`` takes bfloat16 where the hardware has it.
+        Arithmetic of the network: ``"auto"`` takes bfloat16 if the hardware supports it.
     """
 
     steps: Annotated[int, Interval(1)] = 30_000
@@ -110,7 +110,7 @@ class Plan:
     """Unit in which progress is counted."""
 
     def __post_init__(self) -> None:
-        """Raise ``ConfigurationError`` if the step size is to fall in two ways, or for longer than the training."""
+        """Raise ``ConfigurationError`` if ``falling`` exceeds ``steps``, or 0 with a cosine schedule."""
         if self.falling > (self.steps if self.schedule == "constant" else 0):
             raise ConfigurationError(
                 f"the step size cannot fall for {self.falling} of {self.steps} steps of schedule '{self.schedule}'",
@@ -119,21 +119,21 @@ class Plan:
 
     @property
     def unit(self) -> int:
-        """Steps of what progress is counted in."""
+        """Steps per unit of progress."""
         return 1
 
     @property
     def row(self) -> int:
-        """Steps of a row of the history."""
+        """Steps per row of the history."""
         return ROW
 
     @property
     def look(self) -> int:
-        """Steps between two looks at validation bodies."""
+        """Steps between two validations."""
         return LOOK_STEPS if self.schedule == "constant" else max(1, self.steps // LOOKS)
 
     def step_size(self, step: int) -> float:
-        """Step size of Adam in a step, counted from 0."""
+        """Return the step size of Adam in a step, counted from 0."""
         rising = min(1.0, (step + 1) / (self.warm_up + 1))
         if self.schedule == "constant":
             return self.learning_rate * rising * min(1.0, (self.steps - step) / (self.falling + 1))
@@ -146,22 +146,22 @@ B = TypeVar("B", bound=Batch)
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingRun:
-    """One run of a training: where it computes, and where its checkpoints go.
+    """One run of a training: folder, seed and hardware.
 
     Parameters
     ----------
     folder
-        Where checkpoints go.
+        Folder of the checkpoints.
     recipe
         Everything that determines the result.
     seed
-        Seed of the weights, and of all else that is drawn.
+        Seed of the weights and of all other random draws.
     device
-        Where to compute.
+        Device to compute on.
     workers
-        Processes that make batches; 0 to make them between the steps.
+        Processes that make batches; 0 makes them between the steps.
     say
-        Told about progress.
+        Called with each progress message.
     """
 
     folder: Path
@@ -174,18 +174,18 @@ class TrainingRun:
 
 @dataclass(frozen=True)
 class Trained(Generic[N]):
-    """A trained network and how it came about.
+    """A trained network and facts about its training.
 
     Parameters
     ----------
     network
         The network.
     progress
-        Where the training ended.
+        Progress at the end of the training.
     precision
         Arithmetic of the network.
     seen
-        What it was trained on, in numbers by name, for the card.
+        Counts of the training data by name, for the card.
     details
         Further entries of the card.
     """
@@ -198,57 +198,57 @@ class Trained(Generic[N]):
 
 
 class Objective(ABC, Generic[B]):
-    """Objective of a network for a batch, and measures of bodies that it is not trained on."""
+    """Loss of a network on a batch, and its measures on held-out bodies."""
 
     terms: ClassVar[tuple[str, ...]]
     """Names of the terms of the loss, as columns of the history."""
     watched: ClassVar[str]
-    """The measure of :meth:`measured` that is told with the progress."""
+    """The measure of :meth:`measured` in progress messages."""
     held_out: ClassVar[str] = "validation"
-    """Name of the bodies that it is not trained on, before each of their measures."""
+    """Name of the held-out bodies, the prefix of their measures."""
 
     @abstractmethod
     def losses(self, batch: B, half: bool) -> Tensor:
-        """Terms of the loss, shape (terms,), with their gradients; ``half`` allows bfloat16 in the network."""
+        """Compute the terms of the loss, shape (terms,), with gradients; ``half`` allows bfloat16 in the network."""
 
     @abstractmethod
     def total(self, losses: Tensor, batch: B) -> Tensor:
-        """The loss that is minimised, a scalar."""
+        """Return the loss to minimise, a scalar."""
 
     @abstractmethod
     def measured(self, half: bool) -> Mapping[str, float]:
-        """Measures of validation bodies, by name; empty where there are none."""
+        """Compute measures of validation bodies, by name; empty if there are none."""
 
     def row(self, step: int, losses: NDArray[np.float64], costs: Mapping[str, float]) -> dict[str, float]:
-        """Row of the history that ends with a step: means of the terms, shape (steps, terms), and what they cost."""
+        """Return the history row that ends with a step: means of ``losses``, shape (steps, terms), and costs."""
         return {"step": float(step), **dict(zip(self.terms, losses.mean(axis=0).tolist(), strict=True)), **costs}
 
     def place(self, step: int) -> str:
-        """Name of a step, counted from 1, for messages."""
+        """Return the name of a step, counted from 1, for messages."""
         return f"step {step}"
 
 
 @dataclass
 class TrainingLoop(Generic[B]):
-    """A training: what is minimised, how, and where it is kept.
+    """Training of a network, with checkpoints.
 
-    A batch is a matter of its number, so a training that was stopped and resumed on the same machine ends with the same
-    weights as one that was not, however many processes made the batches.
+    A batch depends only on its number, so a training that is interrupted and resumed on the same machine ends with the
+    same weights as an uninterrupted one, whatever the number of workers.
 
     Parameters
     ----------
     network
-        What is trained; it is changed.
+        Network to train, modified in place.
     objective
-        What it is trained for; the code of its module, with all that it imports, determines the result.
+        Loss and measures; the code of its module, with all that it imports, determines the result.
     make
-        Makes the batch of a number; can be sent to another process.
+        Maker of the batch of a number; can be sent to another process.
     plan
-        How it is trained.
+        Training plan.
     run
-        Where.
+        Folder, seed and hardware.
     rates
-        Step sizes of some modules of the network, by name, as multiples of that of the plan.
+        Step sizes of individual modules, by name, as multiples of that of the plan.
     """
 
     network: nn.Module
@@ -259,7 +259,7 @@ class TrainingLoop(Generic[B]):
     rates: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Begin the average at the first weights."""
+        """Start the average at the initial weights, and create the optimiser."""
         self._average = Average(self.network) if self.plan.average else None
         self._optimiser = torch.optim.Adam(self._groups(), lr=self.plan.learning_rate)
 
@@ -268,20 +268,20 @@ class TrainingLoop(Generic[B]):
         return Checkpoint(self.run.folder, self.network, self._optimiser, self._average)
 
     def train(self) -> tuple[Progress, str]:
-        """Train, going on from the checkpoint in the folder if there is one.
+        """Train, resuming from the checkpoint in the folder if there is one.
 
         Returns
         -------
         Progress
-            Where the training ended.
+            Progress at the end of the training.
         str
-            The precision of the network's arithmetic.
+            Precision of the network's arithmetic.
 
         Raises
         ------
         TrainingError
-            If a batch cannot be made, a loss is not a number, or the checkpoint does not fit. The checkpoint then
-            stands at the last step that was done, unless a loss of it was not a number.
+            If a batch cannot be made, a loss is not finite, or the checkpoint does not fit. A checkpoint of the last
+            completed step remains, unless a loss is not finite or an epoch is incomplete.
         """
         plan = self.plan
         done, _ = checkpoint.stands_at(self.run.folder)
@@ -335,7 +335,7 @@ class TrainingLoop(Generic[B]):
         return progress
 
     def _groups(self) -> list[dict[str, Any]]:
-        """Parameters by the rate at which they learn."""
+        """Group the parameters by step size."""
         by_rate: dict[float, list[nn.Parameter]] = {}
         for name, parameter in self.network.named_parameters():
             by_rate.setdefault(self.rates.get(name.partition(".")[0], 1.0), []).append(parameter)
@@ -345,20 +345,20 @@ class TrainingLoop(Generic[B]):
         self._checkpoint.keep(progress, self._recipe(progress.epoch))
 
     def _recipe(self, done: int) -> Mapping[str, Any]:
-        """Return what determines the weights after so many steps; with a constant step size, not how many come."""
+        """Return the recipe of the weights so far; it omits the length while the step size is constant."""
         plan, recipe = self.plan, self.run.recipe
         if plan.schedule == "cosine" or done > plan.steps - plan.falling or "plan" not in recipe:
             return recipe
         return _without_length(recipe)
 
     def _snapshot(self, step: int) -> None:
-        """Keep the weights, rounded to half precision, beside the checkpoint."""
+        """Save the weights, rounded to half precision, in addition to the checkpoint."""
         bodies = step * self.plan.bodies
         with self._averaged():
             checkpoint.keep_snapshot(self.run.folder, self.network.state_dict(), bodies, self.run.recipe)
 
     def _from_snapshot(self) -> Progress | None:
-        """Begin with the newest weights that were kept, if the checkpoint is lost, and Adam's state with it."""
+        """Start from the newest snapshot of the weights, without the state of Adam, if the checkpoint is lost."""
         newest = checkpoint.newest_snapshot(self.run.folder)
         if newest is None:
             return None
@@ -389,7 +389,7 @@ class TrainingLoop(Generic[B]):
         self._optimiser.step()
         if self._average is not None:
             self._average.add(self.plan.average, batch.number)
-        # Reading a number would make the host wait for the device, so the losses stay there for a row.
+        # Reading a number would make the host wait for the device, so the losses stay there until the end of a row.
         return losses.detach()
 
     def _row(self, step: int, terms: Sequence[Tensor], costs: Mapping[str, float]) -> dict[str, float]:
@@ -420,18 +420,18 @@ class TrainingLoop(Generic[B]):
 
 
 def _without_length(recipe: Mapping[str, Any]) -> dict[str, Any]:
-    """A recipe without what tells how many steps there are."""
+    """Return a recipe without the length of the training."""
     plan = {name: value for name, value in recipe.get("plan", {}).items() if name not in ("steps", "falling")}
     return {**recipe, "plan": plan}
 
 
 def doubled(step: int, bodies: int) -> bool:
-    """Return whether the bodies seen pass a power of two times ``FIRST_SNAPSHOT`` in a step, counted from 1."""
+    """Return whether the number of bodies passes ``FIRST_SNAPSHOT`` times a power of two in a step, counted from 1."""
     before, after = ((count * bodies // FIRST_SNAPSHOT).bit_length() for count in (step - 1, step))
     return after > before
 
 
 def fresh_bodies(plan: Plan, progress: Progress) -> dict[str, int]:
-    """Return how many bodies a training saw of which none came twice, and how often something was drawn again."""
+    """Return the number of bodies in a training that uses each once, and the number of redraws."""
     redrawn = sum(row["drawn again"] for row in progress.history)
     return {"bodies": plan.steps * plan.bodies, "drawn_again": round(redrawn)}

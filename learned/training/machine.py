@@ -1,4 +1,4 @@
-"""Machine of a training: device, precision, memory, and which of the options that a user gives belong to it."""
+"""Machine of a training: device, precision, memory, and the options that belong to it."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _TRIM_THRESHOLD, _MMAP_MAX = -1, -4
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """Machine of a training, which is no part of what determines the model.
+    """Machine of a training, which is not part of the recipe of the model.
 
     Parameters
     ----------
     device
-        ``"auto"`` takes a GPU where there is one.
+        ``"auto"`` takes a GPU if there is one.
     threads
-        Threads on the CPU; None takes all cores of this process that make no bodies.
+        Threads on the CPU; None takes all cores of this process that do not make bodies.
     """
 
     device: Literal["auto", "cpu", "cuda"] = "auto"
@@ -38,23 +38,23 @@ class Machine:
 
     @property
     def cores(self) -> int:
-        """Threads to compute with on the CPU."""
+        """Number of threads on the CPU."""
         return self.threads or max(1, available_cores() - self.workers)
 
     @property
     def workers(self) -> int:
-        """Processes that make batches."""
+        """Number of processes that make batches."""
         return 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class MachineWithWorkers(Machine):
-    """A machine on which processes of their own make bodies.
+    """A machine on which worker processes make bodies.
 
     Parameters
     ----------
     workers
-        How many; 0 makes the bodies between the steps.
+        Number of worker processes; 0 makes the bodies between the steps.
     """
 
     workers: Annotated[int, Interval(0, 64)] = 1
@@ -64,19 +64,19 @@ M = TypeVar("M", bound=Machine)
 
 
 def machine_among(kind: type[M], options: Mapping[str, Any]) -> tuple[M, dict[str, Any]]:
-    """Machine that some of the options describe, and the other options.
+    """Return the machine that some of the options describe, and the other options.
 
     Parameters
     ----------
     kind
-        Machine or a kind of it; its fields are the names of its options.
+        ``Machine`` or a subclass; its fields are the names of its options.
     options
-        As the user gave them.
+        Options as given by the user.
 
     Raises
     ------
     ConfigurationError
-        If an option does not fit, or there is no such device here.
+        If an option does not fit, or the device is not available.
     """
     names = {field.name for field in fields(kind)}
     own = {name: value for name, value in options.items() if name in names}
@@ -86,12 +86,12 @@ def machine_among(kind: type[M], options: Mapping[str, Any]) -> tuple[M, dict[st
 
 
 def device_named(name: Literal["auto", "cpu", "cuda"]) -> torch.device:
-    """Device of this name; ``"auto"`` takes a GPU where there is one.
+    """Return the device of this name; ``"auto"`` takes a GPU if there is one.
 
     Raises
     ------
     ConfigurationError
-        If there is no such device here.
+        If the device is not available.
     """
     if name == "cuda" and not torch.cuda.is_available():
         raise ConfigurationError("no GPU is here, or this torch cannot use it", "pass --device cpu or auto")
@@ -99,17 +99,17 @@ def device_named(name: Literal["auto", "cpu", "cuda"]) -> torch.device:
 
 
 def has_bfloat16(device: torch.device) -> bool:
-    """Return whether the hardware multiplies bfloat16 by itself; software emulation would be slower than float32."""
+    """Return whether the hardware multiplies bfloat16 natively; emulation in software would be slower than float32."""
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
     return torch.backends.mkldnn.is_available() and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
 
 
 def keep_freed_memory() -> None:
-    """Let the C library of Linux keep the memory of freed tensors for the next ones.
+    """Make the C library of Linux keep the memory of freed tensors for the next ones.
 
-    Otherwise it returns large ones to the system, and every step asks for them again, page by page: up to a quarter of
-    its time.
+    Otherwise it returns large blocks to the system, and every step requests them again, page by page, which takes up to
+    a quarter of its time.
     """
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
         library.mallopt(_MMAP_MAX, 0)
@@ -117,7 +117,7 @@ def keep_freed_memory() -> None:
 
 
 def is_out_of_memory(error: Exception) -> bool:
-    """Return whether an error of torch says that an allocation failed."""
+    """Return whether an error of torch reports a failed allocation."""
     if isinstance(error, (torch.OutOfMemoryError, MemoryError)):
         return True
     return isinstance(error, RuntimeError) and any(text in str(error) for text in ("allocate memory", "out of memory"))

@@ -1,4 +1,4 @@
-"""Batches of fresh bodies, made ahead by other processes and handed out in their order, whoever made them."""
+"""Batches of fresh bodies, made ahead by other processes and delivered in order."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from benchmark.errors import TrainingError, one_line
 from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, Requester
 
 AHEAD = 3
-"""Batches in memory for each process that makes them."""
+"""Batches in memory per worker process."""
 
 MOST_LOSSES = 3
-"""How often in a row the processes may die over one batch."""
+"""Number of times that worker processes may die over one batch."""
 
 
 class Batch(Protocol):
@@ -31,12 +31,12 @@ class Batch(Protocol):
 
     @property
     def number(self) -> int:
-        """Place in the stream."""
+        """Index in the stream."""
         ...
 
     @property
     def drawn_again(self) -> Mapping[str, int]:
-        """Return how often something was drawn again, by reason."""
+        """Number of redraws, by reason."""
         ...
 
 
@@ -46,21 +46,21 @@ B = TypeVar("B", bound=Batch)
 def batches(
     make: Callable[[int], B], numbers: range, workers: int, say: Callable[[str], None]
 ) -> Generator[B, None, None]:
-    """Make batches in the order of their numbers.
+    """Yield batches in the order of their numbers.
 
-    What a batch holds is a matter of its number, so neither how many processes there are nor which of them is the
-    faster shows. A process that dies is replaced, and what it was at is made again.
+    A batch depends only on its number, so neither the number of worker processes nor their speed changes it. A process
+    that dies is replaced, and its batch is made again.
 
     Parameters
     ----------
     make
-        Makes the batch of a number, always the same one; can be sent to another process.
+        Maker of the batch of a number, always the same one; can be sent to another process.
     numbers
-        Which batches.
+        Numbers of the batches.
     workers
-        Processes; 0 makes each batch here, when it is asked for.
+        Number of worker processes; 0 makes each batch in this process, on request.
     say
-        Told about processes that died.
+        Called with a message for each process that dies.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def batches(
 def _ahead(
     make: Callable[[int], B], numbers: range, workers: int, say: Callable[[str], None]
 ) -> Generator[tuple[int, Callable[[], B]], None, None]:
-    """Yield numbers with what waits for the batch, which another process makes; a thread here looks after each."""
+    """Yield numbers, each with a function that waits for its batch; one thread per worker process requests them."""
     idle: SimpleQueue[Process] = SimpleQueue()
     start = partial(Process, partial(_serve, make))
 
@@ -124,7 +124,7 @@ def _ahead(
 def _serve(
     make: Callable[[int], object], asked: Mapping[str, Any], arrays: Arrays, requester: Requester
 ) -> tuple[Mapping[str, Any], Arrays]:
-    """Make the batch of a number, in a process of its own."""
+    """Make the batch of a number, in a worker process."""
     _use_one_thread()
     return {}, {"batch": np.frombuffer(pickle.dumps(make(asked["number"]), pickle.HIGHEST_PROTOCOL), np.uint8)}
 

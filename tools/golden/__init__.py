@@ -1,1 +1,1 @@
-"""Golden results: what each component of the suite makes of a few committed inputs."""
+"""Golden results: the output of each component of the suite for a few committed inputs."""

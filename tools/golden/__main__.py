@@ -31,12 +31,12 @@ from tools.golden.results import (
 )
 
 PROCESSES = 2
-#: They take longest, so they begin.
+#: Prefixes of the slowest components, which start first.
 FIRST = ("data/animals", "data/humans-scanlike", "scorer/cm-bof", "method/learned", "data/", "method/")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Return 0 where all components agree, or those that do not were accepted."""
+    """Return 0 if all components agree or the others were accepted."""
     parser = argparse.ArgumentParser(prog="make golden", description=__doc__)
     parser.add_argument("--accept", nargs="+", default=[], metavar="NAME", help="write these golden files; all: all")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="run these; edited: those whose code was edited")
@@ -58,16 +58,16 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def unchecked() -> list[str]:
-    """Components without golden results, and those whose code is not that which made them."""
+    """Return components without golden results, and those whose code differs from the code that computed them."""
     try:
         known = read_lock().components
-    except ConfigurationError:  # two branches have changed it
+    except ConfigurationError:  # for example a merge conflict
         return list(components())
     return [name for name in components() if name not in known or not golden_path(name).exists() or edited([name])]
 
 
 def _settled(name: str, arrays: Arrays, moved: list[Difference], accepted: list[str]) -> bool:
-    """Say how far a component moved; write its file where that is accepted."""
+    """Report how much a component changed; write its file if accepted."""
     if not moved:
         return True
     array, difference, tolerance = moved[0]
@@ -81,7 +81,7 @@ def _settled(name: str, arrays: Arrays, moved: list[Difference], accepted: list[
 
 
 def _run(names: Iterable[str]) -> Iterator[tuple[str, Arrays, list[Difference]]]:
-    """Results of components with their differences, in the order in which they are ready."""
+    """Yield the results of components with their differences, in order of completion."""
     pin_threads()
     drop_stale_kernels(ROOT)
     start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The components of the suite by name: what each makes of the inputs, how near it must come, and what code it runs."""
+"""Components of the suite by name, with their calls on the inputs, tolerances and code."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from benchmark.plugins.scorers import BUILT_IN as SCORERS
 from benchmark.source_code import FIRST_PARTY, ROOT
 from tools.golden import inputs, stages
 
-#: Moves between processors are below 1e-9 of the size of a form.
+#: Differences between processors are below 1e-9 of the size of a form.
 FORMS = 1e-8
-#: Equal distances have equal disparities there: which are equal in single precision is a decision that rounding takes.
+#: Equal distances have equal disparities in non-metric scaling, and rounding decides which are equal in single
+#: precision.
 NON_METRIC = 2e-4
-#: Networks were trained, and their golden results made, in single precision.
+#: Networks were trained, and their golden results computed, in single precision.
 NETWORKS = 1e-5
-#: Distances, measures, and meshes of generators: sums of doubles that cancel nowhere.
+#: Distances, measures, and meshes of generators: sums of doubles without cancellation.
 DOUBLES = 1e-9
-#: Depth images in single precision, and the surfaces behind them.
+#: Depth images in single precision, and the surfaces computed from them.
 SINGLES = 1e-6
 
-#: Variants of methods that tables print, by base name; their files are that of the method.
+#: Variants of methods and scorers in tables, by base name; their results are in the file of the base.
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "classic-mds": ("metric=diffusion", "metric=commute-time", "metric=biharmonic"),
     "least-squares-mds": ("metric=diffusion", "metric=commute-time", "metric=biharmonic", "start=classic"),
@@ -41,19 +42,19 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
     "cm-bof": ("allow_mirror=true", "pose=pca"),
 }
 
-#: Small shapes, those that methods refuse among them, and larger ones.
+#: Small shapes, including shapes that methods refuse, and larger ones.
 SMALL = ("small", "small-open", "pieces", "tetrahedron")
 LARGER = ("bridged", "closed", "open")
 SIGNED = ("closed", "small", "open", "bridged")
 RAW = ("dog", "horse", "scan", "flat", "point", "triangle")
 
-#: What views and frames are made with, by the name of the part.
+#: Arguments of views and frames, by name of the part.
 VIEWS = {name: (name, None) for name in RAW} | {"dog-far": ("dog", 190.0), "dog-too-far": ("dog", 1e5)}
 VIEWS["dog-noisy"] = ("dog", 190.0, DepthSensor(0.002, 0.002, 5))
 FRAMES = {"given": (True, None), "found": (False, None), "no-floor": (True, None, False)}
 FRAMES |= {"sidecar": (True, (0.1, -1.0, 0.2), False), "upside": (True, (0.0, 0.0, 1.0), False)}
 
-#: Places of the shapes of generated sets that are made: every subject and pose of the humans, every kind of animal.
+#: Indices of the shapes to generate of each set: every subject and pose of the humans, every kind of animal.
 GENERATED: Mapping[str, tuple[int, ...]] = {
     "humans": tuple(n % 15 * 20 + n for n in range(20)),
     "humans-scanlike": (1, 157, 398),
@@ -64,16 +65,16 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
     "camera-few": (1, 58),
 }
 
-#: Further parts of sets: what two or three shapes do not show.
+#: Additional parts of sets: properties that two or three shapes do not show.
 WHOLE = {"humans-scanlike": "bodies", "humans-random": "subjects", "animals": "skeletons", "humans": "gallery"}
 
-#: Modules of the streams of bodies that networks are trained on.
+#: Modules of the streams of bodies that train networks.
 SAMPLERS = {
     "people": "humans", "animals": "varied_animals.sampler", "varied": "varied.sampler", "wide": "varied.wide",
     "scans": "scans.sampler",
 }  # fmt: skip
 
-#: Folders that change no figure: errors, texts, files and processes, and what only calls the components.
+#: Folders that do not affect results: errors, texts, files, processes, and code that only calls the components.
 NO_FIGURES = (
     "benchmark", "benchmark/plugins", "benchmark/pipeline", "benchmark/pipeline/storage", "benchmark/execution",
     "benchmark/execution/processes",
@@ -83,7 +84,7 @@ _STAGES, _SETS = "benchmark.pipeline.stages.", "benchmark.datasets."
 
 
 class Part(NamedTuple):
-    """One call: its name, what is called, and with what."""
+    """One call: its name, function and arguments."""
 
     name: str
     make: Callable[..., Mapping[str, Any]]
@@ -91,7 +92,7 @@ class Part(NamedTuple):
 
 
 class Component(NamedTuple):
-    """What is made, by modules and all that they import from the layers below, and the largest difference."""
+    """Parts to compute, modules that compute them with their imports from the layers below, and tolerance."""
 
     parts: Callable[[], Iterator[Part]]
     modules: tuple[str, ...]
@@ -100,7 +101,7 @@ class Component(NamedTuple):
 
 @cache
 def components() -> Mapping[str, Component]:
-    """All components by name."""
+    """Return all components by name."""
     return dict(_components())
 
 
@@ -176,7 +177,7 @@ def _api() -> Iterator[Part]:
     for shape in (*SMALL, *LARGER):
         for solver in SOLVERS:
             yield Part(f"{solver}/{shape}", stages.geodesics, (shape, solver))
-        if shape != "pieces":  # of several constant functions each combination is one
+        if shape != "pieces":  # its constant functions can be combined arbitrarily
             yield Part(f"laplacian/{shape}", stages.laplacian, (shape,))
     yield Part("random", stages.draws)
 
@@ -221,7 +222,7 @@ def _called(call: Callable[..., Any], arguments: Mapping[str, tuple[Any, ...]]) 
 
 @cache
 def modules_of(component: str) -> tuple[str, ...]:
-    """Modules that a component runs: its own, and all that they import of what can change a figure."""
+    """Return the modules that a component runs: its own, and all their imports that can affect results."""
     closure: dict[str, None] = {}
     pending = list(components()[component].modules)
     while pending:
@@ -233,12 +234,12 @@ def modules_of(component: str) -> tuple[str, ...]:
 
 
 def folders_of(component: str) -> tuple[str, ...]:
-    """Folders of the code that a component runs."""
+    """Return the folders of the code that a component runs."""
     return tuple(sorted({_folder(module) for module in modules_of(component)}))
 
 
 def path_of(module: str) -> Path:
-    """File of a module."""
+    """Return the file of a module."""
     base = ROOT.joinpath(*module.split("."))
     return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
 
@@ -249,7 +250,7 @@ def _folder(module: str) -> str:
 
 @cache
 def _imports(module: str) -> tuple[str, ...]:
-    """Modules of the suite that a module imports, but for types alone and for training."""
+    """Return the modules of the suite that a module imports, except for types only or for training."""
     names: list[str] = []
     pending: list[ast.AST] = [ast.parse(path_of(module).read_bytes())]
     while pending:

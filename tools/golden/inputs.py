@@ -1,4 +1,4 @@
-"""The committed inputs: small shapes, raw meshes, depth images, signatures and distances, and networks by a formula."""
+"""Committed inputs: small shapes, raw meshes, depth images, signatures and distances, and networks by a formula."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchmark.api.contracts import Mesh, Shape
 from benchmark.datasets.base import Entry
 from benchmark.geometry.camera import FRONT
 
-#: Log-odds of masks by network: nearly all pixels lie so far from a half that no rounding moves one across.
+#: Log-odds of masks by network: nearly all pixels are so far from 0.5 that rounding does not change the mask.
 MASKS = {
     "literal": 0.03,
     "without_weighting": 0.03,
@@ -34,32 +34,32 @@ INPUTS = GOLDEN / "inputs"
 
 @cache
 def arrays(name: str) -> Mapping[str, NDArray[Any]]:
-    """All arrays of one file of inputs."""
+    """Return all arrays of one file of inputs."""
     with np.load(INPUTS / f"{name}.npz", allow_pickle=False) as archive:
         return dict(archive)
 
 
 def mesh(file: str, name: str) -> Mesh:
-    """A mesh; positions are stored as multiples of a unit."""
+    """Return a mesh; positions are stored as multiples of a unit."""
     stored = arrays(file)
     return Mesh(stored[f"{name}/vertices"] * float(stored[f"{name}/unit"]), stored[f"{name}/faces"].astype(np.int32))
 
 
 def shape(name: str) -> Shape:
-    """A prepared shape; of the tetrahedron nobody knows the area."""
+    """Return a prepared shape; the source area of the tetrahedron is unknown."""
     surface = mesh("shapes", name)
     return Shape(identifier=name, mesh=surface, source_area=None if name == "tetrahedron" else 3.0 * surface.n_vertices)
 
 
 def depth_shape(name: str) -> Shape:
-    """A shape with a depth image, for networks that look at nothing else."""
+    """Return a shape with a depth image, for networks that use nothing else."""
     refused = {"nothing": np.zeros((500, 500)), "tiny": np.zeros((32, 32))}
     depth = refused[name] if name in refused else arrays("depth")[name] / 4096
     return Shape(identifier=name, mesh=mesh("shapes", "small-open"), depth=depth.astype(np.float32))
 
 
 def committed_meshes() -> Any:
-    """A data set of raw meshes, to be changed."""
+    """Return a data set of raw meshes, to be changed."""
     return SimpleNamespace(
         name="committed",
         entries=(Entry("dog", "dog", "3"), Entry("scan", "scan", "0")),
@@ -69,10 +69,10 @@ def committed_meshes() -> Any:
 
 
 def write_model(method: Any, folder: Path) -> None:
-    """Write a model of a learner with weights by a formula: old streams of numpy are frozen, so no file is needed.
+    """Write a model of a learner with weights by a formula: NumPy's legacy generator is frozen, so no file is needed.
 
-    Matrices get the variances of He et al. 2015, biases small numbers; what else is learned moves a little from where
-    it begins, which is no random number. Depths lie around the middle of the frame.
+    Matrices get the variances of He et al. 2015, biases small numbers; other parameters move slightly from their
+    initial values, which are not random. Depths are around the middle of the frame.
     """
     import torch
 
@@ -101,7 +101,7 @@ def write_model(method: Any, folder: Path) -> None:
 
 
 def _built(method: Any) -> tuple[Any, dict[str, Any]]:
-    """The network of a learner as built, and what its card says."""
+    """Return the untrained network of a learner, and the content of its card."""
     from learned.field.configuration import FIELDS
     from learned.field.network import build_field
     from learned.paired.card import _KINDS

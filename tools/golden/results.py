@@ -1,4 +1,4 @@
-"""Golden files: made, compared and written; the digest of what one holds is the version of its component."""
+"""Compute, compare and write golden files; the digest of the content of a file is the version of its component."""
 
 from __future__ import annotations
 
@@ -18,22 +18,24 @@ from tools.golden.inputs import GOLDEN
 
 Arrays = dict[str, NDArray[Any]]
 
-#: Rows beyond which every tenth one of floats is kept, and numbers beyond which integers are kept as their digest.
+#: Number of rows above which only every tenth row of floats is stored, and size above which integers are stored as
+#: their digest.
 MOST_ROWS, MOST_INTEGERS = 800, 3000
 
-#: Shapes have unit area: what is smaller than this has no size of its own, such as the stress of a perfect form.
+#: Smallest unit of a difference. Shapes have unit area: smaller values, such as the stress of a perfect form, have no
+#: scale of their own.
 SMALLEST = 1e-3
 
-#: Number of iterations among the notes of a form, and the stress below which it hangs on rounding errors.
+#: Note of a form with the number of iterations, and the stress below which it depends on rounding errors.
 ITERATIONS = "note:iterations"
 PERFECT = 1e-12
 
-#: Raised by hand where something changes that no small input shows.
+#: Increased by hand if something changes that no small input shows.
 REVISION = "revision"
 
 
 class Difference(NamedTuple):
-    """How far an array moved, in units of its largest number; infinite where it is not comparable."""
+    """Change of an array, relative to its largest value; infinite if it is not comparable."""
 
     array: str
     difference: float
@@ -41,12 +43,12 @@ class Difference(NamedTuple):
 
 
 def golden_path(name: str) -> Path:
-    """File of the golden results of a component."""
+    """Return the file of the golden results of a component."""
     return GOLDEN / f"{name}.npz"
 
 
 def read_golden(name: str) -> Arrays:
-    """Golden results of a component; nothing where there are none."""
+    """Return the golden results of a component; empty if there are none."""
     if not golden_path(name).exists():
         return {}
     with np.load(golden_path(name), allow_pickle=False) as archive:
@@ -54,14 +56,14 @@ def read_golden(name: str) -> Arrays:
 
 
 def write_golden(name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Make results the golden ones; the revision stays."""
+    """Write golden results, and keep the revision."""
     revision = read_golden(name).get(REVISION, np.array(0))
     golden_path(name).parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(golden_path(name), allow_pickle=False, **{**arrays, REVISION: revision})
 
 
 def version_of(arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Digest of named arrays, whatever their order and compression."""
+    """Return the digest of named arrays, independent of their order and compression."""
     parts = [
         f"{name} {array.dtype.str} {array.shape} ".encode() + array.tobytes() for name, array in sorted(arrays.items())
     ]
@@ -69,7 +71,7 @@ def version_of(arrays: Mapping[str, NDArray[Any]]) -> str:
 
 
 def run_component(name: str) -> Arrays:
-    """Make the results of a component as they are kept."""
+    """Compute the results of a component, as stored."""
     arrays: Arrays = {}
     for part in components()[name].parts():
         try:
@@ -100,12 +102,12 @@ def _kept(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def compare(name: str, arrays: Mapping[str, NDArray[Any]]) -> list[Difference]:
-    """Arrays that differ from the golden ones by more than the tolerance of their component, the farthest first."""
+    """Return the arrays that differ from the golden ones by more than the tolerance, largest difference first."""
     golden, tolerance = read_golden(name), components()[name].tolerance
     moved = []
     for key in sorted((golden.keys() | arrays.keys()) - {REVISION}):
         if key.endswith(ITERATIONS) and golden.get(f"{key.removesuffix(ITERATIONS)}note:stress", 1) < PERFECT:
-            continue  # a fit that meets all distances ends where rounding errors do, which depends on the processor
+            continue  # rounding errors, which depend on the processor, decide when a perfect fit ends
         allowed = tolerance if key in arrays and arrays[key].dtype.kind == "f" else 0.0
         if (difference := _difference(golden.get(key), arrays.get(key))) > allowed:
             moved.append(Difference(key, difference, allowed))
@@ -113,7 +115,7 @@ def compare(name: str, arrays: Mapping[str, NDArray[Any]]) -> list[Difference]:
 
 
 def _difference(golden: NDArray[Any] | None, array: NDArray[Any] | None) -> float:
-    """Largest difference in units of the largest golden number; of what are no floats 0 or infinite."""
+    """Return the largest difference relative to the largest golden value; 0 or infinite unless both are floats."""
     if golden is None or array is None or (golden.dtype.kind, golden.shape) != (array.dtype.kind, array.shape):
         return np.inf
     if golden.dtype.kind != "f":

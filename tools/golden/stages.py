@@ -1,4 +1,4 @@
-"""What golden results call of the suite, all in one place: each function returns named arrays, or raises a refusal."""
+"""Calls into the suite that golden results need; each function returns named arrays, or raises a refusal."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ Arrays = Mapping[str, Any]
 
 
 def form_of(name: str, shape: str) -> Arrays:
-    """Form in double, before the stage rounds it, and what the stage says of it."""
+    """Return a form in double precision, before the stage rounds it, with the notes of the stage."""
     return _form_of(variant(name, methods()).create(), inputs.shape(shape))
 
 
 def learned_form(name: str, shape: Shape) -> Arrays:
-    """Form by a network whose weights follow a formula."""
+    """Return a form by a network whose weights follow a formula."""
     return _form_of(_trained(name)[0], shape)
 
 
@@ -54,7 +54,7 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 
 @cache
 def _trained(name: str) -> tuple[Any, Any]:
-    """A learner with its model, and the folder of the latter, which lasts as long as the process."""
+    """Return a learner with its model, and the folder of the model, which lasts as long as the process."""
     method: Any = variant(name, methods()).create()
     models = tempfile.TemporaryDirectory()
     inputs.write_model(method, Path(models.name) / "model")
@@ -62,19 +62,19 @@ def _trained(name: str) -> tuple[Any, Any]:
 
 
 def descriptors_of(name: str, names: Sequence[str]) -> Arrays:
-    """Descriptors of shapes, and the distances between them."""
+    """Return descriptors of shapes, and the distances between them."""
     method: Any = variant(name, methods()).create()
     descriptors = [shapes.describe(method, inputs.shape(shape))["descriptor"] for shape in names]
     return {**dict(zip(names, descriptors, strict=True)), "distances": distances_of(method, descriptors)}
 
 
 def signature(name: str, shape: str) -> Arrays:
-    """Signature of a form."""
+    """Return the signature of a form."""
     return signature_of(scorer_of(name, scorers()).create(), inputs.mesh("shapes", shape))
 
 
 def compared(name: str, forms: Sequence[str]) -> Arrays:
-    """Distances between committed signatures under each draw."""
+    """Return the distances between committed signatures for each draw."""
     scorer = scorer_of(name, scorers()).create()
     base, stored = name.partition("[")[0], inputs.arrays("signatures")
     signatures = [
@@ -85,12 +85,12 @@ def compared(name: str, forms: Sequence[str]) -> Arrays:
 
 
 def completed(name: str) -> Arrays:
-    """A raw mesh, prepared."""
+    """Return a raw mesh, prepared."""
     return shapes.complete(inputs.mesh("raw", name))
 
 
 def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None) -> Arrays:
-    """View of a raw mesh from the side, in a given frame or in its own."""
+    """Return the view of a raw mesh from the side, in a given frame or in its own."""
     source = inputs.mesh("raw", name)
     width = shapes.frame_of([shapes.half_width_of(source, SIDE)]) if half_width is None else half_width
     rendered = shapes.seen(source, SIDE, width, sensor)
@@ -98,7 +98,7 @@ def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None)
 
 
 def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> Arrays:
-    """View of the object of a depth frame."""
+    """Return the view of the object in a depth frame."""
     stored = inputs.arrays("frame")
     depth = stored["depth"] if floor else np.where(stored["mask"], stored["depth"], 0)
     seen_object = frame.observe(
@@ -110,13 +110,13 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
 
 
 def geodesics(shape: str, solver: str) -> Arrays:
-    """Distances between all pairs, and from a few vertices."""
+    """Return the distances between all pairs, and from a few vertices."""
     given = inputs.shape(shape)
     return {"all": given.geodesics(solver)[::29], "few": given.geodesics_from([0, 3], solver)}
 
 
 def laplacian(shape: str) -> Arrays:
-    """The Laplacian and its lowest eigenpairs, of which the signs are arbitrary."""
+    """Return the Laplacian and its lowest eigenpairs, without their arbitrary signs."""
     operator = inputs.shape(shape).laplacian()
     values, functions = eigenpairs(operator, 12)
     stiffness = operator.stiffness.tocoo().data
@@ -124,12 +124,12 @@ def laplacian(shape: str) -> Arrays:
 
 
 def draws() -> Arrays:
-    """Random numbers of a shape."""
+    """Return random numbers of a shape."""
     return {"draws": inputs.shape("small").random("golden").standard_normal(9)}
 
 
 def entries_of(dataset: Dataset) -> Arrays:
-    """What a data set says of its shapes."""
+    """Return the description of the shapes of a data set."""
     sensor = getattr(dataset, "sensor", lambda _: "")
     lines = [
         f"{e.identifier} {e.subject} {e.pose} {dataset.camera(e)} {sensor(e) or ''}".strip() for e in dataset.entries
@@ -138,32 +138,32 @@ def entries_of(dataset: Dataset) -> Arrays:
 
 
 def mesh_of(dataset: Dataset, entry: Entry, step: int = 100) -> Arrays:
-    """Some vertices of a shape of a data set."""
+    """Return some vertices, and all faces, of a shape of a data set."""
     mesh = dataset.load(entry)
     return {"vertices": mesh.vertices[::step], "faces": mesh.faces, "count": mesh.n_vertices}
 
 
 def gallery() -> Arrays:
-    """Generated humans in any number."""
+    """Return generated humans with other numbers of subjects and poses."""
     dataset = catalogue.open_dataset("humans[subjects=30,poses=3]", None)
     return {**entries_of(dataset), **mesh_of(dataset, dataset.entries[-2])}
 
 
 def subjects() -> Arrays:
-    """Phenotypes of all draws of random subjects."""
+    """Return the phenotypes of all draws of random subjects."""
     draws = enumerate(human_subjects.RANDOM_SUBJECTS)
     return {f"draw-{n}": [astuple(body) for body in drawn.values()] for n, drawn in draws}
 
 
 def bodies() -> Arrays:
-    """Every body that is scanned, before that, and every pose."""
+    """Return every body before it is scanned, each in one pose, with every pose of the scans."""
     poses = [human_poses.POSES[name] for name in scanlike.POSE_NAMES]
     meshes = [humans.human_mesh(body, poses[n % len(poses)]) for n, body in enumerate(human_subjects.adults().values())]
     return {"bodies": [body.vertices[::500] for body in meshes]}
 
 
 def skeletons() -> Arrays:
-    """Bones of every animal in every pose."""
+    """Return the bones of every animal in every pose."""
     bones: dict[str, Any] = {}
     for name, poses in ANIMAL_POSES.items():
         skeleton = Skeleton.of(SPECIES[name])
@@ -174,7 +174,7 @@ def skeletons() -> Arrays:
 
 
 def sampled(name: str) -> Arrays:
-    """A body or two of a stream that networks are trained on."""
+    """Return a few bodies of a stream that trains networks."""
     if name == "people":
         body, poses = humans.sample_human(0, 6, seed=0)
         return {"bodies": [mesh.vertices[::200] for mesh in humans.human_meshes((body, pose) for pose in poses)]}
@@ -194,7 +194,7 @@ def sampled(name: str) -> Arrays:
 
 
 def changed(change: str, value: Any, place: int) -> Arrays:
-    """A committed mesh, or a frame of the generated camera, under a change of its data set; and how it is seen."""
+    """Return a committed mesh, or a frame of the generated camera, after a change of its data set, and its camera."""
     if change == "jitter":
         dataset: Any = jittered.Jittered(inputs.committed_meshes(), value)
     elif change == "decimation":
@@ -213,7 +213,7 @@ def changed(change: str, value: Any, place: int) -> Arrays:
 
 
 def file_of(path: Path) -> Arrays:
-    """What a file holds: a mesh, a mask, intrinsics, or a depth image."""
+    """Return the content of a file: a mesh, a mask, intrinsics, or a depth image."""
     if path.parent.name == "files":
         mesh = read_mesh(path)
         return {"vertices": mesh.vertices, "faces": mesh.faces, "count": mesh.n_vertices}
@@ -227,14 +227,14 @@ def file_of(path: Path) -> Arrays:
 
 
 def frame_of(path: Path) -> Arrays:
-    """Object of a depth image, with the mask and the intrinsics that lie beside it."""
+    """Return the object of a depth image, by the mask and the intrinsics next to it."""
     observed_object = frame.FrameFiles(path).observe()
     surface = observed_object.surface
     return {"vertices": surface.vertices, "faces": surface.faces, "mask": observed_object.mask}
 
 
 def measured(matrices: Sequence[str], answered: bool) -> Arrays:
-    """Measures of committed distances."""
+    """Return the measures of committed distances."""
     stored = inputs.arrays("distances")
     places = stored["answered"].tolist() if answered else None
     given = [stored[name][np.ix_(places, places)] if places else stored[name] for name in matrices]
@@ -242,13 +242,13 @@ def measured(matrices: Sequence[str], answered: bool) -> Arrays:
 
 
 def split(size: int) -> Arrays:
-    """Measures of every way to choose so many subjects."""
+    """Return the measures over all choices of ``size`` subjects."""
     stored = inputs.arrays("distances")
     return _flat(measures.over_splits([stored["split"]], stored["subjects"].tolist(), size))
 
 
 def scored(method_name: str, scorer_name: str) -> Arrays:
-    """Two shapes of two classes each: prepared, brought into their forms, compared and scored."""
+    """Return distances and scores of two shapes of each of two classes, from raw meshes."""
     method: Any = variant(method_name, methods()).create()
     scorer = scorer_of(scorer_name, scorers()).create()
     names = ("dog-1", "dog-2", "horse-1", "horse-2")

@@ -1,1 +1,1 @@
-"""Processes of this machine: how they start, talk, and end with all that they started."""
+"""Child processes: start, communication, and end with all their descendants."""

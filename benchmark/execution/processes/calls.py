@@ -15,7 +15,7 @@ from benchmark.machine import memory_per_process
 
 
 class BrokenCall(BenchmarkError):
-    """Code called in a separate process crashed, hung, ended its process, or raised an unexpected error."""
+    """A crash, timeout, exit or unexpected error of code called in a separate process."""
 
 
 class KilledCall(BrokenCall):
@@ -29,11 +29,11 @@ class Guard:
     Parameters
     ----------
     what
-        Name of the code, with which messages begin.
+        Name of the code; messages begin with it.
     hint
         What the user can do if it fails.
     limit
-        Longest silence in seconds; None for no limit.
+        Timeout between messages in seconds; None for no limit.
     all_memory
         Whether it may use all memory of the machine.
     quiet
@@ -66,7 +66,7 @@ def call_apart(
     Raises
     ------
     BenchmarkError
-        If the function raised one; its class is kept if it is one of :mod:`benchmark.errors`.
+        If the function raised one; its class is preserved if it is one of :mod:`benchmark.errors`.
     BrokenCall
         If it raises anything else, ends or crashes the process, or takes too long.
     """

@@ -25,7 +25,7 @@ Facts = Mapping[str, Any]
 Message = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
-#: Longest JSON part of a message, in bytes.
+#: Maximum length of the JSON part of a message, in bytes.
 LONGEST = 2**28
 
 #: Length of the JSON that follows.
@@ -50,7 +50,7 @@ class Channel:
     end
         A connected socket.
     patience
-        Seconds for which the other end may accept no data; None for no limit.
+        Timeout in seconds if the other end accepts no data; None for no limit.
     """
 
     def __init__(self, end: socket.socket, patience: float | None = None) -> None:
@@ -90,7 +90,7 @@ class Channel:
         EOFError
             If the other end is closed.
         Exception
-            Of many kinds, if the data is not a message: the sender is not trusted.
+            Of any type, if the data is not a message: the sender is not trusted.
         """
         until = None if timeout is None else time.monotonic() + timeout
         while (message := next(self._incoming)) is None:

@@ -142,7 +142,7 @@ def _die_with(parent: int) -> None:
 
 
 def _limit_memory(limit: int) -> None:
-    """Limit the memory of this process, so that one job fails with ``MemoryError`` instead of the machine."""
+    """Limit the memory of this process, so that a job fails with ``MemoryError`` before the machine does."""
     try:
         import resource
 

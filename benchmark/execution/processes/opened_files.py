@@ -1,4 +1,4 @@
-"""Files that a plugin reads: their digests are stored with its results and show when those are outdated."""
+"""Files read by a plugin: digests stored with its results show when the results are outdated."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from benchmark.arrays import ABOUT
 from benchmark.source_code import FIRST_PARTY, ROOT
 
-#: Array of a result that holds the names and digests of the files.
+#: Name of the array with the paths and digests of the files in a result.
 FILES = f"{ABOUT}files"
 
 #: Folders whose files are not part of a plugin: Python, installed packages, the suite, the system.
@@ -39,21 +39,21 @@ def watch_opened_files() -> None:
 
 
 def opened_files() -> dict[str, str]:
-    """Return the digests of the files that were read, by path; deleted files were temporary and are left out."""
+    """Return the digests of the files read, by path, except files that were deleted since."""
     for path in [path for path, digest in _read.items() if not digest]:
         _read[path] = digest_of_file(path)
     return {path: digest for path, digest in sorted(_read.items()) if digest and not _is_own(path)}
 
 
 def leave_out(path: Path) -> None:
-    """Leave out a file whose content is tracked elsewhere."""
+    """Exclude a file whose content is tracked elsewhere."""
     _own.add(str(path))
 
 
 def digest_of_file(path: str) -> str:
     """Return the digest of a file, 32 hexadecimal digits, or "" if it cannot be read."""
     try:
-        facts = os.stat(path)  # noqa: PTH116  # a path as the audit hook hears it
+        facts = os.stat(path)  # noqa: PTH116  # a path as reported by the audit hook
         known_as = (path, facts.st_size, facts.st_mtime_ns)
         if known_as not in _known:
             _known[known_as] = hashlib.sha256(Path(path).read_bytes()).hexdigest()[:32]

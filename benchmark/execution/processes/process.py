@@ -49,19 +49,19 @@ Serve = Callable[[Mapping[str, Any], Arrays, Requester], tuple[Facts, Arrays]]
 #: Seconds to wait for a killed process to end, and for its traceback before that.
 GRACE, _LAST_WORDS = 5.0, 0.3
 
-#: Seconds that a process may take to start on a busy machine, or to accept what is sent to it.
+#: Seconds that a process may take to start on a busy machine, or to accept data.
 BIRTH = 60.0
 
 #: Seconds between checks whether a process has ended: a child that it left behind may hold its pipe open.
 INTERVAL = 0.1
 
-#: Largest traceback to read, in bytes.
+#: Maximum length of a traceback, in bytes.
 _LONGEST_TRACE = 2**16
 
 #: Signals that end a process through no fault of its own: sent by a user, or by the system when memory runs out.
 BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
 
-#: Key under which the facts of a message name its kind.
+#: Key of the kind of a message in its facts.
 KIND = "message"
 BEGUN, PROGRESS, ANSWER, ERROR, RAISED = "begun", "progress", "answer", "error", "raised"
 
@@ -81,7 +81,7 @@ running: weakref.WeakSet[Process] = weakref.WeakSet()
 
 
 class ForeignError(Exception):
-    """Code in another process raised an error that is not one of :mod:`benchmark.errors`.
+    """Error in another process that is not one of :mod:`benchmark.errors`.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class Process:
     quiet
         Whether to discard what it prints.
     is_plugin
-        Whether it runs a plugin: it records the files that it reads, and is not given the path of the data sets.
+        Whether it runs a plugin: it then records the files that it reads, and does not get the path of the data sets.
     idle
         Seconds without a request after which it ends; None for no limit.
 
@@ -128,7 +128,7 @@ class Process:
 
     #: Whether the last request left threads or processes running.
     is_occupied = False
-    #: Traceback of where it crashed or was stopped.
+    #: Traceback of the crash or stop.
     trace = ""
     _has_begun = False
 
@@ -158,7 +158,7 @@ class Process:
             reaper.kill_marked(self._mark)
             raise
         running.add(self)
-        # Pickles travel from this process to the child only, never back.
+        # Pickles go from this process to the child, never back.
         function = np.frombuffer(pickle.dumps(serve), np.uint8)
         self.send({"memory": memory, "is_plugin": is_plugin, "idle": idle}, {"function": function})
 
@@ -182,15 +182,15 @@ class Process:
         Parameters
         ----------
         limit
-            Longest silence in seconds; None for no limit. A process that is starting has a minute more, unless the
+            Timeout between messages in seconds; None for no limit. A starting process gets another minute, unless the
             limit is zero.
         progress
-            Called with each report of progress.
+            Called with each progress report.
 
         Raises
         ------
         BenchmarkError
-            If the handler raised one; its class is kept if it is one of :mod:`benchmark.errors`.
+            If the handler raised one; its class is preserved if it is one of :mod:`benchmark.errors`.
         MemoryError
             If the process ran out of memory.
         ForeignError
@@ -221,7 +221,7 @@ class Process:
         Raises
         ------
         TimeoutError
-            If the process is silent for longer than the limit.
+            If no message arrives within the limit.
         """
         self.send(facts, arrays)
         if (answer := self.receive(limit, progress)) is None:
@@ -341,7 +341,7 @@ def is_child() -> bool:
 
 @contextmanager
 def one_of_us() -> Iterator[None]:
-    """End any fork of this process that leaves the body; otherwise both copies would continue."""
+    """End any fork of this process that leaves the ``with`` block; otherwise both copies would continue."""
     before = os.getpid()
     try:
         yield
@@ -362,7 +362,7 @@ def _start(pipe: int, trace: int, mark: str, quiet: bool) -> subprocess.Popen[by
 
 @cache
 def token() -> str:
-    """Return the prefix of the marks of all child processes, after starting the reaper that watches for them."""
+    """Start the reaper once, and return the prefix of the marks of all child processes."""
     mark = secrets.token_hex(16)
     read, _write = os.pipe()  # open for the lifetime of this process
     watching = subprocess.Popen(
@@ -379,6 +379,6 @@ def token() -> str:
 
 
 def adopt() -> None:
-    """Mark this process, so that processes which foreign code starts here end with it; children are marked already."""
+    """Mark this process, so that processes started here by foreign code end with it; children are already marked."""
     if not own_mark:
         os.environ[reaper.MARK] = f"{token()}-here-"

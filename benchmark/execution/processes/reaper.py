@@ -1,9 +1,9 @@
 """Kill the descendants of a program, even after the program itself was killed.
 
-Every process of the suite has a mark in its environment, which its descendants inherit. The reaper is another process,
-which reads from a pipe of the program. When the pipe closes, the program has ended, and the reaper kills all processes
-that still have its mark. This file, run as a script with the prefix of the marks as its argument, is the reaper, so it
-imports nothing of the project.
+Every process of the suite has a mark in its environment; its descendants inherit it. The reaper is a separate process
+that reads from a pipe of the program. The pipe closes when the program ends; the reaper then kills all processes with
+its mark. This file is the script of the reaper, so it imports nothing from the project. Its arguments are the prefix of
+the marks and the process ID of the program.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from contextlib import suppress
 #: Environment variable that marks the processes of the suite.
 MARK = "CANONICAL_FORMS_WORKER"
 
-#: Passes over all processes: new ones may start while others are killed.
+#: Maximum number of passes over all processes: new ones may start while others are killed.
 _ROUNDS = 20
 
 
@@ -53,7 +53,7 @@ def _holds(process: int, pipe: str) -> bool:
 
 
 def _watch(mark: str, program: int) -> None:
-    """Wait until the program ends; a fork made by foreign code may hold the pipe open."""
+    """Wait until the program ends, even if a fork by foreign code holds the pipe open, then kill its processes."""
     while os.getppid() == program and not select.select([0], [], [], 1.0)[0]:
         pass
     kill_marked(mark, os.readlink("/proc/self/fd/0") if sys.platform == "linux" else "")  # noqa: PTH115

@@ -1,4 +1,4 @@
-"""The stages of the pipeline, one module each: pure functions from arrays to arrays.
+"""Stages of the pipeline, one module each: pure functions from arrays to arrays.
 
-The code of a stage is what its module imports, so no module here imports the store or the plan.
+The imports of a module define the code of its stage, so no module here imports the store or the plan.
 """

@@ -38,8 +38,8 @@ def scores(
     -------
     dict
         ``scores`` and ``codebook_deviation`` by measure, ``per_query`` (None for the only member of a class),
-        ``tied_queries``, ``lone_queries``, and ``chance``; where shapes lack a result ``supported``: the scores of the
-        others among themselves, if two of them are of one class and there are two classes.
+        ``tied_queries``, ``lone_queries``, and ``chance``; if shapes lack a result, also ``supported``: the scores of
+        the others among themselves, provided that two of them share a class and there are two classes.
 
     Raises
     ------
@@ -76,12 +76,12 @@ def _by_measure(draws: Sequence[Scores]) -> dict[str, list[float]]:
 def over_splits(
     matrices: Iterable[Iterable[Matrix]], labels: Sequence[str], size: int, answered: Sequence[int] | None = None
 ) -> dict[str, Any]:
-    """Return the spread of the measures over all choices of some subjects for testing.
+    """Return quantiles of the measures over all choices of test subjects.
 
     Parameters
     ----------
     matrices
-        As for :func:`scores`; the measures of a split are means over them.
+        As for :func:`scores`; the measures of a split are means over the matrices.
     labels
         Subject of each shape of the gallery, N of them.
     size
@@ -92,7 +92,7 @@ def over_splits(
     Returns
     -------
     dict
-        ``splits``: the number of choices and, by measure, the quantiles .05, .5 and .95.
+        ``splits``: number and size of the choices, and the quantiles .05, .5 and .95 by measure.
     """
     splits = all_splits(labels, size)
     draws = [scores_of_splits(np.array([*matrix]), labels, splits, answered) for matrix in matrices]

@@ -1,4 +1,4 @@
-"""What is made of one shape: the prepared mesh or view, and its canonical form or descriptor."""
+"""Stages of one shape: the prepared mesh or view, and its canonical form or descriptor."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def complete(source: Mesh) -> Arrays:
     Parameters
     ----------
     source
-        The mesh as the data set gives it.
+        The mesh as loaded from the data set.
 
     Returns
     -------
     dict
         ``vertices`` and ``faces`` of the prepared surface, of unit area; ``source_area`` in squared file units;
-        ``note:...`` for each fact that the preparation reports.
+        ``note:...`` for each note of the preparation.
 
     Raises
     ------
@@ -53,24 +53,24 @@ def complete(source: Mesh) -> Arrays:
 
 
 def seen(source: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None) -> Arrays:
-    """Render a mesh and project the image back.
+    """Render a mesh and back-project the depth image.
 
     Parameters
     ----------
     source
-        The mesh as the data set gives it.
+        The mesh as loaded from the data set.
     camera
         The camera.
     half_width
         Half the width of the frame in file units.
     sensor
-        Errors of a real camera; None for an ideal one.
+        Sensor whose errors are added; None for an ideal camera.
 
     Returns
     -------
     dict
         ``vertices`` and ``faces`` of the visible surface, of unit area; ``depth``, shape (500, 500), float32;
-        ``source_area`` in squared file units; ``note:...`` for each fact that the projection reports.
+        ``source_area`` in squared file units; ``note:...`` for each note of the projection.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def half_width_of(source: Mesh, camera: Camera) -> float:
 
 
 def frame_of(half_widths: Sequence[float]) -> float:
-    """Return half the width of the frame of a data set, from those of its shapes; any value without shapes."""
+    """Return half the width of the frame of a data set, from those of its shapes; arbitrary without shapes."""
     return common_half_width(half_widths) if half_widths else 1.0
 
 
@@ -109,8 +109,8 @@ def _surface(source: Mesh) -> Mesh:
 def canonicalise(method: Method, shape: Shape) -> Arrays:
     """Compute the form of a shape.
 
-    Coordinates are rounded to single precision, an error of 1e-7 that no scorer can see. The form that is scored is
-    therefore the same whether it was just computed or read again.
+    Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is
+    therefore the same whether it was just computed or read from the store.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
     ShapeError
         If the method refuses the shape.
     InvalidForm
-        If it returns something else than a form of the shape.
+        If it returns anything other than a form of the shape.
     """
     mesh, notes = form_of(method, shape)
     with np.errstate(over="ignore"):
@@ -140,7 +140,7 @@ def canonicalise(method: Method, shape: Shape) -> Arrays:
 
 
 def form_mesh(arrays: Arrays, shape: Mesh) -> Mesh:
-    """Return the form that :func:`canonicalise` computed of a shape with this mesh."""
+    """Return the form of a shape with this mesh, from the arrays of :func:`canonicalise`."""
     return Mesh(arrays["vertices"], arrays.get("faces", shape.faces))
 
 

@@ -26,12 +26,12 @@ class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     peak_mib
         Peak resident memory beyond that of the process before, in MiB; None if the system does not report it.
     first_use
-        Whether the process did such work for the first time; the cost then includes compiling and loading, and says
-        little about the method.
+        Whether this was the first such work in the process; the cost then includes compiling and loading, and is not
+        representative of the method.
     resident_mib
-        Memory that the result occupies while several stages share it.
+        Memory of the result while several stages share it, in MiB.
     shared
-        Costs of the stages that were called, by name, even if their results had already been computed.
+        Costs of the called stages by name, even if their results were already computed.
     """
 
     seconds: float = 0.0
@@ -41,12 +41,12 @@ class Cost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     shared: dict[str, Cost] = {}
 
     def to_json(self) -> str:
-        """Return the cost as text that is stored with the arrays."""
+        """Return the cost as text, to be stored with the arrays."""
         return msgspec.json.encode(self).decode()
 
     @classmethod
     def from_json(cls, text: str) -> Cost:
-        """Read :meth:`to_json`; raises ``ValueError`` for anything else."""
+        """Parse the text of :meth:`to_json`; raise ``ValueError`` for anything else."""
         return msgspec.json.decode(text, type=cls)
 
 
@@ -63,11 +63,11 @@ class _Frame:
 
 
 class Meter:
-    """Measures stages that may call each other.
+    """Meter for stages that may call each other.
 
-    Memory is the peak of the process itself, reset when a stage begins. The peak that the system reports for child
-    processes is useless, since a new program inherits that of its parent. Pages of files are subtracted, because the
-    system drops and reloads those of idle libraries at will.
+    Memory is the peak of the process itself, reset when a stage begins. The system's peak for child processes is
+    useless, since a new program inherits that of its parent. File pages are subtracted, because the system drops and
+    reloads those of idle libraries at will.
     """
 
     def __init__(self) -> None:
@@ -76,16 +76,16 @@ class Meter:
 
     @contextlib.contextmanager
     def measured(self, work: str) -> Iterator[Callable[[], Cost]]:
-        """Measure the body; call the result for the cost afterwards.
+        """Measure the ``with`` block; call the result afterwards to get the cost.
 
         Parameters
         ----------
         work
-            Name of the work; its first time in this process is marked.
+            Name of the work; its first use in this process is marked.
         """
         for outer in self._open:
             outer.peak = max(outer.peak, _high_water() or 0)
-        if not self._open and (trim := _trim()):  # what earlier work freed must not hide what this work takes
+        if not self._open and (trim := _trim()):  # memory freed by earlier work must not hide the use of this work
             trim(0)
         with contextlib.suppress(OSError):
             _RESET.write_text("5")
@@ -112,7 +112,7 @@ class Meter:
             cost = frame.elsewhere or cost
 
     def replace(self, cost: Cost) -> None:
-        """Set the cost of the current stage to that of another process, which did the work."""
+        """Set the cost of the current stage to that of the process that did the work."""
         if self._open:
             self._open[-1].elsewhere = cost
 

@@ -32,12 +32,12 @@ def environment() -> dict[str, str]:
 
 @cache
 def environment_text() -> str:
-    """Return the same as one line, which is stored with every artefact."""
+    """Return :func:`environment` as one line, which is stored with every artefact."""
     return json.dumps(environment(), sort_keys=True)
 
 
 def changed_packages(environments: Iterable[Mapping[str, Any]]) -> str:
-    """Name the packages whose versions here differ from those that made some results; "" if none do."""
+    """Describe the packages whose local versions differ from those in the environments; "" if none do."""
     current, texts = environment(), {str(entry.get("environment", "{}")) for entry in environments}
     changes: dict[str, None] = {}
     for earlier in map(versions_in, sorted(texts)):
@@ -62,7 +62,7 @@ def _release(version: Any) -> str:
 
 
 def in_words(environment: Any) -> str:
-    """Return the environment of a record or an artefact as a short line, whatever the file holds."""
+    """Return the environment of a record or an artefact as a short line, even if it is malformed."""
     try:
         facts = json.loads(environment) if isinstance(environment, str) else environment
     except (ValueError, RecursionError):
@@ -71,7 +71,7 @@ def in_words(environment: Any) -> str:
 
 
 def _linear_algebra() -> dict[str, str]:
-    """Return the library and kernels behind numpy, whose last bits differ between processors."""
+    """Return the BLAS library and kernels of NumPy; their last bits differ between processors."""
     from threadpoolctl import threadpool_info
 
     loaded = (part for part in threadpool_info() if part.get("user_api") == "blas")
@@ -93,7 +93,7 @@ def git(root: Path, *words: str) -> str | None:
 @cache
 def commit() -> str:
     """Return the first ten digits of the commit, with ``+`` if files were changed; "" outside a repository."""
-    if not (ROOT / ".git").exists():  # an installed suite may lie inside another repository
+    if not (ROOT / ".git").exists():  # an installed suite may be inside another repository
         return ""
     digest = git(ROOT, "rev-parse", "--short=10", "HEAD")
     if not digest:

@@ -1,7 +1,7 @@
 """Keys of recipes. A recipe consists of inputs, versions, parameters and seed, never of output bytes.
 
-Output bytes vary with BLAS builds and thread counts; a recipe does not. Code enters by the versions of the components
-that ran; see :mod:`benchmark.pipeline.storage.lock`.
+Output bytes vary with BLAS builds and thread counts; a recipe does not. Code enters through the versions of the
+components that ran; see :mod:`benchmark.pipeline.storage.lock`.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ def digest(recipe: Any) -> str:
 
 
 def bare_key(key: str) -> str:
-    """Return a key without the name of the edit that made the result, if any."""
+    """Return a key without the prefix that names an edit, if any."""
     return key.rpartition("-")[2]
 
 
 def plain(recipe: Any) -> Any:
-    """Return a recipe as it would be read from JSON: with lists for tuples, and Python numbers for those of numpy."""
+    """Return a recipe as read back from JSON, with lists for tuples and Python numbers for NumPy numbers."""
     return json.loads(json.dumps(recipe, sort_keys=True, default=_plain))
 
 

@@ -1,8 +1,8 @@
-"""Versions of the components of the suite: digests of their golden results, and of the code that made these.
+"""Versions of the components of the suite: digests of their golden results, and of the code that computed them.
 
-A component makes a part of a result: a method, a scorer, the preparation of an input, a generated data set. Its version
-is the digest of its committed golden results, so code may change as long as these do not. Results of edited code are
-stored separately, and are merged into the others once ``make golden`` has passed with that code.
+A component computes part of a result: a method, a scorer, the preparation of an input, a generated data set. Its
+version is the digest of its committed golden results, so code may change as long as these do not. Results of edited
+code are stored separately, and merged with the others once ``make golden`` passes with that code.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PATH = ROOT / "benchmark" / "versions.lock"
 
 
 class Component(NamedTuple):
-    """A component at the time when its golden results were computed.
+    """A component, as of its golden results.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Lock(NamedTuple):
 
 @cache
 def read_lock(path: Path = PATH) -> Lock:
-    """Return the versions of all components, and the digests of the code with which they were checked.
+    """Return the versions of all components, and the digests of the code checked against them.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def read_lock(path: Path = PATH) -> Lock:
 
 
 def write_lock(components: Mapping[str, Component], path: Path = PATH) -> None:
-    """Write the versions of all components and the digests of today's code."""
+    """Write the versions of all components and the digests of the current code."""
     forget_sources()
     folders = sorted({folder for component in components.values() for folder in component.folders})
     code = {folder: [text_of(folder), code_of(folder)] for folder in folders}
@@ -83,7 +83,7 @@ def write_lock(components: Mapping[str, Component], path: Path = PATH) -> None:
 
 
 def forget() -> None:
-    """Read the lock and all sources again when they are next needed."""
+    """Clear the caches of the lock and of all sources."""
     forget_sources()
     read_lock.cache_clear()
     edited_folders.cache_clear()
@@ -127,7 +127,7 @@ def words_of_edit(folders: Iterable[str]) -> str:
 
 
 def with_current_versions(recipe: Any, folders: Iterable[str]) -> Any:
-    """Return a recipe in which all components that run certain folders have their versions of today."""
+    """Return a recipe with the current versions of all components that run code of ``folders``."""
     if isinstance(recipe, list):
         return [with_current_versions(part, folders) for part in recipe]
     if not isinstance(recipe, dict):
@@ -154,12 +154,12 @@ EDITED = "edited"
 #: File in the folder of an edit with the edited folders of code and their digests.
 CODE_FILE = "code.json"
 
-#: Array that holds the recipe of a result of edited code, whose key changes when golden results are accepted.
+#: Name of the array with the recipe of a result of edited code; its key changes when golden results are accepted.
 RECIPE = "__recipe__"
 
 
 def code_of_edit(folder: Path) -> dict[str, str]:
-    """Return the digests of the edited code that made a folder of results; empty if they are not recorded."""
+    """Return the digests of the edited code that computed a folder of results; empty if they are not recorded."""
     try:
         return dict(json.loads((folder / CODE_FILE).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
@@ -173,7 +173,7 @@ def stale_edits(root: Path) -> Iterable[Path]:
 
 
 def adopt_edited(root: Path) -> None:
-    """Merge the results of edits whose code has passed ``make golden`` into the other results, under today's keys."""
+    """Merge the results of edits whose code has passed ``make golden`` into the other results, under current keys."""
     golden = {folder: code.code for folder, code in read_lock().code.items()}
     for edit in list((root / EDITED).glob("*")):
         code = code_of_edit(edit)
@@ -185,7 +185,7 @@ def adopt_edited(root: Path) -> None:
 def _adopt(root: Path, edit: Path, folders: Mapping[str, str]) -> None:
     keys: dict[str, str] = {}
     for path in sorted(edit.glob("artefacts/*/*.npz")):
-        with suppress(ValueError, KeyError, OSError):  # a damaged one is made again
+        with suppress(ValueError, KeyError, OSError):  # damaged artefacts are recomputed
             arrays = load_arrays(path, path.stem)
             recipe = with_current_versions(json.loads(str(arrays.pop(RECIPE))), folders)
             key = keys[f"{edit.name}-{path.stem}"] = digest(recipe)

@@ -1,4 +1,4 @@
-"""Join the records of several machines in one folder."""
+"""Merge the records of several machines into one folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Merged:
     Parameters
     ----------
     added, known
-        Number of new records, and of records whose outcome, or a better one, was already there.
+        New records, and the number of records whose outcome, or a better one, was already present.
     conflicts
         Pairs of records with the same key and different outcomes; neither replaces the other.
     """
@@ -44,7 +44,7 @@ def records_under(results: Store) -> list[Record]:
 
 
 def merge_records(records: Iterable[Record], target: Records) -> Merged:
-    """Add records to a folder; a key with two outcomes is a conflict, which leaves the folder unchanged.
+    """Add records to a folder; a key with two outcomes is a conflict, and its existing record stays.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def publish(records: Iterable[Record], target: Records) -> Merged:
     """Copy the newest record of each place to the folder of published records.
 
     Quick runs, private folders, methods of plugin files, and jobs with a missing package or model are omitted, since
-    they mean nothing elsewhere. A record replaces all older ones of its place, whatever their keys, except that one
-    without scores, of a job that failed or was stopped, never replaces one with scores.
+    they are meaningless elsewhere. A record replaces all older ones of its place, whatever their keys, but a record
+    without scores, of a failed or stopped job, never replaces one with scores.
 
     Parameters
     ----------

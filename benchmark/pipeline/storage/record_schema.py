@@ -20,20 +20,21 @@ from benchmark.pipeline.storage.keys import bare_key, digest
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
 
-#: Largest difference between a mean in a record and the mean of its queries, which are rounded to six decimals.
+#: Largest accepted difference between a mean in a record and the mean of its queries, which are rounded to six
+#: decimals.
 _ROUNDING = 1e-6
 
 Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
 Amount = Annotated[float, Meta(ge=0, le=1e15)]
-Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # means of many hang over 1 by their rounding
+Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Count = Annotated[int, Meta(ge=0, le=10**15)]
 Texts = dict[str, str]
 Shares = dict[str, Share]
 
-#: Parts that hold one figure or a list of figures for each measure.
+#: Parts with one value or a list of values for each measure.
 _BY_MEASURE = ("scores", "chance", "per_query", "supported", "codebook_deviation")
 
-#: Parts of a record of status ``ok``.
+#: Required parts of a record with status ``ok``.
 _SCORED = ("scores", "chance", "per_query", "shapes", "labels", "n_shapes", "n_classes", "unsupported", "cost")
 
 
@@ -133,7 +134,7 @@ class _Record(msgspec.Struct, kw_only=True):
 
 
 def fault_of(content: Any) -> str:
-    """Return why data read from a file is not the record of a job; "" if it is one."""
+    """Return the reason why data from a file is not the record of a job; "" if it is one."""
     try:
         msgspec.convert(content, _Record)
         return next(_faults(content), "")
@@ -165,12 +166,12 @@ def _faults(record: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _faults_of_names(record: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the names of a record that cannot be names of files or shapes, with the reason."""
+    """Yield the reasons why names in a record cannot be names of files or shapes."""
     data = record["data"]
     names = [record["gallery"], record["method"], record.get("scorer", ""), data["name"], data["source"]]
     text = "".join([*names, *record.get("shapes", ()), *record.get("labels", ())])
     try:
-        text.encode("utf-8", "surrogateescape")  # as Python reads file names that are no UTF-8
+        text.encode("utf-8", "surrogateescape")  # as Python reads file names that are not UTF-8
     except UnicodeEncodeError:
         yield "a name in it is not valid Unicode"
     if "\0" in text:
@@ -221,13 +222,13 @@ def _faults_of_scores(record: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _agree(one: float | None, other: float | None) -> bool:
-    """Return whether two figures are equal up to the rounding of single queries."""
+    """Return whether two values are equal up to the rounding of single queries."""
     return one is not None and other is not None and abs(one - other) <= _ROUNDING
 
 
 @cache
 def chance_of_labels(labels: tuple[str, ...]) -> Mapping[str, float]:
-    """Return the scores of a random ranking of a gallery; see :func:`retrieval.chance.chance_levels`."""
+    """Return the chance level of a gallery by measure; see :func:`retrieval.chance.chance_levels`."""
     return chance_levels(labels)
 
 
@@ -235,13 +236,13 @@ def read_json(text: bytes) -> Any:
     """Parse JSON; raise ``ValueError`` for invalid text and for numbers that are too large."""
     try:
         return msgspec.json.decode(text)
-    except msgspec.DecodeError:  # lone surrogates stand for file names that are no UTF-8
+    except msgspec.DecodeError:  # lone surrogates stand for file names that are not UTF-8
         content = json.loads(text)
         json.dumps(content, allow_nan=False)
         return content
 
 
-#: Parts of a record that are shared as a whole, by the file that stores them.
+#: Parts of a record that are shared as a whole, with the file that stores them.
 _WHOLE = {"data": "galleries", "shapes": "galleries", "labels": "galleries", "chance": "galleries", "notes": "notes"}
 
 #: Files of shared parts.
@@ -257,20 +258,20 @@ _MOVES = "rekeyed"
 
 
 class SharedParts:
-    """Contents that records share, by kind and digest; a content with a wrong digest counts as missing."""
+    """Parts shared by records, by kind and digest; a part with a wrong digest counts as missing."""
 
     def __init__(self) -> None:
         self.lines: dict[str, dict[bytes, bytes]] = {kind: {} for kind in KINDS}
 
     def add(self, kind: str, content: Any) -> str:
-        """Add a content and return its digest."""
+        """Add a part and return its digest."""
         text = _compact(content)
         digest = _digest(text)
         self.lines[kind][digest.encode()] = b'{"digest":"%s","content":%s}' % (digest.encode(), text)
         return digest
 
     def content(self, kind: str, digest: str) -> Any:
-        """Return the content with a digest; raise ``KeyError`` if there is none."""
+        """Return the part with a digest; raise ``KeyError`` if there is none."""
         return _decoded(self.lines[kind][digest.encode()])["content"]
 
     def read(self, kind: str, text: bytes) -> None:
@@ -281,7 +282,7 @@ class SharedParts:
             self.lines[kind][match[1] if match and is_whole else b"~" + line] = line
 
     def update(self, other: SharedParts) -> None:
-        """Add the contents of another object."""
+        """Add the parts of another object."""
         for kind, lines in other.lines.items():
             self.lines[kind].update(lines)
 
@@ -292,7 +293,7 @@ def _decoded(line: bytes) -> Any:
 
 
 def as_line(record: Mapping[str, Any], parts: SharedParts) -> bytes:
-    """Return a record as a line, key first, with digests in place of the parts that it shares with others.
+    """Return a record as a line, key first, with digests in place of shared parts.
 
     Raises
     ------
@@ -330,7 +331,7 @@ def _with_parts(record: Mapping[str, Any], other: Callable[[str, Any], Any]) -> 
 
 
 def _packed_values(values: list[float | None]) -> Any:
-    """Return the distinct values and a character for each query, if the values are few; else the list itself."""
+    """Return the distinct values and a character for each query, if the values are few; otherwise the list itself."""
     texts = list(map(repr, values))
     distinct = dict(zip(texts, values, strict=True))  # by text, because 1 and 1.0 are written differently
     if len(distinct) > len(_CHARACTERS):

@@ -20,25 +20,25 @@ from benchmark.text import LONGEST_NAME
 
 Record = dict[str, Any]
 
-#: Largest record file in bytes, 500 times that of 300 shapes.
+#: Maximum size of a record file in bytes: 500 times a record of 300 shapes.
 LARGEST_FILE = 2**25
 
-#: Largest file of gathered records in bytes; a record takes a few thousand.
+#: Maximum size of a file of gathered records in bytes; a record takes a few thousand.
 LARGEST_GATHERED = 2**31
 
-#: Finds the key in the line of a record.
+#: Position of the key in the line of a record.
 _KEY_AT = slice(8, 40)
 
 #: Folder of the parts that gathered records share.
 _PARTS = "parts"
 
-#: Parts that say when and where a job ran, not its outcome.
+#: Parts that describe when and where a job ran, not its outcome.
 CIRCUMSTANCES = frozenset(
     {"finished", "wall_seconds", "environments", "cost", "peak_mib", "artefacts"}
     | {"digests", "commit", "rekeyed", "files"}
 )
 
-#: Parts that have no meaning on another machine.
+#: Parts that are meaningless on another machine.
 LOCAL = frozenset({"artefacts", "files"})
 
 
@@ -48,14 +48,14 @@ DEFAULT_SCORER, NO_SCORER = "cm-bof", "none"
 #: Family of rows whose distances or forms come from other programs.
 EXTERNAL = "external"
 
-#: Most skipped files of a folder that are named individually.
+#: Maximum number of skipped files to name for a folder.
 MOST_NAMED = 10
 
 _HINT = "remove it or move it elsewhere"
 
 
 class _Source(NamedTuple):
-    """Text of a record, the ``key`` under which it was found, and the name of its place for messages."""
+    """Text of a record, the ``key`` under which it is stored, and its location for messages."""
 
     key: str
     name: str
@@ -70,10 +70,10 @@ class Records:
     Parameters
     ----------
     folder
-        Holds each job as ``KEY.json`` or as a line of ``DATASET.jsonl``, with the shared parts of lines in ``parts``. A
-        file takes precedence over a line.
+        Folder with each job as ``KEY.json`` or as a line of ``DATASET.jsonl``, with the shared parts of lines in
+        ``parts``. A file takes precedence over a line.
     skipped
-        Reasons why files or lines are not records, by name, as far as known.
+        Reasons why files or lines are not records, by name, for those read so far.
     """
 
     folder: Path
@@ -83,7 +83,7 @@ class Records:
     _gathered: dict[str, list[_Source]] | None = field(default=None, repr=False)
 
     def write(self, record: Mapping[str, Any]) -> None:
-        """Write a record to its own file; a later one with the same key replaces it.
+        """Write a record to its own file, replacing any earlier record with the same key.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class Records:
         Returns
         -------
         int
-            Number of files that were moved.
+            Number of moved files.
 
         Raises
         ------
@@ -148,7 +148,7 @@ class Records:
 
     @property
     def has_files(self) -> bool:
-        """Return whether there are files of records, valid or not."""
+        """Whether there are files of records, valid or not."""
         return any(path.suffix in (".json", ".jsonl") for path in self.folder.glob("*.json*"))
 
     def news(self) -> list[str]:
@@ -194,7 +194,7 @@ class Records:
         return [line for lines in self._lines.values() for line in lines]
 
     def _rewrite(self, files: Iterable[_Source], without: Collection[str] = ()) -> None:
-        """Rewrite a file of lines; the first record of a key is kept, and invalid lines stay unchanged."""
+        """Rewrite the files of lines; the first record of a key is kept, and invalid lines stay unchanged."""
         self._gathered = None
         lines = self._all_lines()
         if unread := sorted(name for name in self.skipped if name.endswith(".jsonl")):
@@ -230,7 +230,7 @@ class Records:
             write_atomically(path, lambda file: file.write(text), durable=True)
 
     def _bytes(self, path: Path, most: int) -> bytes | None:
-        """Return the content of a file; None, with a note on the reason, if it cannot be read."""
+        """Return the content of a file, or None; unless the file is missing, ``skipped`` then has the reason."""
         try:
             status = path.stat()
             if stat.S_ISREG(status.st_mode) and status.st_size <= most:
@@ -244,7 +244,7 @@ class Records:
         return None
 
     def _record(self, source: _Source) -> Record | None:
-        """Return the record in a text; None, with a note on the reason, if there is none."""
+        """Return the record in a text; None if there is none, with the reason in ``skipped``."""
         if source.text not in self._checked:
             record, fault = _parsed(source)
             if fault:
@@ -289,7 +289,7 @@ def outcome(record: Mapping[str, Any]) -> str:
 
 
 def portable(record: Mapping[str, Any]) -> Record:
-    """Return a record without the parts that mean nothing on another machine."""
+    """Return a record without the parts that are meaningless on another machine."""
     return {name: value for name, value in record.items() if name not in LOCAL}
 
 
@@ -306,7 +306,7 @@ def answered_labels(record: Mapping[str, Any]) -> list[str]:
 
 
 def coverage_of(record: Mapping[str, Any]) -> float:
-    """Return the share of the available shapes for which a record has a result; 0 for a record without scores."""
+    """Return the fraction of the available shapes with a result; 0 for a record without scores."""
     if not record.get("scores"):
         return 0.0
     if "coverage" in record:
@@ -316,7 +316,7 @@ def coverage_of(record: Mapping[str, Any]) -> float:
 
 
 def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
-    """Return the scores of a random ranking of the gallery of a record, by measure."""
+    """Return the chance level of the gallery of a record, by measure."""
     return dict(schema.chance_of_labels(tuple(record["labels"])))
 
 

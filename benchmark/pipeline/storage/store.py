@@ -1,4 +1,4 @@
-"""Store of results: content-addressed arrays, and one immutable record per finished job."""
+"""Store of results: arrays under the digests of their recipes, and one immutable record per finished job."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class StorageError(BenchmarkError):
 
 @dataclass(frozen=True)
 class Artefact:
-    """Arrays of one stage, with what they originally cost and where they were made.
+    """Arrays of one stage, with the cost and environment of their computation.
 
     Parameters
     ----------
     key
         Digest of the recipe.
     arrays
-        By name.
+        Arrays by name.
     cost, environment
         Cost and environment of the original computation.
     was_cached
@@ -47,7 +47,7 @@ class Artefact:
     digest
         Digest of all arrays of the stage, even if only some were read.
     files
-        Digests of the files that a plugin read to make them, by path.
+        Digests of the files that a plugin read to compute them, by path.
     """
 
     key: str
@@ -63,10 +63,10 @@ class Artefact:
 class Store:
     """The folder of results.
 
-    ``DIR/runs/artefacts`` holds arrays by the digest of their recipe, ``DIR/runs/scratch`` arrays that are large and
-    quickly computed again, ``DIR/runs/records`` the records of jobs that ran here, and ``DIR/records`` the published
-    ones. Results of edited code go to ``DIR/runs/edited/EDIT``, named after the edit, until ``make golden`` passes;
-    then :mod:`benchmark.pipeline.storage.lock` merges them into the others.
+    ``DIR/runs/artefacts`` holds arrays by the digest of their recipe, ``DIR/runs/scratch`` large arrays that are fast
+    to recompute, ``DIR/runs/records`` the records of jobs that ran here, and ``DIR/records`` the published ones.
+    Results of edited code go to ``DIR/runs/edited/EDIT``, named after the edit, until ``make golden`` passes; then
+    :mod:`benchmark.pipeline.storage.lock` merges them into the others.
 
     Two processes may compute the same artefact at the same time. Since writes are atomic, the second merely replaces
     the first.
@@ -76,9 +76,9 @@ class Store:
     root
         ``DIR/runs``.
     meter
-        Measures the costs of computations.
+        Meter for the costs of computations.
     published_only
-        Whether to ignore records and models made here, so that the result is the same in every clone.
+        Whether to ignore local records and models, so that the result is the same in every clone.
     """
 
     root: Path
@@ -107,7 +107,7 @@ class Store:
 
     @property
     def models(self) -> Path:
-        """Folder of the models that were trained here; a folder that does not exist if they are to be ignored."""
+        """Folder of locally trained models; a nonexistent folder if ``published_only``."""
         return self.root.parent / ("no-models" if self.published_only else "models")
 
     @property
@@ -127,7 +127,7 @@ class Store:
 
     @cached_property
     def records(self) -> Records:
-        """Records of jobs that ran here; none if they are to be ignored."""
+        """Records of jobs that ran here; none if ``published_only``."""
         return Records(self.root / ("no-records" if self.published_only else "records"))
 
     @cached_property
@@ -147,9 +147,9 @@ class Store:
         recipe
             Everything that determines the result; see :mod:`benchmark.pipeline.storage.keys`.
         compute
-            Computes the arrays; called only if necessary.
+            Function that computes the arrays; called only if necessary.
         work
-            Name of the work, whose first time in a process is marked in the cost.
+            Name of the work; its first use in a process is marked in the cost.
         scratch
             Whether the arrays can be deleted as soon as no job needs them.
         """
@@ -240,7 +240,7 @@ class Store:
 
 
 def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> Artefact | None:
-    """Read an artefact; None if it is missing or damaged in any way, since it can be computed again."""
+    """Read an artefact; None if it is missing or damaged in any way, since it can be recomputed."""
 
     def is_read(name: str) -> bool:
         return wanted is None or name in (_COST, _ENVIRONMENT, _DIGEST, FILES) or wanted(name)
@@ -259,9 +259,9 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
 
 
 def unneeded(store: Store) -> Iterator[Path]:
-    """Yield the files that can be removed: all except those behind the newest record of each place.
+    """Yield the files that can be removed: all except the artefacts of the newest record of each place.
 
-    They include the artefacts of stopped jobs, which would start again from the beginning.
+    They include the artefacts of stopped jobs, which would then restart from the beginning.
     """
     newest = (records[-1] for records in by_place(store.records).values())
     needed = {key for record in newest for key in record.get("artefacts", ())}
@@ -272,7 +272,7 @@ def unneeded(store: Store) -> Iterator[Path]:
 
 
 def sweep_leftovers(store: Store) -> None:
-    """Remove what killed processes left behind: incomplete files, and progress files without a reader."""
+    """Remove files left by killed processes: incomplete files, and progress files without a reader."""
     remove(list(_leftovers(store)))
 
 

@@ -1,4 +1,4 @@
-"""Check whether a plugin keeps its contract: for authors of methods, scorers and data sets, one line per finding."""
+"""Check that a plugin satisfies its contract: for authors of methods, scorers and data sets, one line per finding."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ class Target:
     Parameters
     ----------
     name
-        A method, a scorer, or a data set of a plugin file, optionally with parameters in brackets; or a plugin file,
-        for all that it defines.
+        A method, a scorer, or a data set of a plugin file, optionally with parameters in brackets; or a plugin file, to
+        check everything that it defines.
     methods
         Methods of the file to check, optionally with parameters; empty for all methods, scorers and data sets.
     plugins
         Files that define the named method or data set.
     options
-        How to train the model with which a learner is checked; by default, its own schedule. A learner that names its
-        model is checked with that model.
+        Training options for checking a learner; by default, its own schedule. A learner that names its model is checked
+        with that model.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Target:
         return Path(match[1]) if match else None
 
     def specs(self) -> list[PluginSpec[Any, Any]]:
-        """The methods, scorers and data sets.
+        """Return the methods, scorers and data sets.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class Target:
                 raise ConfigurationError(f"{path} has no method '{spec.name}'", f"choose from {', '.join(names)}")
         if brackets or self.methods:
             return list(chosen)
-        sources(data_sets_of([path]), [path])  # which refuses names that are taken
+        sources(data_sets_of([path]), [path])  # refuses names that are taken
         return [*chosen, *(spec for spec in plugins_in(path) if not isinstance(spec, MethodSpec))]
 
 
@@ -136,7 +136,7 @@ class Report:
 
 
 def check_target(name: str) -> Report:
-    """Check a method by name, or all that a plugin file defines; see :class:`Target`.
+    """Check a method by name, or everything that a plugin file defines; see :class:`Target`.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
     target
         The plugins to check.
     limit
-        Longest time of one check in seconds; None for no limit.
+        Time limit of one check in seconds; None for no limit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Shapes and cases for the checks of plugins, and comparisons of answers."""
+"""Shapes and cases for the checks of plugins, and comparison of answers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ _PIXEL_STRIDE = 9
 _CAMERA = Camera((0.35, 1.0, -0.2))
 
 
-#: Valid meshes, besides the open surface of a view, that a method may refuse as unsupported but must not fail on.
+#: Valid meshes, in addition to the open surface of a view, that a method may refuse as unsupported but must not crash
+#: on.
 _AWKWARD = ("a triangle", "a tetrahedron", "a flat sheet", "two pieces")
 
 
@@ -60,7 +61,7 @@ def figure(bend: float = BENDS[0]) -> Mesh:
 
 @cache
 def view(bend: float = BENDS[0]) -> Shape:
-    """Return the figure as one depth camera sees it: open, in pieces that are bridged, with its depth image."""
+    """Return the figure as seen by one depth camera: open, in bridged pieces, with its depth image."""
     mesh = figure(bend)
     half_width = fit_half_width([mesh], _CAMERA)
     depth = render_depth(mesh, _CAMERA, half_width)
@@ -81,7 +82,7 @@ def awkward() -> dict[str, Mesh]:
 
 
 def training_data() -> TrainingData:
-    """Return depth images of the figure in its poses, of which the first is canonical, as the only training data."""
+    """Return training data: depth images of the figure in its poses, of which the first is canonical."""
     names = tuple(f"figure {bend}" for bend in BENDS)
 
     def pairs(start: int = 0) -> Iterator[TrainingPair]:
@@ -103,20 +104,21 @@ def training_data() -> TrainingData:
     )
 
 
-#: Largest difference between two runs on one shape, relative to the largest coordinate: rounding may depend on the
-#: position of an array in memory.
+#: Largest accepted difference between two runs on one shape, relative to the largest coordinate: rounding may depend on
+#: the position of an array in memory.
 REPEAT_TOLERANCE = 1e-9
 
-#: Largest difference between two runs on two descriptions of one surface, relative to the diameter of the form: an
-#: iteration with a threshold may stop one step earlier. The scorer does not see a thousandth of the diameter.
+#: Largest accepted difference between two runs on two descriptions of one surface, relative to the diameter of the
+#: form: an iteration with a threshold may stop one step earlier. A thousandth of the diameter does not affect the
+#: scorer.
 SYMMETRY_TOLERANCE = 1e-3
 
-#: Largest dissimilarity between a form and its moved copy, relative to the smallest one between two different forms.
+#: Largest accepted dissimilarity between a form and its moved copy, relative to the smallest between different forms.
 _SHARE = 0.1
 
 _COMPARED_VERTICES = 1000
 
-#: A change of a surface that should not matter.
+#: Change of a surface that should not affect the answer.
 Change = Callable[[Mesh], Mesh]
 
 
@@ -125,7 +127,7 @@ class Failed(Exception):
 
 
 class Warned(Exception):
-    """The check found something that may become a fault; with the reason."""
+    """The check found a potential fault; with the reason."""
 
 
 class Skipped(Exception):
@@ -166,12 +168,12 @@ class _Case:
 
 
 class MethodCase(_Case):
-    """A method or a descriptor, with the shapes on which it is checked."""
+    """A method or a descriptor, with the shapes used to check it."""
 
     spec: MethodSpec
-    #: Kind of the items that ``distances`` or ``compare`` gets.
+    #: Kind of the items passed to ``distances`` or ``compare``.
     compared = "descriptors"
-    #: Error with which difficult surfaces may be refused.
+    #: Error allowed for refusing difficult surfaces.
     refusal: type[ShapeError] = UnsupportedShape
 
     @property
@@ -190,7 +192,8 @@ class MethodCase(_Case):
     ) -> Shape:
         """Return the figure, or another mesh, as input of the method."""
         seen = view(bend) if self.reads_images else None
-        # Any area will do that differs between poses: bending keeps the area, and equal areas would compare nothing.
+        # Any area that differs between poses will do: bending preserves the area, and equal areas leave nothing to
+        # compare.
         return Shape(
             identifier=f"{name} {bend}",
             mesh=mesh or (seen.mesh if seen else figure(bend)),
@@ -204,7 +207,7 @@ class MethodCase(_Case):
         return form_of(created, subject)[0].vertices if isinstance(created, Method) else descriptor_of(created, subject)
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Compare two answers up to rigid motions and reflections; ``order`` is that of vertices after the change."""
+        """Compare two answers up to rigid motions and reflections; ``order`` is the vertex order after the change."""
         mesh = self.subject().mesh
         answer = self.answer(self.subject(mesh=change(mesh)))
         if order is not None and answer.ndim == 2:
@@ -226,18 +229,18 @@ class MethodCase(_Case):
         return distances_of(method, [descriptor_of(method, subject) for subject in subjects])
 
     def awkward(self) -> Mapping[str, Shape]:
-        """What may be refused, but not stumbled over, by name."""
+        """Return inputs that may be refused but must not cause a crash, by name."""
         return {name: Shape(identifier=name, mesh=mesh, source_area=mesh.area) for name, mesh in awkward().items()}
 
 
 class ScorerCase(_Case):
-    """A scorer, with the forms on which it is checked; see :class:`MethodCase`."""
+    """A scorer, with the forms used to check it; see :class:`MethodCase`."""
 
     compared = "signatures"
     refusal = ShapeError
 
     def subject(self, bend: float = BENDS[0]) -> Mesh:
-        """The figure."""
+        """Return the figure."""
         return figure(bend)
 
     def _answer(self, created: Scorer, subject: Mesh) -> FloatArray:
@@ -245,7 +248,7 @@ class ScorerCase(_Case):
         return np.concatenate([np.asarray(signature[name], dtype=np.float64).ravel() for name in sorted(signature)])
 
     def unchanged_by(self, change: Change, hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Check that a form after a change is much more similar to itself than to any other form."""
+        """Check that a form and its changed copy are much more similar than any two different forms."""
         forms = [figure(bend) for bend in BENDS]
         distances = self.dissimilarities([*forms, *map(change, forms)])
         count = len(forms)
@@ -257,7 +260,7 @@ class ScorerCase(_Case):
 
     @property
     def pairs(self) -> list[Mesh]:
-        """Return the figure in its poses, complete and as a camera sees it."""
+        """The figure in its poses, complete and as seen by a camera."""
         return [*map(figure, BENDS), *(view(bend).mesh for bend in BENDS)]
 
     def dissimilarities(self, subjects: Sequence[Mesh], draw: int = 0) -> FloatArray:
@@ -266,7 +269,7 @@ class ScorerCase(_Case):
         return form_distances(scorer, [signature_of(scorer, form) for form in subjects], draw)
 
     def awkward(self) -> Mapping[str, Mesh]:
-        """What may be refused, but not stumbled over, by name."""
+        """Return inputs that may be refused but must not cause a crash, by name."""
         return {**awkward(), "a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))}
 
 
@@ -317,7 +320,7 @@ def explain(error: BaseException) -> str:
 
 
 def difference(expected: FloatArray, answer: FloatArray) -> float:
-    """Return the largest difference of two answers, relative to the first; infinite if their shapes differ."""
+    """Return the largest difference between two answers, relative to the first; infinite if their shapes differ."""
     if expected.shape != answer.shape:
         return np.inf
     return float(np.abs(answer - expected).max() / (np.abs(expected).max() or 1.0))

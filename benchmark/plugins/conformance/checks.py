@@ -1,4 +1,4 @@
-"""The checks of plugins: a table of functions that return what is right, or raise what is wrong."""
+"""Checks of plugins: a table of functions that return a description of success or raise the fault."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def trained(spec: MethodSpec, folder: Path, options: Any = ()) -> Method:
     return loaded
 
 
-# One answer, and the same again --------------------------------------------------------------------------------------
+# Repeated answers ----------------------------------------------------------------------------------------------------
 
 
 def _answer(case: Any) -> str:
@@ -182,7 +182,7 @@ def _answer(case: Any) -> str:
 
 
 def _repeatable(case: Any) -> str:
-    """Check that an answer is repeated, immediately and after another shape."""
+    """Check that an answer is reproducible, immediately and after another shape."""
     first, second = case.reference, case.answer()
     start = "give iterative solvers such as eigsh a fixed start (v0=...)"
     if not (size := difference(first, second)) <= REPEAT_TOLERANCE:
@@ -240,7 +240,7 @@ def _seed(case: MethodCase) -> str:
 def _fresh_process(case: Any) -> str:
     answer = _elsewhere(case)
     same(case.reference, answer, "another process answers differently; do not depend on hashes, globals or the clock")
-    # This process has done other work before, so only two fresh processes can be expected to agree bit by bit.
+    # This process has done other work before, so only two fresh processes can be expected to agree in every bit.
     second = case.reference if np.array_equal(answer, case.reference) else _elsewhere(case)
     if np.array_equal(answer, second):
         return "every new process gives the same answer, bit by bit"
@@ -261,7 +261,7 @@ def _other_processor(case: Any) -> str:
 
 
 def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
-    """Return the answer for the figure in a new process, under a given BLAS kernel; "" for the default."""
+    """Return the answer for the figure in a new process, with a given BLAS kernel; "" for the default."""
     with patch.dict(os.environ):  # does not affect the libraries loaded here
         if kernel is not None:
             os.environ.pop(KERNEL, None)
@@ -275,7 +275,7 @@ def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
 
 
 def _answer_here(spec: PluginSpec[Any, Any], model: Path | None) -> list[Any]:
-    """Return the answer for JSON, which keeps every bit of a number; raise ``BenchmarkError`` with a fault."""
+    """Return the answer for JSON, which preserves every bit of a number; raise ``BenchmarkError`` with the fault."""
     hide_data()
     try:
         case: Any = case_of(spec, model)
@@ -285,7 +285,7 @@ def _answer_here(spec: PluginSpec[Any, Any], model: Path | None) -> list[Any]:
 
 
 def hide_data() -> None:
-    """Hide the data folder from this process, because methods must use only what the shape offers."""
+    """Hide the data folder from this process, because methods may use only the shape."""
     folder = os.environ.pop(DATA_VARIABLE, "")
     if not folder:
         return
@@ -300,7 +300,7 @@ def hide_data() -> None:
     sys.addaudithook(refuse)
 
 
-# Two answers that must be the same -----------------------------------------------------------------------------------
+# Invariance and distances --------------------------------------------------------------------------------------------
 
 
 def _relabelling(case: Any) -> str:
@@ -479,13 +479,13 @@ class Check:
     Parameters
     ----------
     run
-        Returns what is right, or raises what is wrong.
+        Function that returns a description of success, or raises the fault.
     applies
         Whether it applies to a plugin; if not, it is not listed.
     unless
-        Why it is skipped; "" if it is not.
+        Functions that return the reason for skipping the check; "" if there is none.
     gate
-        Why the remaining checks are skipped if this one fails, "" if they are not listed; None if they still run.
+        Reason for skipping the remaining checks unless the outcome is ``"ok"``; "" to omit them, None to run them.
     """
 
     run: Callable[[Any], str]
@@ -515,7 +515,7 @@ OF_METHODS_AND_SCORERS = {
     "awkward shapes": Check(_awkward),
 }
 
-#: Names of some checks for scorers.
+#: Names of checks that differ for scorers.
 NAMES_OF_SCORERS = {"answer": "signature", "rigid motion": "motion", "awkward shapes": "awkward forms"}
 
 OF_DATA_SETS = {

@@ -1,4 +1,4 @@
-"""Data for the charts of a table and for its browser of queries."""
+"""Data for the charts and the query browser of a table."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import PRINTED
 
-#: Most classes, or poses, that are shown individually; more would be unreadable.
+#: Maximum number of classes, or of poses, shown individually; more would be unreadable.
 _MOST_KINDS = 400
 
-#: Queries in one script; approximate bytes of one query of one method; most bytes of a table.
+#: Queries in one script; approximate bytes of one query of one method; maximum bytes of a table.
 _PART, _QUERY_BYTES, _MOST_BYTES = 100, 100, 6_000_000
 
 
@@ -92,7 +92,7 @@ def _fronts(cells: Sequence[RankedCell], input_: str, measure: str) -> dict[str,
 def write_queries(
     stem: str, table: TableContent, cells: Sequence[RankedCell], pictures: Mapping[Input, Sheets], files: Files
 ) -> None:
-    """Write the scripts of the browser of queries; for large galleries, as many evenly spread queries as fit."""
+    """Write the scripts of the query browser; for large galleries, as many evenly spaced queries as fit."""
     places: dict[tuple[str, Input], list[tuple[RankedCell, RankedGallery]]] = {}
     for cell in cells:
         for gallery in cell.galleries:

@@ -32,7 +32,7 @@ from benchmark.text import brief, clean
 Files = dict[str, bytes]
 
 Progress = Callable[[str], None]
-"""Takes a line about what is being done."""
+"""Called with each progress message."""
 
 #: Characters with a meaning in HTML, for scripts inside pages.
 _IN_HTML = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
@@ -80,13 +80,13 @@ def _plain(value: Any) -> Any:
 SIDE, ACROSS, DOWN = 80, 10, 5
 _ON_SHEET = ACROSS * DOWN
 
-#: Pixels per side of a large picture; most shapes of a class, and most classes, with large pictures.
+#: Pixels per side of a large picture; maximum number of shapes of a class, and of classes, with large pictures.
 TILE, POSES, _MOST_CLASSES = 150, 4, 6
 
-#: Most shapes of a data set with small pictures, evenly spread in larger data sets.
+#: Maximum number of shapes of a data set with small pictures, evenly spaced in larger data sets.
 _MOST_PICTURES = 1000
 
-#: Most vertices of a surface in 3D; bound of its coordinates, in half widths of a picture.
+#: Maximum number of vertices of a surface in 3D; bound of its coordinates, in half widths of a picture.
 _VERTICES, _REACH = 1000, 1.6
 
 #: Width of a picture, relative to the largest form.
@@ -98,7 +98,7 @@ _ABSENT = "not in this gallery"
 
 @dataclass
 class Sheets:
-    """Small pictures of the shapes of a data set under one input, and of their forms.
+    """Small pictures of the shapes of a data set for one input, and of their forms.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class Sheets:
     places
         Index k of each shape on the sheets of all methods: position k % 50 on sheet k // 50.
     reasons
-        By method and shape: "" if there is a picture of its form, or else the reason.
+        Reason why a form has no picture, by method and shape; "" if it has one.
     """
 
     stem: str
@@ -123,7 +123,7 @@ class Sheets:
         return {method: number for number, method in enumerate((SHAPE, *self.titles))}
 
     def as_json(self, shapes: Iterable[str]) -> dict[str, Any]:
-        """Return methods, and reasons for missing pictures of some shapes, as the page reads them."""
+        """Return methods, and reasons for missing pictures of some shapes, as read by the page."""
         reasons = [self.reasons.get(method, {}) for method in self.titles]
         return {
             "methods": [{"name": name, "title": title} for name, title in self.titles.items()],
@@ -179,7 +179,7 @@ def draw_set(
     room: tuple[int, int],
     say: Progress = lambda _: None,
 ) -> DrawnSet:
-    """Draw the stored surfaces and forms of some records.
+    """Draw the stored surfaces and forms of records.
 
     Parameters
     ----------
@@ -188,11 +188,11 @@ def draw_set(
     records
         Records with scores of one data set, in the order in which methods are shown.
     artefacts
-        Reads surfaces and forms.
+        Reader of surfaces and forms.
     files
         Files to which pictures and scripts are added.
     room
-        Most shapes with large and with small pictures under each input.
+        Maximum number of shapes with large and with small pictures for each input.
     say
         Progress callback, if there are many shapes.
     """
@@ -235,7 +235,7 @@ def _dataset(records: Sequence[Record], artefacts: ArtefactReader) -> Dataset | 
 
 @dataclass
 class _Drawing:
-    """Drawing of one data set under one input."""
+    """Drawing of one data set for one input."""
 
     drawn: DrawnSet
     input: Input
@@ -246,7 +246,7 @@ class _Drawing:
     _open: dict[int, Image.Image] = field(default_factory=dict)
 
     def draw_class(self, entries: Sequence[Entry], beside: set[str], with_forms: set[str]) -> None:
-        """Draw the small pictures of a class, and large ones of some shapes, with all forms of a method alike."""
+        """Draw the small pictures of a class, and large ones of some shapes, with all forms of a method aligned."""
         models: dict[str, Points] = {}
         large: list[tuple[Entry, dict[str, Mesh]]] = []
         for entry in entries:
@@ -295,7 +295,7 @@ class _Drawing:
         self._open.clear()
 
     def _add_large(self, shapes: Sequence[tuple[Entry, Mapping[str, Mesh]]]) -> None:
-        """Write a strip of pictures of each shape, itself on top, and a script with surfaces, of one scale."""
+        """Write pictures of each shape and its forms as a strip, and surfaces as a script, at one scale per method."""
         rows = {method: row for row, method in enumerate((SHAPE, *self.by_method))}
         widths: dict[str, float] = {}
         for _, meshes in shapes:
@@ -328,7 +328,7 @@ class _Drawing:
 
 @dataclass(frozen=True, eq=False)
 class _Thinned:
-    """Some vertices of a mesh, triangles between them, and how far out they lie."""
+    """Decimated mesh: some vertices of the mesh, triangles between them, and their outwardness."""
 
     chosen: NDArray[np.intp]
     faces: NDArray[np.int32]
@@ -348,10 +348,10 @@ class _Thinned:
 
 
 def _steps(points: Points) -> NDArray[np.uint16]:
-    """Coordinates in 65536 steps between plus and minus the reach; what lies beyond is moved in."""
+    """Return coordinates in 65536 steps between plus and minus the reach, clipped to this range."""
     return np.asarray(np.rint((np.clip(points / _REACH, -1, 1) + 1) / 2 * 65535), dtype="<u2")
 
 
 def _packed(array: NDArray[Any]) -> str:
-    """Whole numbers as base64, as the page reads them."""
+    """Return whole numbers as base64, as read by the page."""
     return base64.b64encode(array.tobytes()).decode("ascii")

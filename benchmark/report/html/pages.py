@@ -34,14 +34,14 @@ from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import MEASURES, PRINTED
 
-#: Lists the files of a report, so that the next one can remove those that it no longer writes.
+#: List of the files of a report, so that the next report can remove those that it no longer writes.
 CONTENTS = "parts/contents.json"
 
-#: Most forms in 3D, of 13 kB each, and most small pictures, of 1 to 2 kB and 30 ms each: with plotly and the queries, a
-#: report stays below 30 MB. Most shapes of a data set side by side.
+#: Maximum number of forms in 3D (13 kB each), of small pictures (1 to 2 kB and 30 ms each), and of shapes of a data set
+#: side by side. With plotly and the queries, a report stays below 30 MB.
 _MOST_FORMS, _MOST_SMALL_FORMS, _MOST_SHAPES = 1200, 16_000, 24
 
-#: Most omitted shapes that the first page lists.
+#: Maximum number of omitted shapes listed on the first page.
 _MOST_LEFT_OUT = 500
 
 _ASSETS = ("report.css", "report.js", "charts.js", "forms.js", "queries.js")
@@ -52,7 +52,7 @@ Board = tuple[str, Sequence[Sequence[object]]]
 
 @dataclass(frozen=True)
 class Written:
-    """Facts about a written report: edited files that were kept, and numbers of files, bytes, forms and jobs."""
+    """Summary of a written report: edited files that were kept, and numbers of files, bytes, forms and jobs."""
 
     edited: list[str]
     n_files: int
@@ -64,7 +64,7 @@ class Written:
 
 @dataclass(frozen=True)
 class TablePages:
-    """Content of the pages of one table, with the options and the methods for the commands on them."""
+    """Content of the pages of one table, with the options and methods for their commands."""
 
     table: TableContent
     cells: list[RankedCell]
@@ -106,7 +106,7 @@ class TablePages:
 
     @property
     def best(self) -> list[tuple[str, str, float]]:
-        """Input, method and score of the highest DCG under each input, without controls."""
+        """Input, method and score of the highest DCG for each input, without controls."""
         contest = [
             (cell.line.input, cell.line.label, cell.line.scores["DCG"])
             for cell in self.cells
@@ -135,7 +135,7 @@ class TablePages:
 
     @property
     def reproduction(self) -> list[list[object]]:
-        """Figures of the paper and ours, with outcomes."""
+        """Scores of the paper and ours, with outcomes."""
         figures = reproduced_figures([self.table]).dropna(subset="ours")
         shown = figures[["title", "input", "measure", "outcome", "paper", "ours"]]
         return [[*facts, number(paper), number(ours)] for *facts, paper, ours in shown.to_numpy().tolist()]
@@ -176,7 +176,7 @@ def write_report(
     tables
         The tables to show.
     artefacts
-        Reads distances, surfaces and forms, as far as they are stored; otherwise the report shows only records.
+        Reader of stored distances, surfaces and forms; without them, the report shows only records.
     root
         Folder of the report.
     command
@@ -236,7 +236,7 @@ def set_stem(table: TableContent) -> str:
 
 
 def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, str]:
-    """Return the pages of one table by name: scores with charts, canonical forms, and the browser of queries."""
+    """Return the pages of one table by name: scores with charts, canonical forms, and the query browser."""
     headings, costs = pages.costs()
     families = list(dict.fromkeys(row.family for row in pages.table.rows))
     content = {"lines": lines(pages.table), "notes": notes(pages.table), "cost_headings": headings, "costs": costs}
@@ -249,7 +249,7 @@ def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, st
 
 
 def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Board] = ()) -> str:
-    """Return the first page: tables, rows of bundles, failures, and the commands behind them."""
+    """Return the first page: tables, rows of bundles, failures, and the commands that produce them."""
     placed = [((pages.short, line.title, line.input), line) for pages in tables for line in pages.table.lines]
     failures = [
         [*place, line.status, brief(line.reason)] for place, line in placed if line.status not in ("ok", "missing")

@@ -1,4 +1,4 @@
-"""The files of a paper, from templates. Their environment escapes all values."""
+"""Files of a paper, from templates whose environment escapes all values."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from benchmark.report.reproduction import AGREEING, OUTCOMES, TOLERANCE, assess_
 from benchmark.report.significance import DRAWS, RESAMPLES
 
 Template = Literal["article", "ieee"]
-"""Classes of a paper."""
+"""Document classes of a paper."""
 
 TEMPLATES: tuple[Template, ...] = get_args(Template)
 
 #: Width of the text in inches, by template.
 _INCHES = {"article": 6.45, "ieee": 7.1}
 
-#: Most incomplete rows that are named individually.
+#: Maximum number of incomplete rows named individually.
 _MOST_NAMED = 12
 
-#: Characters, besides composed Latin letters, in the oldest encoding of LaTeX.
+#: Characters, in addition to composed Latin letters, in the oldest encoding of LaTeX.
 _KNOWN = frozenset("\u00a0¡£§©¬®°±²³µ¶·¹¼½¾¿ÆØæßøıŁłŒœ\u2010\u2011\u2012–—―‘’“”†‡•…‰€™")
 
 #: Accents, and letters with a cedilla, that LaTeX composes.
@@ -49,7 +49,7 @@ _CEDILLAS = frozenset(f"{letter}\u0327" for letter in "CcSsTt")
 
 
 def main_tables(tables: Sequence[TableContent]) -> list[TableContent]:
-    """Return the tables of the paper, for the official data or else the stand-in, and those of private data."""
+    """Return the tables of the paper, for the official data or otherwise the stand-in, and those of private data."""
     chosen: dict[str, TableContent] = {}
     for table in tables:
         known = chosen.get(table.identifier)
@@ -64,11 +64,11 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
     Parameters
     ----------
     tables
-        Its tables.
+        Tables of the paper.
     artefacts
-        Reads canonical forms, as far as they are stored; without them there is no figure of forms.
+        Reader of stored canonical forms; without them, there is no figure of forms.
     template
-        The class of the paper.
+        Document class of the paper.
     """
     figures = {f"scores-{_stem(t)}.pdf": scores_figure(t, _INCHES[template]) for t in tables}
     with_forms = ((table, stored_forms_figure(table, artefacts)) for table in tables)
@@ -98,7 +98,7 @@ def paper_files(tables: Sequence[TableContent], artefacts: ArtefactReader, templ
 
 
 def characters(text: str) -> str:
-    """Return LaTeX declarations of unknown characters in a text, as their base letter or their number."""
+    """Return LaTeX declarations that replace unknown characters in a text by their base letter or code point."""
     lines = ["% What stands for characters that the fonts lack; with other fonts, change it."]
     for character in sorted(set(text)):
         if not (character.isascii() or character in _KNOWN or _is_composed(character)):
@@ -115,7 +115,7 @@ def _is_composed(character: str) -> bool:
 
 
 def _stem(table: TableContent) -> Latex:
-    """Return the name for the files and the label of a table, which LaTeX accepts."""
+    """Return a name accepted by LaTeX for the files and the label of a table."""
     name = table.file_stem
     return Latex(name if name.isascii() else f"{name.encode('ascii', 'ignore').decode()}-{digest(name)[:8]}")
 
@@ -144,7 +144,7 @@ def _table(table: TableContent, *, has_figure: bool) -> dict[str, Any]:
 
 
 def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
-    """Return the best complete row by a measure under each input, without controls.
+    """Return the best complete row by a measure for each input, without controls.
 
     Returns
     -------
@@ -215,7 +215,7 @@ def _versions(records: Iterable[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _reproduced(tables: Sequence[TableContent]) -> dict[str, Any]:
-    """Return the counts of outcomes of the paper's figures, and the outcomes of its claims."""
+    """Return the counts of outcomes of the paper's scores, and the outcomes of its claims."""
     figures = reproduced_figures(tables).dropna(subset="ours")
     by_table = figures.groupby(["table", "input"], sort=False)["outcome"]
     counts = {place: Counter(outcomes) for place, outcomes in by_table}
@@ -229,7 +229,7 @@ def _reproduced(tables: Sequence[TableContent]) -> dict[str, Any]:
 
 
 def _intervals(tables: Iterable[TableContent]) -> Iterable[tuple[Latex, TableContent]]:
-    """Return names and contents of the tables of intervals, one for each input."""
+    """Yield names and contents of the tables of intervals, one for each input."""
     for table in tables:
         caption = f"{table.table.caption}, with intervals"
         for input_ in table.inputs:

@@ -39,7 +39,8 @@ _FAMILIES = {"paper": ("#2f6fb7", "o"), "extended": ("#2a9d8f", "D"), CONTROL: (
 #: Mark of each input in the chart of costs, and the same as a character.
 _INPUT_MARKS: dict[Input, tuple[str, str]] = {"mesh": ("o", "\u25cf"), "view": ("x", "\u00d7")}
 
-#: Inches: of a panel of costs without names; of a row of scores, of the margins around them, of the tallest figure.
+#: Sizes in inches: a panel of costs without names; heights of a row of scores, of the margins around the rows, and of
+#: the tallest figure.
 _COST = (3.5, 2.4)
 _LINE, _FRAME, _TALLEST = 0.165, 0.75, 8.4
 
@@ -47,14 +48,15 @@ _SIZE = 7
 _TEXT: Mapping[str, Any] = {"parse_math": False}
 _MARKERS = "os^vD<>p*hXP"
 
-#: Most panels of confusions, and most side by side; most curves side by side; most classes with legible names.
+#: Maximum number of confusion matrices, and of those side by side; of curves side by side; of classes with legible
+#: names.
 _MOST_PANELS, _PANELS, _CURVES, _MOST_NAMES = 12, 4, 4, 40
 
 
 def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
-    """Draw a panel for each input of a table: total seconds per shape against a measure with its interval.
+    """Draw a panel for each input of a table: a measure with its interval against total seconds per shape.
 
-    Controls are drawn, but excluded from the front.
+    Controls are drawn, but excluded from the Pareto front.
 
     Raises
     ------
@@ -120,7 +122,7 @@ def _cost_panel(
 
 
 def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> Figure | None:
-    """Draw a panel for each input of a table, and one of seconds per shape; None for a table without scores.
+    """Draw a panel of scores for each input of a table, and one of seconds per shape; None for a table without scores.
 
     Markers of the best row, and of rows that do not differ from it significantly, are filled.
 
@@ -184,7 +186,7 @@ def _costs_panel(place: Axes, table: TableContent, rows: Sequence[Any]) -> None:
 
 
 def draw_curves(frames: Sequence[DataFrame], folder: Path) -> list[Path]:
-    """Write a picture for each data set and input."""
+    """Write a picture of curves for each data set and input, and return the paths."""
     paths = [folder / f"{file_stem(frame)}.png" for frame in frames]
     for frame, path in zip(frames, paths, strict=True):
         save(curves_figure(frame), path)
@@ -322,7 +324,7 @@ def _inputs(cells: Iterable[RankedCell]) -> list[Input]:
 
 
 def _heat_map(place: Axes, values: Any, columns: Sequence[str], rows: Sequence[str]) -> Any:
-    """Draw shares from 0 to 1, without names if they would be illegible."""
+    """Draw values from 0 to 1, without names if they would be illegible."""
     image = place.imshow(values, vmin=0, vmax=1, cmap="YlGnBu", aspect="auto", interpolation="nearest")
     for axis, names in ((place.xaxis, columns), (place.yaxis, rows)):
         shown = [_shortened(clean(name), 34) for name in names] if len(names) <= _MOST_NAMES else []

@@ -32,7 +32,7 @@ POSES = 3
 #: Widths in inches: of a figure, as the text of a two-column paper; of the widest column; of a picture of an effect.
 WIDTH, _COLUMN, _SIDE = 7.16, 1.25, 1.5
 
-#: Most methods side by side.
+#: Maximum number of methods side by side.
 _MOST = 8
 
 #: Pixels per side of a picture.
@@ -80,16 +80,16 @@ def forms_figure(
     Parameters
     ----------
     jobs
-        Jobs of one gallery under one input. Missing forms are computed in a separate process, unless their job has
+        Jobs of one gallery with one input. Missing forms are computed in a separate process, unless their job has
         failed.
     artefacts
-        Reads the forms.
+        Reader of the forms.
     subject
         The subject, by default the first.
     shapes
         The shapes, instead of some poses of a subject.
     limit
-        Longest time in seconds to compute the missing forms of one method; None for no limit.
+        Timeout in seconds for computing each missing form; None for no limit.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def _drawn(columns: Sequence[Column], width: float = WIDTH) -> Figure:
 def _grid(
     width: float, height: float, n_rows: int, widths: Sequence[float], top: float, dpi: float = _PIXELS / 2
 ) -> tuple[Figure, Any]:
-    """Return a figure, in inches, with axes without frames and gaps up to a share of the height."""
+    """Return a figure of a size in inches, and axes without frames and gaps, up to a fraction ``top`` of its height."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=dpi)
@@ -236,7 +236,7 @@ def _make(
     entries: Sequence[Entry],
     limit: float | None,
 ) -> dict[str, str]:
-    """Compute the missing forms, and return by method why they cannot be computed."""
+    """Compute the missing forms, and return the reasons why some cannot be computed, by method."""
     reasons = {}
     for job in (job for job in jobs if job.method.name in records):
         name = job.method.name
@@ -256,7 +256,7 @@ def _make(
 def _columns(
     records: Mapping[str, Record], artefacts: ArtefactReader, entries: Sequence[Entry], reasons: Mapping[str, str]
 ) -> list[Column]:
-    """Return the shapes, then the forms of each method that has some, all poses in one orientation."""
+    """Return a column of shapes, then one of forms for each method, with all poses in one orientation."""
     record, models = next(iter(records.values())), dict[str, Points]()
     forms = [posed(entry, record, records, artefacts, models) for entry in entries]
     columns = [Column("input", [of_shape[SHAPE] for of_shape in forms])]

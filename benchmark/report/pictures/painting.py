@@ -1,4 +1,4 @@
-"""Render surfaces and depth images without OpenGL, by the scorer's rasteriser and simple shading.
+"""Render surfaces and depth images without OpenGL, with the scorer's rasteriser and simple shading.
 
 On coloured surfaces, the colour shows how far a point is from the centre of the body.
 """
@@ -58,8 +58,8 @@ ENDINGS = tuple(_UNDATED)
 def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     """Return how far each vertex is from the centre of its surface, shape (n,): 0 at the centre, 1 at the farthest tip.
 
-    This is the mean distance along the surface to samples all over it. It hardly changes when a limb bends, so each
-    part of a body has the same colour in every pose.
+    This averages the mean distance along edges to samples all over the surface, scaled to [0, 1], and its rank. Both
+    hardly change when a limb bends, so each part of a body has the same colour in every pose.
     """
     edges = edges_of(mesh.faces).ends
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)

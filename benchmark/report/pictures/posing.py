@@ -1,4 +1,4 @@
-"""Select the shapes for a picture and orient their forms: upright like the shape, and alike in all poses."""
+"""Select the shapes for a picture and orient their forms: upright like the shape, and aligned in all poses."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ T = TypeVar("T")
 #: Name of the shape itself among its forms.
 SHAPE = ""
 
-#: Smallest share of all combinations of class and pose in a data set whose names of poses are comparable.
+#: Minimum fraction of combinations of class and pose that exist in a data set with comparable names of poses.
 _SAME_POSES = 0.9
 
 #: Largest relative difference at which a form counts as the rotated shape.
 _SAME = 1e-3
 
-#: Points of a form that are compared, enough for its orientation.
+#: Number of points of a form to compare, enough for its orientation.
 _COMPARED = 300
 
 _ROUNDS = 10
@@ -34,12 +34,12 @@ _ROUNDS = 10
 #: Ratio of distances up to which two orientations fit equally well.
 _ALIKE = 1.6
 
-#: Share of the vertices that may be cut off on each side, so that outliers do not shrink a form.
+#: Fraction of the vertices that may be cut off on each side, so that outliers do not shrink a form.
 _CUT_OFF = 0.002
 
 
 def spread(values: Sequence[T], most: int) -> list[T]:
-    """Return a number of evenly spread values, including the first and the last."""
+    """Return at most ``most`` evenly spaced values, including the first and the last."""
     places = np.unique(np.linspace(0, max(len(values) - 1, 0), min(most, len(values))).astype(int))
     return [values[place] for place in places.tolist()]
 
@@ -93,7 +93,7 @@ def reach(points: Points) -> float:
 
 
 def turn_onto(points: Points, target: Points) -> tuple[NDArray[np.float64], float]:
-    """Rotate, and reflect if necessary, points onto corresponding ones [Schönemann 1966].
+    """Compute the rotation (or rotoreflection) that aligns points with corresponding ones [Schönemann 1966].
 
     Returns
     -------
@@ -144,13 +144,13 @@ def posed(
     entry
         The shape.
     record
-        A record of its gallery under the input.
+        A record of its gallery for the input.
     records
         Records of the methods whose forms are shown.
     artefacts
-        Reads surfaces and forms.
+        Reader of surfaces and forms.
     models
-        The first form of each method, to which those of other poses are aligned; filled here.
+        First form of each method, to which forms of other poses are aligned; updated in place.
     """
     surface = artefacts.surface(record, entry)
     forms = {method: artefacts.form(record, entry, surface) for method, record in records.items()}
@@ -168,7 +168,7 @@ def posed(
 
 
 def _turn_like(points: Points, model: Points, hint: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotate a form so that it looks like another one of the same subject.
+    """Return the orthogonal matrix that aligns a form with another one of the same subject.
 
     All alignments of the principal axes are tried. Since a body is nearly mirror-symmetric, several may fit almost
     equally well; the one closest to a hint, which comes from the shape, is refined by iterative closest points.

@@ -24,7 +24,7 @@ from benchmark.report.pictures.posing import select
 #: Default number of poses of each subject, and largest width of a sheet in pixels.
 POSES, WIDTH = 8, 1600
 
-#: Pixels per side of a picture, and the fewest at which three-quarter views are added.
+#: Pixels per side of a picture: the minimum, the minimum for adding three-quarter views, and the maximum.
 _SMALLEST, _ROOMY, _LARGEST = 40, 84, 160
 
 _NEAR, _GAP, _MARGIN, _LINE = 3, 12, 8, 18
