@@ -1,1 +1,1 @@
-"""Data sets: official ones read as they come, and generated stand-ins."""
+"""Data sets: official sets in their original layout, and generated stand-ins."""

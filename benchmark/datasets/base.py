@@ -1,4 +1,4 @@
-"""Interface of a data set to the harness, and parts of a set."""
+"""Interface of data sets for the harness, and parts of a data set."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Dataset(Protocol):
-    """A collection of shapes; order of entries is the order of the matrix rows.
+    """A collection of shapes; the order of entries is the order of matrix rows.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Dataset(Protocol):
     title
         Name in captions.
     stand_in_for
-        Name of the official set that this generated one stands in for, or "" for real data.
+        Name of the official set that this generated set replaces, or "" for real data.
     half_width
         Half the width of the depth camera's frame in file units, or None to fit it to the whole set.
     """
@@ -42,13 +42,13 @@ class Dataset(Protocol):
     def entries(self) -> tuple[Entry, ...]: ...  # noqa: D102
 
     def load(self, entry: Entry) -> Mesh:
-        """Return the mesh as the set gives it, or raise ``UnreadableMesh`` / ``InvalidMesh``."""
+        """Return the unprocessed mesh, or raise ``UnreadableMesh`` / ``InvalidMesh``."""
         ...
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh: a digest of the file, or the parameters of the generator.
+        """Return the inputs that determine the mesh: a digest of the file, or the parameters of the generator.
 
-        The code behind it and the versions of the packages that it uses are no part of it.
+        Code and package versions are not included.
         """
         ...
 
@@ -58,7 +58,7 @@ class Dataset(Protocol):
 
 
 Watched = Callable[[Sequence[Entry]], Iterable[Entry]]
-"""Hands on shapes one at a time, each when the one before it is done with, so that a caller can tell how far it is."""
+"""Wrapper that yields shapes one at a time, on demand, so that the caller can track progress."""
 
 
 def check_retrievable(dataset: Dataset, entries: Iterable[Entry] | None = None) -> None:
@@ -69,7 +69,7 @@ def check_retrievable(dataset: Dataset, entries: Iterable[Entry] | None = None) 
     dataset
         The data set.
     entries
-        The part of it that is ranked; None for all of it.
+        The ranked part of the data set; None for all shapes.
     """
     subjects = [entry.subject for entry in (dataset.entries if entries is None else entries)]
     what = f"data set '{dataset.name}'" if entries is None else f"what this table ranks of data set '{dataset.name}'"
@@ -88,35 +88,35 @@ def check_retrievable(dataset: Dataset, entries: Iterable[Entry] | None = None) 
 
 
 def printable(name: str) -> str:
-    r"""A name as it may stand in a record: what cannot be printed or encoded is written as in Python, ``\x00``."""
+    r"""Return a name suitable for records: unprintable characters are escaped as in Python, such as ``\x00``."""
     if name.isprintable():
         return name
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in name)
 
 
 def natural_key(text: str) -> tuple[tuple[int, int, str], ...]:
-    """Sort key that puts ``cat2`` before ``cat10``."""
+    """Return a sort key that puts ``cat2`` before ``cat10``."""
     parts = re.findall(r"[0-9]+|[^0-9]+", text)
     return tuple((0, int(part), "") if part[0] in "0123456789" else (1, 0, part) for part in parts)
 
 
 @dataclass(frozen=True)
 class Part:
-    """Some subjects of a data set in some poses.
+    """A subset of the subjects and poses of a data set.
 
     Parameters
     ----------
     subjects
-        Subjects by name, or by their place in the data set; empty for all.
+        Subjects by name or index in the data set; empty for all.
     poses
-        Poses by their place among the shapes of the subject; empty for all.
+        Poses by index among the shapes of the subject; empty for all.
     """
 
     subjects: tuple[int | str, ...] = ()
     poses: tuple[int, ...] = ()
 
     def of(self, dataset: Dataset) -> tuple[Entry, ...]:
-        """Shapes of this part, in the order of the data set."""
+        """Return the shapes of this part, in the order of the data set."""
         members: dict[str, list[Entry]] = {}
         for entry in dataset.entries:
             members.setdefault(entry.subject, []).append(entry)
@@ -131,7 +131,7 @@ class Part:
 
 
 def thinned(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
-    """Keep evenly spaced poses of each subject, at most this many, the first one always."""
+    """Return at most ``most`` evenly spaced poses of each subject, including the first."""
     by_subject: dict[str, list[Entry]] = {}
     for entry in entries:
         by_subject.setdefault(entry.subject, []).append(entry)

@@ -1,4 +1,4 @@
-"""The generated humans of Table I before a perspective depth camera with faults: frames, masks, what is seen."""
+"""Frames, masks and observed surfaces of the generated humans (Table I) from a simulated perspective depth camera."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ from benchmark.geometry.mesh import Mesh
 __all__ = ["CameraFrames"]
 
 DISTANCES, HEIGHTS, LARGEST_ROLL, WALLS = (1.5, 4.0), (0.8, 1.8), 10.0, (0.6, 2.0)
-"""Metres from camera to body, and above the floor; degrees by which it is held askew; metres from body to wall."""
+"""Distance to the body, height above the floor, roll in degrees, and distance of the wall; lengths in metres."""
 
 ALL_POSES = 20
-"""Poses of each subject of the generated humans."""
+"""Number of poses per subject of the generated humans."""
 
 _STEP_BACK = 0.1
-"""Metres by which a camera that does not see the whole body steps back, to the largest distance at most."""
+"""Step in metres by which a camera moves back until it sees the whole body, up to the maximum distance."""
 
 
 @dataclass(frozen=True)
 class CameraFrames:
-    """The subjects and poses of the generated humans, each seen once; see :class:`~benchmark.datasets.base.Dataset`.
+    """A frame of each shape of the generated humans; see :class:`~benchmark.datasets.base.Dataset`.
 
-    A mesh of it is the surface that the camera sees, in metres: to the right, up, towards the camera.
+    The mesh of a frame is the visible surface, in metres: right, up, towards the camera.
 
     Parameters
     ----------
     seed
-        Of cameras, walls and faults.
+        Seed of cameras, walls and faults.
     poses
-        Poses of each subject, evenly spread over all; beyond 20 all.
+        Number of poses per subject, evenly spaced; at most 20.
     distance
-        Metres from camera to body; 0 draws it.
+        Distance from camera to body in metres; 0 for random.
     noise
-        Noise and steps of the camera, over those that it has.
+        Factor on the nominal noise and quantisation of the camera.
     missing
-        Share of the pixels without a depth.
+        Fraction of pixels without a depth.
     wrong_mask
-        Pixels of the mask that are wrong, its outline being moved to and fro, over those of the object; .5 at most.
+        Number of wrong mask pixels, from a displaced outline, relative to the object; at most .5.
     hidden
-        Share of the pixels of the object that a box hides which stands before it, from one side or from below.
+        Fraction of the object pixels occluded by a box in front of it, from one side or from below.
     """
 
     seed: int = 0
@@ -68,7 +68,7 @@ class CameraFrames:
     half_width: ClassVar[float] = HALF_WIDTH
     inputs: ClassVar[tuple[Input, ...]] = ("view",)
     intrinsics: ClassVar[Intrinsics] = Intrinsics(365.0, 365.0, 319.5, 239.5, (640, 480))
-    """Of a lens as wide as that of a time-of-flight camera: 82 x 67 degrees."""
+    """Intrinsics with the field of view of a time-of-flight camera: 82 x 67 degrees."""
 
     @property
     def name(self) -> str:
@@ -90,21 +90,21 @@ class CameraFrames:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The shapes: 15 for each pose."""
+        """Shapes, 15 per pose."""
         count = min(self.poses, ALL_POSES)
         return Part(poses=tuple(place * ALL_POSES // count for place in range(count))).of(_humans())
 
     def load(self, entry: Entry) -> Mesh:
-        """Return the surface of the body that the camera sees; raises ``DepthError`` if too little is seen."""
+        """Return the visible surface of the body; raises ``DepthError`` if it is too small."""
         return self.observed(entry).surface
 
     def observed(self, entry: Entry) -> ObservedObject:
-        """Return what is found in the frame with its mask."""
+        """Return the object segmented from the frame with its mask."""
         depths, mask = self.frame(entry)
         return observe(depths, self.intrinsics, mask)
 
     def frame(self, entry: Entry) -> tuple[Depths, Mask]:
-        """Return depths in metres, as they are written in millimetres, and the pixels of the body, shape (480, 640)."""
+        """Return depths in metres, rounded to millimetres, and the mask of the body, shape (480, 640)."""
         depths, mask = self.scene(entry).drawn(self.intrinsics)
         if self.hidden:
             depths, mask = behind_box(depths, mask, self.hidden, self._random(entry, "box"))
@@ -114,20 +114,20 @@ class CameraFrames:
         return np.round(measured * DEFAULT_SCALE) / DEFAULT_SCALE, mask
 
     def scene(self, entry: Entry) -> Scene:
-        """Return the body before floor and wall, and where the camera stands."""
+        """Return the scene: body, floor, wall and camera pose."""
         body = _humans().load(entry)
         low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
         standing = body.with_vertices(body.vertices - [*(low + high)[:2] / 2, low[2]])
         return self._placed(entry, standing)
 
     def recipe(self, entry: Entry) -> str:
-        """Name the values of the body and the angles of its joints, the camera, its place and its faults."""
+        """Return the body parameters, joint angles, camera, placement ranges and faults."""
         where = (self.distance or DISTANCES, HEIGHTS, LARGEST_ROLL, WALLS)
         wrong = f"{self.wrong_mask} {self.hidden}"
         return f"{_humans().recipe(entry)} seed {self.seed} {self.intrinsics} {self.faults} {where} {wrong}"
 
     def camera(self, entry: Entry) -> Camera:
-        """Look at the surface as the camera did, but level."""
+        """Return the view of the depth camera, levelled."""
         return UPRIGHT
 
     def _placed(self, entry: Entry, body: Mesh) -> Scene:
@@ -143,7 +143,7 @@ class CameraFrames:
             distance = min(distance + _STEP_BACK, DISTANCES[1])
 
     def _sees(self, pose: Pose, body: Mesh) -> bool:
-        """Return whether all of a body is in the image."""
+        """Return whether the whole body is in the image."""
         points = pose.seen(body.vertices)
         if points[:, 2].min() <= 0:
             return False

@@ -1,4 +1,4 @@
-"""Names of data sets, and where each comes from."""
+"""Names and sources of data sets."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from benchmark.plugins.modules import unknown
 
 Loader = Callable[[Path], Dataset]
 
-#: The one set that takes parameters; see :mod:`benchmark.datasets.humans_gallery`.
+#: The parametrised humans; see :mod:`benchmark.datasets.humans_gallery`.
 PATTERN = re.compile(r"\s*humans\s*\[([^\[\]]*)\]\s*")
 
 
 @dataclass(frozen=True)
 class DatasetSource:
-    """A data set that has a name on the command line.
+    """A data set with a name on the command line.
 
     Parameters
     ----------
     summary
-        One line for ``list datasets``.
+        One-line summary for ``list datasets``.
     load
-        Makes the data set; takes the data root, which generated sets do not look at.
+        Function that returns the data set for a data root; generated sets ignore the root.
     n_shapes, n_classes
-        Its size; ``n_shapes`` is None where no source states it.
+        Size of the set; ``n_shapes`` is None if no source states it.
     folder
-        Where an official set lies under the data root; "" for a generated one.
+        Folder of an official set under the data root; "" for a generated set.
     origin, url, terms
-        Who gives an official set out, where to get it, and what it may be used for.
+        Publisher, download address and terms of use of an official set.
     other_use
-        What a set of a single subject is for, where nothing can be retrieved; "" for a set that is ranked.
+        Purpose of a set with a single subject, which does not allow retrieval; "" for a set that is ranked.
     """
 
     summary: str
@@ -58,7 +58,7 @@ class DatasetSource:
 
     @property
     def is_shared(self) -> bool:
-        """Return whether forms of its shapes may be passed on: of generated sets; the terms of no other one say so."""
+        """Whether forms of the shapes may be redistributed: only of generated sets; no other terms permit it."""
         return not self.folder
 
 
@@ -109,7 +109,7 @@ def _animals(_: Path) -> Dataset:
 def _animals_few(root: Path) -> Dataset:
     from benchmark.datasets.perturbations.dataset import Some
 
-    # The classes of at least seven shapes.
+    # The classes with at least seven shapes.
     few = Part(subjects=("cat", "david", "dog", "horse", "michael", "victoria"), poses=(0, 2, 4))
     return Some(_animals(root), few, "animals-few", "animals-few (generated, 6 classes x 3 poses)")
 
@@ -126,7 +126,7 @@ def _camera_few(_: Path) -> Dataset:
     return CameraFrames(poses=4)
 
 
-#: Sets of depth frames, which have perturbations of their own.
+#: Sets of depth frames, which have separate perturbations.
 FRAME_SETS = ("camera", "camera-few")
 
 CATALOGUE: dict[str, DatasetSource] = {
@@ -177,12 +177,12 @@ CATALOGUE: dict[str, DatasetSource] = {
 
 
 def is_known(name: str) -> bool:
-    """Return whether a name on the command line means a data set, with or without parameters, rather than a folder."""
+    """Return whether a name on the command line is a data set, with or without parameters, rather than a folder."""
     return name in CATALOGUE or PATTERN.fullmatch(name) is not None
 
 
 def is_present(name: str, data_root: Path | None) -> bool:
-    """Return whether a data set can be used: generated ones always, official ones when their folder is there."""
+    """Return whether a data set is available: generated sets always, official sets if their folder exists."""
     if (clean := clean_name(name)) != name:
         return is_path(clean) or is_present(clean, data_root)
     if parts := parsed_decimation(name) or parsed(name):
@@ -192,29 +192,28 @@ def is_present(name: str, data_root: Path | None) -> bool:
 
 
 def has_official_sets(data_root: Path) -> bool:
-    """Return whether a folder holds an official set."""
+    """Return whether a folder contains an official set."""
     return any((data_root / source.folder).is_dir() for source in CATALOGUE.values() if source.folder)
 
 
 def open_dataset(name: str, data_root: Path | None) -> Dataset:
-    """Open a data set by name, or any folder by its path; with a perturbation in brackets, its perturbed shapes.
+    """Open a data set by name or folder path, optionally perturbed, decimated or jittered.
 
     Parameters
     ----------
     name
-        A key of :data:`CATALOGUE`, or the path of a folder of meshes, whatever it is called, or what :func:`sources`
-        says of a data set of a plugin file; any of them perhaps followed by a perturbation and its strength,
-        ``[noise=3]``, by another program that decimates, ``[decimation=libigl]``, and by the number of a jitter,
-        ``[jitter=1]``.
+        A key of :data:`CATALOGUE`, the path of a folder of meshes, or the name of a plugin data set returned by
+        :func:`sources`; optionally followed by a perturbation with its strength, ``[noise=3]``, by a decimation
+        program, ``[decimation=libigl]``, and by the number of a jitter, ``[jitter=1]``.
     data_root
-        The folder that holds the official sets; None if there is none.
+        The folder of the official sets; None if there is none.
 
     Raises
     ------
     ConfigurationError
         If the name is neither a data set nor a folder.
     DatasetError
-        If the set is absent or unreadable.
+        If the set is missing or unreadable.
     """
     if jitter := parsed_jitter(name):
         return Jittered(open_dataset(jitter[0], data_root), jitter[1])
@@ -250,19 +249,19 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
 
 
 def fitting_perturbations(name: str) -> list[str]:
-    """Return the perturbations that fit a data set: of depth frames those of frames, else all others."""
+    """Return the perturbations for a data set: those of frames for depth frames, otherwise all others."""
     return [kind for kind, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
 
 
 def catalogued(name: str) -> str | None:
-    """Return the set of the catalogue whose shapes a data set has, changed or not; None for another one.
+    """Return the catalogue name of the underlying data set, ignoring changes to its shapes; None if there is none.
 
-    A set with parameters has its own name.
+    A set with parameters keeps its parameters.
     """
     clean = clean_name(name)
     try:
         parts = parsed_decimation(clean) or parsed(clean)
-    except ConfigurationError:  # a stranger may have a program that is not known here
+    except ConfigurationError:  # another installation may have a program unknown here
         return None
     if parts:
         return catalogued(parts[0])
@@ -270,14 +269,14 @@ def catalogued(name: str) -> str | None:
 
 
 def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
-    """Return what :func:`open_dataset` takes for names on the command line, where plugin files may bring data sets.
+    """Resolve names on the command line, including data sets of plugin files, to arguments of :func:`open_dataset`.
 
     Raises
     ------
     ConfigurationError
-        If a plugin file cannot be used, or a name is neither a data set nor a path.
+        If a plugin file is invalid, or a name is neither a data set nor a path.
     DatasetError
-        If the set of a file has the name of another one.
+        If a plugin data set has the name of another set.
     """
     own = data_sets_of(plugins)
     for name in own:
@@ -287,7 +286,7 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
 
 
 def _meant(name: str, own: Mapping[str, str]) -> str:
-    """Return what :func:`open_dataset` takes for a name, where some names are those of sets of plugin files."""
+    """Resolve a name to an argument of :func:`open_dataset`; ``own`` maps names of plugin data sets to sources."""
     if decimation := parsed_decimation(name):
         return decimated_name(_meant(decimation[0], own), decimation[1])
     if parts := parsed(name):
@@ -300,26 +299,26 @@ def _meant(name: str, own: Mapping[str, str]) -> str:
 
 
 def table_name(source: str) -> str:
-    """Name of the table of a data set that no table of the paper uses."""
+    """Return the table name of a data set that no table of the paper uses."""
     if source in CATALOGUE:
         return source
     return open_own(source).name if is_own(source) else folder_name(Path(source))
 
 
 def check_ranked(dataset: Dataset) -> None:
-    """Raise ``DatasetError`` for an official set of a single subject, which is for something else."""
+    """Raise ``DatasetError`` for an official set with a single subject, which has another purpose."""
     if dataset.name in CATALOGUE and (use := CATALOGUE[dataset.name].other_use):
         raise DatasetError(f"data set '{dataset.name}' shows one subject, so nothing can be retrieved", use)
 
 
 def folder_name(folder: Path) -> str:
-    """Name of the data set that a folder makes: its own, unless a data set of the catalogue has that name."""
-    name = printable(Path(os.path.realpath(folder)).name)  # a circle of links has a name, too; it is refused as a set
+    """Return the data set name of a folder: its own name, with a suffix if the catalogue uses that name."""
+    name = printable(Path(os.path.realpath(folder)).name)  # also names circular links, which are rejected later
     return f"{name}-folder" if name in CATALOGUE else name
 
 
 def is_path(name: str) -> bool:
-    """Return whether a name on the command line can only mean a folder."""
+    """Return whether a name on the command line is a path."""
     return "/" in name or name.startswith(".") or Path(name).is_dir()
 
 
@@ -336,10 +335,10 @@ def _source(name: str) -> DatasetSource:
 
 
 def canonical_entry(dataset: Dataset, subject: str) -> Entry:
-    """Return the shape that shows a subject in the canonical pose.
+    """Return the shape of a subject in the canonical pose.
 
-    That is the pose that the folder's ``dataset.toml`` names, else the null pose of the official set, else the first
-    pose in the order of the data set.
+    The canonical pose is set in the folder's ``dataset.toml``; otherwise, it is the null pose of the official set or
+    the first pose in the order of the data set.
 
     Parameters
     ----------

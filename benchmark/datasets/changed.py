@@ -1,4 +1,4 @@
-"""A data set whose meshes are those of another one, changed when they are loaded."""
+"""Data sets that modify the meshes of another data set on loading."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ __all__ = ["ChangedDataset"]
 
 @dataclass(frozen=True)
 class ChangedDataset(ABC):
-    """All that a changed data set has of the clean one.
+    """Base class of modified data sets, with everything inherited from the clean data set.
 
     Parameters
     ----------
     clean
-        The data set.
+        The unmodified data set.
     """
 
     clean: Dataset
 
     @property
     def stand_in_for(self) -> str:
-        """Return what the clean set stands in for."""
+        """Name of the official set that the clean set replaces."""
         return self.clean.stand_in_for
 
     @property
     def half_width(self) -> float | None:
-        """Half the width of the camera's frame, that of the clean set."""
+        """Half the width of the camera's frame, as in the clean set."""
         return self.clean.half_width
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The shapes of the clean set; none has a file of its own."""
+        """Shapes of the clean set, without file paths."""
         return tuple(Entry(entry.identifier, entry.subject, entry.pose) for entry in self.clean.entries)
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs that the clean set can be ranked under."""
+        """Inputs supported by the clean set."""
         inputs: tuple[Input, ...] = getattr(self.clean, "inputs", get_args(Input))
         return inputs
 
     @property
     def canonical_poses(self) -> Mapping[str, str]:
-        """Canonical pose of each subject of which the clean set names one."""
+        """Canonical poses by subject, if set in the clean set."""
         poses: Mapping[str, str] = getattr(self.clean, "canonical_poses", {})
         return poses
 
@@ -60,7 +60,7 @@ class ChangedDataset(ABC):
         return self.clean.camera(self.clean_entry(entry))
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
-        """Return what the depth camera of the clean set adds to its image; None for one without faults."""
+        """Return the depth sensor of the clean set; None for an ideal camera."""
         sensor = getattr(self.clean, "sensor", None)
         return sensor(self.clean_entry(entry)) if sensor else None
 
@@ -69,17 +69,17 @@ class ChangedDataset(ABC):
         return {entry.identifier: entry for entry in self.clean.entries}
 
     def clean_entry(self, entry: Entry) -> Entry:
-        """Return the shape of the clean set."""
+        """Return the corresponding shape of the clean set."""
         return self._clean_entries[entry.identifier]
 
     @abstractmethod
     def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
-        """Return the mesh of the clean set as this set has it."""
+        """Modify a mesh of the clean set."""
 
     def load(self, entry: Entry) -> Mesh:
-        """Return the changed mesh; errors are those of the clean set and of :meth:`changed`."""
+        """Return the modified mesh; errors are those of the clean set and of :meth:`changed`."""
         return self.changed(self.clean.load(self.clean_entry(entry)), entry)
 
     def _clean_recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh of the clean set."""
+        """Return the recipe of the mesh in the clean set."""
         return self.clean.recipe(self.clean_entry(entry))

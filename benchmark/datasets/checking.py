@@ -1,4 +1,4 @@
-"""Is a data set what it should be? Every anomaly becomes one line that names the file and the hint."""
+"""Validation of data sets: each anomaly is reported on one line with the file and a hint."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, common_half_widt
 
 Severity = Literal["error", "warning"]
 
-#: Shapes of each class of the official sets that can be opened with fewer, by the name of the set.
+#: Class sizes of official sets that can be opened while incomplete, by name of the set.
 OFFICIAL_SIZES: dict[str, dict[str, int]] = {"tosca": CLASS_SIZES}
 
 
 @dataclass(frozen=True)
 class Anomaly:
-    """Something that is not as it should be.
+    """A problem in a data set.
 
     Parameters
     ----------
     severity
-        ``"error"`` if the data set cannot be used as it is, ``"warning"`` if it can.
+        ``"error"`` if the data set is unusable without a fix, otherwise ``"warning"``.
     file
         The file, relative to the folder, or the identifier of a generated shape.
     what
-        What is wrong.
+        Description of the problem.
     hint
-        What to do about it.
+        Suggested action.
     """
 
     severity: Severity
@@ -56,7 +56,7 @@ class Anomaly:
 
 @dataclass(frozen=True)
 class Report:
-    """Findings of a check.
+    """Results of a check.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ class Report:
     n_shapes
         Number of shapes.
     class_sizes
-        Number of shapes of each class; empty for a folder that could not be opened.
+        Number of shapes per class; empty if the folder could not be opened.
     inspections
-        Facts about each mesh that could be read, by identifier.
+        Properties of each readable mesh, by identifier.
     anomalies
-        Everything that is not as it should be, errors and warnings, those of the set before those of its shapes.
+        Errors and warnings, first those of the set, then those of its shapes.
     """
 
     name: str
@@ -81,11 +81,11 @@ class Report:
 
     @property
     def usable(self) -> bool:
-        """Return whether there is no error."""
+        """Whether there are no errors."""
         return not any(anomaly.severity == "error" for anomaly in self.anomalies)
 
     def lines(self) -> list[str]:
-        """The report as text: a summary, then one line for each anomaly, then their number."""
+        """Return the report as text: a summary, one line per anomaly, and their counts."""
         kind = f"stand-in for {self.stand_in_for}" if self.stand_in_for else "not a stand-in"
         cleanings = [inspection.cleaning for inspection in self.inspections.values()]
         errors = sum(anomaly.severity == "error" for anomaly in self.anomalies)
@@ -102,7 +102,7 @@ class Report:
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
-    """Check a data set by name, or a folder; one that cannot be opened is a finding, and its meshes are still read.
+    """Check a data set by name or folder; if it cannot be opened, report that and check its meshes anyway.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
     ConfigurationError
         If the name is neither a data set nor a folder.
     DatasetError
-        If the set is absent.
+        If the set is missing.
     """
     try:
         return check(open_dataset(name, data_root), watched)
@@ -133,9 +133,9 @@ def check(dataset: Dataset, watched: Watched = iter) -> Report:
     Parameters
     ----------
     dataset
-        Opened; what keeps a folder from being opened is found by :func:`check_source`.
+        An open data set; :func:`check_source` also reports why a folder cannot be opened.
     watched
-        Hands on the shapes; see :data:`~benchmark.datasets.base.Watched`.
+        Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
     """
     anomalies = list(_of_classes(dataset))
     folder = dataset.folder if isinstance(dataset, FolderDataset) else None
@@ -157,7 +157,7 @@ def _folder_of(name: str, data_root: Path | None) -> Path | None:
 
 
 def _check_unopened(name: str, folder: Path, error: BenchmarkError, watched: Watched) -> Report:
-    """Report why a folder is no data set, and look at the meshes that lie there all the same."""
+    """Report why a folder is not a data set, and check its meshes anyway."""
     anomalies = [Anomaly("error", folder.name, error.problem, error.hint)]
     paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
     entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
@@ -218,7 +218,7 @@ def _of_files(folder: Path, entries: Sequence[Entry], *, numbers_known: bool = F
 
 
 def _of_numbers(place: Path, stems: Iterable[str], folder: Path) -> Iterator[Anomaly]:
-    """Gaps in files that are named by a number alone, as those of SHREC are."""
+    """Yield gaps in the numbering of purely numeric file names, as in SHREC."""
     names = list(stems)
     if not names or not all(re.fullmatch("[0-9]+", name) for name in names):
         return
@@ -251,7 +251,7 @@ def _inspect_all(
         inspections[entry.identifier] = inspection
         if not inspection.faces_left:
             anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
-        if not isinstance(dataset, DepthFolder):  # what one camera sees is open, and may lie in pieces
+        if not isinstance(dataset, DepthFolder):  # views are open and possibly disconnected
             anomalies += [Anomaly("warning", file, what, hint) for what, hint in flaws(inspection)]
         twin = first_with.setdefault(inspection.digest, file)
         if twin != file:
@@ -262,7 +262,7 @@ def _inspect_all(
 
 
 def _of_frame(dataset: Dataset, extents: Mapping[str, float]) -> Iterator[Anomaly]:
-    """Shapes that are too large for the camera's frame, or of which too few pixels would show."""
+    """Yield shapes that exceed the camera's frame or cover too few pixels."""
     if not extents:
         return
     declared = dataset.half_width

@@ -1,4 +1,4 @@
-"""A data set whose meshes are decimated by another program before they are prepared: ``tosca[decimation=libigl]``."""
+"""Data sets with meshes decimated by another program before preparation: ``tosca[decimation=libigl]``."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from benchmark.geometry.mesh import Mesh
 __all__ = ["DECIMATIONS", "N_VERTICES", "Decimated", "decimated", "decimated_name", "is_installed", "parsed_decimation"]
 
 N_VERTICES = 2000
-"""Vertices to reach; preparation leaves a mesh of so many as it is."""
+"""Target number of vertices; preparation does not decimate such meshes further."""
 
 _AGGRESSIVENESS = 3
-"""Of fast-simplification: the default, 7, doubles the distance between the surfaces and saves no time."""
+"""Parameter of fast-simplification; the default, 7, doubles the distance between the surfaces and saves no time."""
 
 _NAME = re.compile(r"(?P<base>.+)\[decimation=(?P<program>[^\[\]]*)\]", re.DOTALL)
 
 
 def _libigl(mesh: Mesh, n_faces: int) -> Mesh:
-    """Quadric edge collapse of libigl."""
+    """Decimate by quadric edge collapse in libigl."""
     import igl
 
     vertices, faces, _, _ = igl.qslim(mesh.vertices, mesh.faces.astype(np.int64), n_faces)
@@ -36,10 +36,10 @@ def _libigl(mesh: Mesh, n_faces: int) -> Mesh:
 
 
 def _fast_simplification(mesh: Mesh, n_faces: int) -> Mesh:
-    """Quadric edge collapse by rising thresholds, without a queue."""
+    """Decimate by quadric edge collapse with increasing thresholds instead of a queue."""
     import fast_simplification
 
-    points, faces = mesh.vertices.copy(), mesh.faces.astype(np.int32)  # it asks for arrays that it may write to
+    points, faces = mesh.vertices.copy(), mesh.faces.astype(np.int32)  # requires writable arrays
     return Mesh(*fast_simplification.simplify(points, faces, target_count=n_faces, agg=_AGGRESSIVENESS))
 
 
@@ -47,28 +47,28 @@ DECIMATIONS: dict[str, Callable[[Mesh, int], Mesh]] = {
     "libigl": _libigl,
     "fast-simplification": _fast_simplification,
 }
-"""Programs by name; each collapses edges of a manifold mesh until about so many faces remain."""
+"""Decimation programs by name; each collapses edges of a manifold mesh to about the given number of faces."""
 
 _PACKAGES = {"libigl": "igl", "fast-simplification": "fast_simplification"}
 
 
 def is_installed(program: str) -> bool:
-    """Return whether a program is there."""
+    """Return whether a program is installed."""
     return importlib.util.find_spec(_PACKAGES[program]) is not None
 
 
 def decimated_name(base: str, program: str) -> str:
-    """Return the name of a data set whose meshes a program decimates."""
+    """Return the name of a data set decimated by a program."""
     return f"{base}[decimation={program}]"
 
 
 def parsed_decimation(name: str) -> tuple[str, str] | None:
-    """Return the data set and the program of a name; None where it names no decimated set.
+    """Return the data set and the program in a name; None if it is not the name of a decimated set.
 
     Raises
     ------
     ConfigurationError
-        If there is no such program.
+        If the program is unknown.
     """
     match = _NAME.fullmatch(name)
     if not match:
@@ -79,7 +79,7 @@ def parsed_decimation(name: str) -> tuple[str, str] | None:
 
 
 def decimated(mesh: Mesh, program: str, n_vertices: int = N_VERTICES) -> Mesh:
-    """Return a mesh with about so many vertices; one that has no more is left as it is.
+    """Decimate a mesh to about ``n_vertices``; smaller meshes are returned unchanged.
 
     Parameters
     ----------
@@ -88,18 +88,18 @@ def decimated(mesh: Mesh, program: str, n_vertices: int = N_VERTICES) -> Mesh:
     program
         A key of :data:`DECIMATIONS`.
     n_vertices
-        Vertices to reach.
+        Target number of vertices.
 
     Raises
     ------
     InvalidMesh
-        If nothing usable is left of the mesh.
+        If no usable mesh remains.
     """
     manifold = make_manifold(clean(mesh)[0])
     surplus = manifold.n_vertices - n_vertices
     if surplus <= 0:
         return mesh
-    # Thresholds of the programs are lengths: the unit of the file must not count.
+    # The programs use absolute thresholds, so the scale must not depend on the file unit.
     centre, size = manifold.vertices.mean(axis=0), np.sqrt(manifold.area)
     scaled = manifold.with_vertices((manifold.vertices - centre) / size)
     coarse = DECIMATIONS[program](scaled, manifold.n_faces - 2 * surplus)
@@ -108,7 +108,7 @@ def decimated(mesh: Mesh, program: str, n_vertices: int = N_VERTICES) -> Mesh:
 
 @dataclass(frozen=True)
 class Decimated(ChangedDataset):
-    """All shapes of a data set, decimated; the complete surfaces alone, for a camera sees the mesh of the file.
+    """A data set with decimated shapes, as complete surfaces only, because a camera sees the mesh in the file.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Decimated(ChangedDataset):
 
     @classmethod
     def of(cls, clean: Dataset, program: str) -> Decimated:
-        """Return the set; raises ``DatasetError`` if the program is not installed."""
+        """Create the data set; raises ``DatasetError`` if the program is not installed."""
         if not is_installed(program):
             raise DatasetError(f"this decimation needs the package '{program}'", f"run `pip install {program}`")
         return cls(clean, program)
@@ -137,13 +137,13 @@ class Decimated(ChangedDataset):
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """The complete surfaces, where the clean set has them."""
+        """Complete surfaces, if the clean set supports them."""
         return tuple(input_ for input_ in super().inputs if input_ == "mesh")
 
     def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
-        """Return the decimated mesh; errors are those of :func:`decimated`."""
+        """Decimate a mesh; errors are those of :func:`decimated`."""
         return decimated(mesh, self.program)
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh, the code of the clean set with it."""
+        """Return the recipe of the clean mesh, the program and the target size."""
         return f"{self._clean_recipe(entry)} {self.program} {N_VERTICES}"

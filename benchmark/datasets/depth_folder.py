@@ -1,4 +1,4 @@
-"""Any folder of depth images: classes from sub-folders or file names, intrinsics and masks beside the images."""
+"""Folders of depth images: classes from sub-folders or file names, intrinsics and masks next to the images."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ _KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
 
 @dataclass(frozen=True)
 class DepthFolder(FolderDataset):
-    """Depth images on disk, each of one object; see :class:`~benchmark.datasets.files.FolderDataset`.
+    """Depth images on disk, one object each; see :class:`~benchmark.datasets.files.FolderDataset`.
 
-    A mesh of it is the surface that the camera sees, in metres: to the right, up, towards the camera.
+    The mesh of an image is the visible surface, in metres: right, up, towards the camera.
 
     Parameters
     ----------
     half_width
-        Half the width of the frame that the objects are seen in, in metres.
+        Half the width of the frame of the objects, in metres.
     intrinsics
-        Of all images; None takes the file beside each.
+        Intrinsics of all images; None searches for a file for each image.
     scale
-        Units of the images per metre; None takes 1000 for integers and 1 for floats.
+        Units of the images per metre; None for 1000 (integers) or 1 (floats).
     up
-        What is up in the camera's frame (right, down, forward), where no floor is seen.
+        Up direction in the camera's frame (right, down, forward), used if no floor is detected.
     """
 
     half_width: float | None = HALF_WIDTH
@@ -49,7 +49,7 @@ class DepthFolder(FolderDataset):
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs that it can be ranked under: a depth image shows one side of a shape."""
+        """Supported inputs: views only, as a depth image shows one side of a shape."""
         return ("view",)
 
     def files(self, entry: Entry) -> FrameFiles:
@@ -59,15 +59,15 @@ class DepthFolder(FolderDataset):
         return FrameFiles(entry.path, self.intrinsics, None, self.scale, self.up, self.half_width or HALF_WIDTH)
 
     def load(self, entry: Entry) -> Mesh:
-        """Return the surface behind the object; raises ``DepthError`` if the frame cannot be read or shows none."""
+        """Return the surface of the object; raises ``DepthError`` if the frame is unreadable or shows no object."""
         return self.observed(entry).surface
 
     def observed(self, entry: Entry) -> ObservedObject:
-        """Return the object of a frame; raises ``DepthError`` if the frame cannot be read or shows none."""
+        """Return the object in a frame; raises ``DepthError`` if the frame is unreadable or shows no object."""
         return self.files(entry).observe()
 
     def recipe(self, entry: Entry) -> str:
-        """Digests of image, mask and intrinsics, and what is said of them."""
+        """Return the digests of image, mask and intrinsics, and the settings."""
         files = self.files(entry)
         beside = {"mask": files.mask_file, "intrinsics": files.intrinsics_file}
         digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
@@ -75,23 +75,23 @@ class DepthFolder(FolderDataset):
         return " ".join(["sha256:" + file_digest(files.image), *digests, repr(settings)])
 
     def camera(self, entry: Entry) -> Camera:
-        """Look at the surface as the camera did, but level."""
+        """Return the view of the depth camera, levelled."""
         return UPRIGHT
 
 
 def with_depth_settings(dataset: DepthFolder, settings: Path) -> DepthFolder:
-    """Apply the ``dataset.toml`` of a folder of depth images, where there is one.
+    """Apply the ``dataset.toml`` of a folder of depth images, if there is one.
 
-    All keys are optional. ``intrinsics`` is a file, or fx, fy, cx, cy; ``depth_scale`` the units per metre; ``up`` what
-    is up in the camera's frame, [right, down, forward], where no floor is seen; ``half_width`` half the width of the
-    frame that the objects are seen in, in metres; ``canonical_pose`` a table from class to pose.
+    All keys are optional: ``intrinsics``, a file or fx, fy, cx, cy; ``depth_scale``, the units per metre; ``up``, the
+    up direction in the camera's frame, [right, down, forward], used if no floor is detected; ``half_width``, half the
+    width of the frame of the objects, in metres; ``canonical_pose``, a table from class to pose.
 
     Raises
     ------
     ConfigurationError
         If a key is unknown.
     DatasetError
-        If the file cannot be read, or a value does not fit.
+        If the file is unreadable or a value is invalid.
     """
     if not is_there(settings):
         return dataset

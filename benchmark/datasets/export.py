@@ -1,4 +1,4 @@
-"""Write a data set as files that give the same shapes when they are read again: meshes, or frames of a depth camera."""
+"""Export of data sets to files that reproduce the same shapes when read: meshes, or depth camera frames."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ CAMERA_FILE = "camera.json"
 def export(
     dataset: Dataset, folder: Path, layout: str, *, force: bool = False, watched: Watched = iter
 ) -> tuple[str, ...]:
-    """Write every shape of a data set, its classes, cameras and canonical poses into a folder.
+    """Write all shapes of a data set with classes, cameras and canonical poses into a folder.
 
-    Coordinates survive to the last bit, and the order of the shapes is kept. Everything is made beside the folder and
-    moved into it at the end, so a failure leaves the folder as it was.
+    Coordinates are exact, and the order of the shapes is preserved. Files are written to a temporary sibling folder and
+    moved at the end, so a failure while writing leaves the folder unchanged.
 
     Parameters
     ----------
     dataset
         The data set.
     folder
-        Where to write; made if it does not exist.
+        Target folder, created if necessary.
     layout
         ``"shrec14"``: ``0.obj``, ``1.obj`` ... with a PSB ``.cla`` file [Shilane et al. 2004]. ``"tosca"``:
-        ``cat0.off``, ``cat1.off`` ..., the class and a number: that of the pose where all poses of the class are
-        numbers, else the place in the class.
+        ``cat0.off``, ``cat1.off`` ..., the class and a number: the pose if all poses of the class are distinct numbers,
+        otherwise the index in the class.
     force
-        Write into a folder that is not empty. Files of the same name are replaced, others stay.
+        Write into a nonempty folder; files of the same name are replaced, others stay.
     watched
-        Hands on the shapes; see :data:`~benchmark.datasets.base.Watched`.
+        Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
 
     Returns
     -------
@@ -64,12 +64,12 @@ def export(
     Raises
     ------
     ConfigurationError
-        If the layout is unknown, the folder is not empty or holds the data set itself, or a class has a name that the
-        layout cannot carry.
+        If the layout is unknown, the folder is nonempty or contains the data set itself, or the layout does not support
+        a class name.
     DatasetError
-        If the shapes of one class have different cameras.
+        If the shapes of a class have different cameras.
     ShapeError
-        If a mesh cannot be read.
+        If a mesh is unreadable.
     """
     if layout not in LAYOUTS:
         raise did_you_mean("layout", layout, LAYOUTS)
@@ -97,7 +97,7 @@ def export_frames(
     Parameters
     ----------
     dataset, folder, force, watched
-        As of :func:`export`.
+        As in :func:`export`.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def export_frames(
     Raises
     ------
     ConfigurationError
-        If the folder is not empty, or cannot be written.
+        If the folder is not empty or not writable.
     """
     _check_empty(folder, force)
     written = (*(file for entry in dataset.entries for file in _frame_files(entry)), CAMERA_FILE)
@@ -128,7 +128,7 @@ def _frame_files(entry: Entry) -> tuple[str, str]:
 
 @contextmanager
 def _filled(folder: Path, files: Sequence[str]) -> Iterator[Path]:
-    """Give an empty folder; the files that the body writes there are moved into another one, made if need be."""
+    """Provide a temporary folder; on exit, move the given files from it into ``folder``, created if necessary."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
@@ -194,7 +194,7 @@ def _class_names(entries: Sequence[Entry]) -> list[str]:
 
 
 def _check_words(entries: Sequence[Entry]) -> None:
-    """Raise ``ConfigurationError`` for what a line of a ``.cla`` file or of the manifest cannot hold."""
+    """Raise ``ConfigurationError`` for names that are invalid in a ``.cla`` file or a manifest."""
     for entry in entries:
         if not re.fullmatch(r"\S+", entry.subject):
             raise ConfigurationError(f"class '{entry.subject}' is not one word", "rename the class")
@@ -214,7 +214,7 @@ def _classification(entries: Sequence[Entry]) -> str:
 
 
 def _settings(dataset: Dataset) -> str:
-    """The ``dataset.toml`` that gives the exported files the depth images and canonical poses of the data set."""
+    """Return the ``dataset.toml`` that reproduces the depth images and canonical poses of the data set."""
     lines = [f"# Written from the data set {_quoted(dataset.name)}."]
     if dataset.stand_in_for:
         lines.append(f"stand_in_for = {_quoted(dataset.stand_in_for)}")
@@ -259,12 +259,12 @@ def _table(name: str, values: Mapping[str, str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    # A basic string of TOML is a string of JSON.
+    # A JSON string is a TOML basic string.
     return json.dumps(text, ensure_ascii=False)
 
 
 def _open3d(camera: Intrinsics) -> str:
-    """Intrinsics as Open3D writes them, column by column."""
+    """Return the intrinsics in the Open3D format, column-major."""
     width, height = camera.size or (0, 0)
     columns = [camera.fx, 0, 0, 0, camera.fy, 0, camera.cx, camera.cy, 1]
     return json.dumps({"width": width, "height": height, "intrinsic_matrix": columns}, indent=1) + "\n"

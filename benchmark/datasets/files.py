@@ -1,4 +1,4 @@
-"""Data sets whose meshes are files: how a shape is read, and what names its content."""
+"""Data sets of mesh files: reading of shapes and digests of their content."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class FolderDataset:
     name, title, entries, stand_in_for, half_width
         See :class:`~benchmark.datasets.base.Dataset`; every entry has a path.
     camera_for
-        Chooses the depth camera of an entry; None looks at the front.
+        Function from entry to depth camera; None for the front view.
     folder
-        The folder that the data set was read from.
+        The folder of the data set.
     canonical_poses
-        Canonical pose of each subject; a subject that is not named has its first pose.
+        Canonical poses by subject; the default is the first pose.
     """
 
     name: str
@@ -47,7 +47,7 @@ class FolderDataset:
         return read_mesh(_path(entry))
 
     def recipe(self, entry: Entry) -> str:
-        """Digest of the file, and of the companion that holds the triangles where there is one."""
+        """Return the digest of the file and of its companion triangle file, if any."""
         path = _path(entry)
         parts = (path, path.with_suffix(".tri")) if path.suffix.lower() == ".vert" else (path,)
         return "sha256:" + "+".join(file_digest(part) for part in parts)
@@ -58,12 +58,12 @@ class FolderDataset:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file in hexadecimal; a file that has not changed is read once in a process.
+    """Return the SHA-256 of a file in hexadecimal, cached per process while the file is unchanged.
 
     Raises
     ------
     UnreadableMesh
-        If it cannot be read.
+        If the file is unreadable.
     """
     try:
         facts = path.stat()
@@ -73,17 +73,17 @@ def file_digest(path: Path) -> str:
 
 
 def is_there(path: Path) -> bool:
-    """Return whether there is anything of this name, be it a link that leads nowhere."""
+    """Return whether the path exists, including broken links."""
     return path.is_symlink() or path.exists()
 
 
 def text_of(path: Path) -> str:
-    """Text of a list of shapes or of settings.
+    """Return the text of a list of shapes or a settings file.
 
     Raises
     ------
     DatasetError
-        If it cannot be read, or is not UTF-8.
+        If the file is unreadable or not UTF-8.
     """
     try:
         if not path.is_file():
@@ -95,7 +95,7 @@ def text_of(path: Path) -> str:
 
 @functools.lru_cache(maxsize=65536)
 def _digest(path: Path, size: int, modified: int, changed: int) -> str:
-    """Size and times are what the cache tells the versions of a file apart by."""
+    """Compute a file digest; size and times distinguish versions of a file in the cache."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

@@ -1,4 +1,4 @@
-"""Any folder of meshes or depth images: classes from a manifest, a PSB ``.cla`` file, sub-folders, or file names."""
+"""Folders of meshes or depth images: classes from a manifest, a PSB ``.cla`` file, sub-folders, or file names."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from benchmark.datasets.settings import SETTINGS_FILE, with_settings
 from benchmark.depth.reading import MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
 
-#: Extensions in order of preference when one shape is there in several formats.
+#: Extensions in order of preference if a shape exists in several formats.
 EXTENSIONS = (".off", ".obj", ".ply", ".stl", ".mat", ".vert")
 
-#: Extensions of meshes and point clouds that are not read, so that a folder can name the files that it skips.
+#: Extensions of unsupported meshes and point clouds, which are reported as skipped.
 UNREAD = frozenset({".3ds", ".3mf", ".dae", ".fbx", ".glb", ".gltf", ".pcd", ".pts", ".vtk", ".vtp", ".wrl", ".xyz"})
 
 
 def folder_dataset(folder: Path) -> FolderDataset:
     """Read the list of shapes of a folder.
 
-    The class of a shape is, in this order: what the column ``class`` of ``MANIFEST.tsv`` says; what a ``.cla`` file
-    says; the sub-folder that it lies in; the file name without its trailing number (``cat10.off`` is of class ``cat``).
-    A ``dataset.toml`` sets canonical poses and cameras, see :func:`~benchmark.datasets.settings.with_settings`. Where
-    there is no mesh, depth images are the shapes, by sub-folder or file name, see :func:`depth_files`.
+    Classes come from the first available source: the column ``class`` of ``MANIFEST.tsv``, a ``.cla`` file, the names
+    of mesh files in the folder without trailing number (``cat10.off`` has class ``cat``), or sub-folders. A
+    ``dataset.toml`` sets canonical poses and cameras, see :func:`~benchmark.datasets.settings.with_settings`. A folder
+    without meshes may contain depth images, classified by sub-folder or file name, see :func:`depth_files`.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def folder_dataset(folder: Path) -> FolderDataset:
     Raises
     ------
     DatasetError
-        If the folder cannot be read or holds no meshes, if its manifest or its ``.cla`` file is wrong, names a file
-        outside the folder, or contradicts the other one.
+        If the folder is unreadable or contains no shapes, or if its manifest or ``.cla`` file is invalid, names a file
+        outside the folder, or contradicts the other.
     ConfigurationError
         If ``dataset.toml`` or the manifest has an unknown key.
     """
@@ -75,7 +75,7 @@ def folder_dataset(folder: Path) -> FolderDataset:
 
 
 def depth_files(folder: Path) -> list[Path]:
-    """Depth images of one folder in natural order: of 16 bits or more, in floats or in arrays; no colours, no masks.
+    """Return the depth images of a folder in natural order: 16 bits or more, floats or arrays; no colours or masks.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
 
 
 def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
-    """Paths in a folder in the order of their names; raises ``DatasetError`` if it cannot be listed."""
+    """Return paths in a folder, sorted by name; raises ``DatasetError`` if it cannot be listed."""
     try:
         return [path for path in sorted(folder.iterdir()) if is_wanted(path)]
     except OSError as error:
@@ -116,19 +116,19 @@ def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
 
 
 def sub_folders(folder: Path) -> list[Path]:
-    """Visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
+    """Return visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
     folders = _listed(folder, lambda path: path.is_dir() and not path.name.startswith("."))
     return sorted(folders, key=lambda path: natural_key(path.name))
 
 
 def unread_files(folder: Path) -> list[Path]:
-    """Meshes and point clouds of a folder and its sub-folders in formats that are not read."""
+    """Return meshes and point clouds in unsupported formats in a folder and its sub-folders."""
     places = (folder, *sub_folders(folder))
     return [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in UNREAD)]
 
 
 def mesh_files(folder: Path) -> list[Path]:
-    """Mesh files of one folder in natural order, one per stem.
+    """Return the mesh files of a folder in natural order, one per stem.
 
     Raises
     ------
@@ -142,9 +142,9 @@ def mesh_files(folder: Path) -> list[Path]:
 
 
 def all_mesh_files(folder: Path) -> list[Path]:
-    """Mesh files of one folder, the preferred extensions first, several per stem where there are several.
+    """Return all mesh files of a folder, preferred extensions first, including several per stem.
 
-    A link that leads nowhere is among them: its shape is missing, and must not be so in silence.
+    Broken links are included, so that missing shapes are reported.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def all_mesh_files(folder: Path) -> list[Path]:
 
 
 def cla_file(folder: Path) -> Path | None:
-    """The ``.cla`` file of a folder, or None; more than one raises ``DatasetError``."""
+    """Return the ``.cla`` file of a folder, or None; raises ``DatasetError`` if there are several."""
     files = sorted(folder.glob("*.cla"))
     if len(files) > 1:
         raise DatasetError(f"{folder} holds {len(files)} .cla files", "keep the one that classifies these meshes")
@@ -182,7 +182,7 @@ def read_cla(path: Path) -> dict[int, str]:
     Raises
     ------
     DatasetError
-        If the header, a count or a number is wrong, naming the file.
+        If the header, a count or a number is wrong; the message names the file.
     """
     words = text_of(path).split()
     if words[:2] != ["PSB", "1"]:
@@ -225,7 +225,7 @@ def _whole(word: str) -> int:
 
 
 def subject_of_stem(stem: str) -> str:
-    """Class that a file name tells: the name without its trailing number."""
+    """Return the class in a file name: the stem without trailing number."""
     return re.sub(r"[-_ ]*[0-9]+$", "", stem) or stem
 
 

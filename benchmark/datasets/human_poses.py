@@ -1,7 +1,7 @@
-"""Poses of a human body as angles of its joints, and the rotations of the bones that they mean.
+"""Poses of a human body as joint angles, and the corresponding bone rotations.
 
-The angles are those of a physiotherapist: they say where a limb points and how far a hinge is bent, so a pose reads
-without a drawing, elbows and knees can only bend the right way, and any mixture of two poses is a pose again.
+The angles follow the conventions of physiotherapy: the direction of a limb and the flexion of a hinge. Poses are
+readable without a drawing, elbows and knees bend only the right way, and any mixture of two poses is a valid pose.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 # Directions of the left limbs of the model at rest: x to the body's left, -y to the front, z up. They differ by less
-# than three degrees between subjects, and a constant keeps a pose the same rotations for all of them.
+# than three degrees between subjects; with a constant, a pose has the same rotations for all subjects.
 _UPPER_ARM = np.array([0.664, -0.021, -0.747])
 _FOREARM = np.array([0.512, -0.687, -0.517])
 _MIRROR = np.array([1.0, -1.0, -1.0])
@@ -24,24 +24,24 @@ _MIRROR = np.array([1.0, -1.0, -1.0])
 _SPINE = ("spine05", "spine04", "spine03", "spine02", "spine01")
 _NECK = ("neck01", "neck02", "neck03", "head")
 _CLAVICLE_SHARE = 0.2
-"""Share of the swing of an arm that the shoulder girdle makes (about a quarter of a raised arm in anatomy)."""
+"""Fraction of the swing of an arm in the shoulder girdle (about a quarter of a raised arm in anatomy)."""
 _THIGH_SHARE = 0.15
-"""Share of the flexion of a hip that the second bone of the thigh makes, which rounds the fold of the groin."""
+"""Fraction of the hip flexion in the second bone of the thigh, which rounds the fold of the groin."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arm:
-    """One arm, in degrees.
+    """Angles of an arm, in degrees.
 
     Parameters
     ----------
     raised
         Angle between the upper arm and straight down: 90 is horizontal, 180 is up.
     forward
-        Direction of a raised arm seen from above: 0 to the side, 90 to the front, above that across the chest, negative
-        to the back.
+        Direction of a raised arm seen from above: 0 to the side, 90 to the front, larger across the chest, negative to
+        the back.
     roll
-        Turn about the upper arm; positive turns the forearm of a horizontal arm upwards.
+        Rotation about the upper arm; positive turns the forearm of a horizontal arm upwards.
     bend
         Flexion of the elbow: 0 is straight.
     """
@@ -54,7 +54,7 @@ class Arm:
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:
-    """One leg, in degrees.
+    """Angles of a leg, in degrees.
 
     Parameters
     ----------
@@ -63,11 +63,11 @@ class Leg:
     abduction
         Thigh to the outside, before flexion.
     roll
-        Turn of the toes to the outside.
+        Rotation of the toes to the outside.
     bend
         Flexion of the knee: 0 is straight.
     point
-        Ankle: toes down; negative lifts them.
+        Ankle: toes down; negative for toes up.
     """
 
     flexion: float = 0.0
@@ -79,7 +79,7 @@ class Leg:
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """Trunk, neck, or the body as a whole, in degrees.
+    """Angles of the trunk, the neck, or the whole body, in degrees.
 
     Parameters
     ----------
@@ -105,11 +105,11 @@ class Pose:
     left_arm, right_arm, left_leg, right_leg
         The limbs; left is the body's own left.
     trunk
-        The spine against the pelvis.
+        The spine relative to the pelvis.
     head
-        Neck and head against the chest.
+        Neck and head relative to the chest.
     body
-        The pelvis against the ground.
+        The pelvis relative to the ground.
     """
 
     left_arm: Arm = Arm()
@@ -121,7 +121,7 @@ class Pose:
     body: Column = Column()
 
     def mirrored(self) -> Pose:
-        """The same pose with left and right exchanged."""
+        """Return the pose with left and right exchanged."""
 
         def reflect(column: Column) -> Column:
             return replace(column, lean=-column.lean, turn=-column.turn)
@@ -137,13 +137,13 @@ class Pose:
         )
 
     def angles(self) -> NDArray[np.float64]:
-        """All angles in the order of the fields, shape (27,), in degrees."""
-        # Not `astuple`, which copies deeply: a sample has tens of thousands of poses.
+        """Return all angles in the order of the fields, shape (27,), in degrees."""
+        # Not `astuple`, which makes deep copies: a sample has tens of thousands of poses.
         return np.array([angle for part in vars(self).values() for angle in vars(part).values()])
 
     @staticmethod
     def from_angles(angles: NDArray[np.float64]) -> Pose:
-        """Inverse of :meth:`angles`."""
+        """Invert :meth:`angles`."""
         values = iter(np.asarray(angles, dtype=np.float64).tolist())
         parts = {field.name: getattr(_REST, field.name) for field in fields(Pose)}
         return Pose(
@@ -280,22 +280,21 @@ POSES: Mapping[str, Pose] = {
         body=Column(bend=-4),
     ),
 }
-"""The authored poses; the first is the canonical one."""
+"""Authored poses; the first is the canonical pose."""
 
 
 def bone_rotations(pose: Pose) -> dict[str, NDArray[np.float64]]:
-    """Rotations of the bones relative to their parents, about the axes of the body at rest.
+    """Return the rotations of the bones relative to their parents, about the axes of the body at rest.
 
     Parameters
     ----------
     pose
-        The angles of the joints.
+        The joint angles.
 
     Returns
     -------
     dict of str to numpy.ndarray
-        Rotation matrices, shape (3, 3), by the names of the bones of the MakeHuman rig; bones that are not named keep
-        their rest.
+        Rotation matrices, shape (3, 3), by bone name of the MakeHuman rig; other bones stay at rest.
     """
     rotations = {"root": _column(pose.body, 1)}
     rotations |= dict.fromkeys(_SPINE, _column(pose.trunk, len(_SPINE)))
@@ -311,17 +310,17 @@ _JITTER = 6.0
 
 
 def perturbed_pose(random: np.random.Generator) -> Pose:
-    """Draw a pose between two authored ones, either of them mirrored at random, and perturb its angles.
+    """Draw a random mixture of two authored poses, each mirrored at random, and perturb its angles.
 
     Parameters
     ----------
     random
-        Source of the choice.
+        Random generator.
 
     Returns
     -------
     Pose
-        Every angle lies within the range of that joint over the authored poses, so hinges never bend backwards.
+        Every angle lies within the joint's range over the authored poses, so hinges never bend backwards.
     """
     names = list(POSES)
     ends = [POSES[names[index]] for index in random.integers(len(names), size=2)]
@@ -335,16 +334,16 @@ def jittered(pose: Pose, deviation: float, random: np.random.Generator) -> Pose:
     Parameters
     ----------
     pose
-        The pose to start from.
+        Pose to perturb.
     deviation
         Standard deviation in degrees.
     random
-        Source of the perturbation.
+        Random generator.
 
     Returns
     -------
     Pose
-        Every angle lies within the range of that joint over the authored poses.
+        Every angle lies within the joint's range over the authored poses.
     """
     lower, upper = _angle_ranges()
     angles = pose.angles() + random.normal(0.0, deviation, lower.shape)
@@ -362,7 +361,7 @@ def _column(column: Column, bones: int) -> Rotation:
 
 
 def _arm(arm: Arm) -> dict[str, Rotation]:
-    """Rotations of the left arm: the shortest swing of the upper arm to its direction, after the roll about itself."""
+    """Return the rotations of the left arm: a roll of the upper arm, then its shortest swing to the direction."""
     raised, forward = np.radians(arm.raised), np.radians(arm.forward)
     side, front = np.sin(raised) * np.cos(forward), np.sin(raised) * np.sin(forward)
     target = np.array([side, -front, -np.cos(raised)])

@@ -1,9 +1,8 @@
 """Generated humans: the stand-in for the synthetic part of SHREC'14 [Pickup et al. 2014].
 
-The official set poses 15 bodies (5 men, 5 women, 5 children) in 20 ways each, all with the same list of poses. The
-stand-in does the same with the parametric body of the package ``anny`` [Brégier et al. 2025; its assets descend from
-MakeHuman and are CC0]: blend shapes make the body, linear blend skinning poses it. Nothing is random, and nothing
-depends on how many shapes are made at a time.
+The official set has 15 bodies (5 men, 5 women, 5 children) in the same 20 poses. The stand-in does the same with the
+parametric body of the package ``anny`` [Brégier et al. 2025; its assets descend from MakeHuman and are CC0]: blend
+shapes for the body, linear blend skinning for the pose. The result is deterministic and independent of the batch size.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.mesh import Faces, Mesh
 
 CANONICAL_POSE = next(iter(POSES))
-"""The pose whose depth image a learned method predicts."""
+"""Pose whose depth image a learned method predicts."""
 
 _BATCH = 20
-"""Shapes that are made at a time: about 100 MiB of working memory."""
+"""Shapes per batch: about 100 MiB of working memory."""
 
 _DECIMALS = 6
-"""Coordinates are rounded to micrometres, far above the rounding errors (1e-15 m) by which a batch differs."""
+"""Decimals of coordinates in metres: micrometres, far above the rounding differences between batches (1e-15 m)."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class _Body:
 
 @dataclass(frozen=True)
 class Humans:
-    """The data set of 15 subjects in 20 poses.
+    """Data set of 15 subjects in 20 poses.
 
     Entries are ordered by subject, then by pose, like the files of SHREC'14.
     """
@@ -58,35 +57,35 @@ class Humans:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The 300 shapes."""
+        """All 300 shapes."""
         return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in SUBJECTS for pose in POSES)
 
     def load(self, entry: Entry) -> Mesh:
-        """Make the mesh of one shape, in metres, z up, facing -y.
+        """Generate the mesh of a shape, in metres, z up, facing -y.
 
         Raises
         ------
         DatasetError
-            If the packages that make bodies are missing.
+            If the packages for generating bodies are missing.
         """
         return human_mesh(SUBJECTS[entry.subject], POSES[entry.pose])
 
     def recipe(self, entry: Entry) -> str:
-        """Name the values of the body and the angles of its joints."""
+        """Return the body parameters and joint angles."""
         return recipe(SUBJECTS[entry.subject], POSES[entry.pose])
 
     def camera(self, entry: Entry) -> Camera:
-        """Look at the front."""
+        """Return the front view."""
         return FRONT
 
 
 def human_mesh(subject: Subject, pose: Pose) -> Mesh:
-    """Mesh of one body in one pose; see :func:`human_meshes`."""
+    """Generate the mesh of a body in a pose; see :func:`human_meshes`."""
     return next(human_meshes([(subject, pose)]))
 
 
 def human_meshes(pairs: Iterable[tuple[Subject, Pose]]) -> Iterator[Mesh]:
-    """Meshes of bodies in poses, made a few at a time.
+    """Generate meshes of bodies in poses, in batches.
 
     Parameters
     ----------
@@ -102,7 +101,7 @@ def human_meshes(pairs: Iterable[tuple[Subject, Pose]]) -> Iterator[Mesh]:
     Raises
     ------
     DatasetError
-        If the packages that make bodies are missing.
+        If the packages for generating bodies are missing.
     """
     body = _body()
     remaining = iter(pairs)
@@ -112,14 +111,14 @@ def human_meshes(pairs: Iterable[tuple[Subject, Pose]]) -> Iterator[Mesh]:
 
 
 def vertices_of(bones: tuple[str, ...], side: str = "") -> NDArray[np.int64]:
-    """Indices of the vertices that follow bones of these kinds.
+    """Return the indices of vertices dominated by the given bones.
 
     Parameters
     ----------
     bones
-        What the names of the bones begin with, e.g. ``("wrist", "finger")``.
+        Prefixes of bone names, e.g. ``("wrist", "finger")``.
     side
-        What they end with: ``".L"``, ``".R"`` or anything.
+        Suffix of bone names: ``".L"``, ``".R"``, or empty for any.
     """
     chosen = [bone.startswith(bones) and bone.endswith(side) for bone in _body().bones]
     return np.flatnonzero(chosen).astype(np.int64)
@@ -127,51 +126,51 @@ def vertices_of(bones: tuple[str, ...], side: str = "") -> NDArray[np.int64]:
 
 @functools.cache
 def reference_mesh() -> Mesh:
-    """The template of all bodies at rest; every generated mesh has its triangles, and its vertices in its order."""
+    """Return the template of all bodies at rest; every generated mesh has the same triangles and vertex order."""
     body = _body()
     return Mesh(body.model.template_vertices.numpy()[body.keep], body.faces)
 
 
 def recipe(subject: Subject, pose: Pose) -> str:
-    """Name what determines a mesh, without making it: the values of the body and the angles of its joints."""
+    """Return the body parameters and joint angles that determine a mesh."""
     body, angles = (np.round(values, 9).tolist() for values in (astuple(subject), pose.angles()))
     return f"body {body} with joints {angles}"
 
 
 def sample_humans(n_subjects: int, n_poses: int, seed: int) -> list[tuple[Subject, Sequence[Pose]]]:
-    """Further bodies and poses for training, as many as wanted.
+    """Draw additional bodies and poses for training.
 
-    The bodies keep a distance from the subjects of all generated sets of people that methods are tested on. A larger
-    sample begins with the smaller one of the same seed.
+    The bodies keep a distance from the subjects of all generated human test sets. A larger sample begins with the
+    smaller one of the same seed.
 
     Parameters
     ----------
     n_subjects
         Number of bodies.
     n_poses
-        Number of poses for each body; every body gets its own.
+        Number of poses per body; each body has different poses.
     seed
-        Seed of the choice.
+        Random seed.
 
     Returns
     -------
     list of tuple
-        Each body with its poses, to be passed on to :func:`human_meshes`.
+        Each body with its poses, for :func:`human_meshes`.
     """
     return [sample_human(index, n_poses, seed) for index in range(n_subjects)]
 
 
 def sample_human(index: int, n_poses: int, seed: int, draw: int = 0) -> tuple[Subject, Sequence[Pose]]:
-    """One body of :func:`sample_humans` with its poses: man, woman and child in turn.
+    """Draw a single body of :func:`sample_humans` with its poses: man, woman and child in turn.
 
     Parameters
     ----------
     index
-        Place in the sample.
+        Index in the sample.
     n_poses, seed
-        As there.
+        As in :func:`sample_humans`.
     draw
-        How often this place was drawn before; each draw gives another body in other poses.
+        Number of previous draws at this index; each draw yields another body and other poses.
     """
     further = [draw] if draw else []
     of_subject, of_poses = (np.random.default_rng([seed, index, part, *further]) for part in range(2))
@@ -194,12 +193,12 @@ def _body() -> _Body:
     if not any(anny.paths.get_anny_cache_path().glob("*/*")):
         sys.stderr.write("anny builds its cache on first use; this takes about half a minute\n")
 
-    from benchmark.datasets.skinning import linear_blend_skinning  # numba is imported with it
+    from benchmark.datasets.skinning import linear_blend_skinning  # imports numba
 
     class Body(anny.Anny):  # type: ignore[misc]
-        """The model with a compiled kernel in double precision.
+        """Model with a compiled skinning kernel in double precision.
 
-        It is much faster than the dense one of the package, and the same on every machine, unlike those of Warp.
+        It is much faster than the dense kernel of the package and, unlike the Warp kernels, identical on all machines.
         """
 
         def get_skinned_vertices(self, rest_vertices: Any, bone_transforms: Any) -> Any:
@@ -211,7 +210,7 @@ def _body() -> _Body:
     model = Body(skinning_method="lbs", pose_parameterization="local-ref")
     faces = model.get_triangular_faces().numpy().astype(np.int32)
     labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
-    # Eyes and tongue are components of their own, inside the head.
+    # Eyes and tongue are separate components inside the head.
     keep = labels == np.bincount(labels).argmax()
     renumbered = np.cumsum(keep, dtype=np.int32) - 1
     rows = np.flatnonzero(keep)
@@ -221,7 +220,7 @@ def _body() -> _Body:
 
 
 def _skinned(model: Any, pairs: Sequence[tuple[Subject, Pose]]) -> NDArray[np.float64]:
-    """Vertices of the whole model, shape (pairs, n, 3)."""
+    """Return the vertices of the whole model, shape (pairs, n, 3)."""
     import torch
 
     rotations = [bone_rotations(pose) for _, pose in pairs]

@@ -1,8 +1,8 @@
-"""Generated humans in any number, for runs that are larger than any published set: ``humans[subjects=500,poses=20]``.
+"""Any number of generated humans, for galleries larger than published sets: ``humans[subjects=500,poses=20]``.
 
-The bodies are drawn like those that training samples, but with another seed and away from the subjects of ``humans``
-alone, and all of them take the same poses, those of :mod:`benchmark.datasets.humans`. A larger gallery begins with the
-bodies of the smaller one.
+The bodies are drawn like training bodies, but with another seed and at a distance from the subjects of ``humans`` only.
+All bodies have the same poses, those of :mod:`benchmark.datasets.humans`. A larger gallery begins with the bodies of
+the smaller one.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 
-#: Seed of the bodies; that of the bodies for training is 0.
+#: Seed of the bodies; the seed of training bodies is 0.
 _SEED = 1
 
-#: Subjects beyond which nobody can mean it.
+#: Maximum number of subjects.
 _MOST = 100_000
 
 
 @dataclass(frozen=True)
 class HumansGallery:
-    """Some of the poses of the generated humans, taken by any number of bodies.
+    """Any number of bodies in some of the poses of the generated humans.
 
     Parameters
     ----------
     subjects
         Number of bodies.
     poses
-        Number of poses of each, the first ones of the list.
+        Number of poses per body, the first ones of the list.
 
     Raises
     ------
     ConfigurationError
-        If there are not so many.
+        If a number is out of range.
     """
 
     subjects: int
     poses: int = len(POSES)
     stand_in_for: str = ""
-    half_width: float = 1.45  # some of the bodies are taller than those of the smaller set
+    half_width: float = 1.45  # some bodies are taller than those of ``humans``
 
     def __post_init__(self) -> None:
         for name, value, least, most in (("subjects", self.subjects, 2, _MOST), ("poses", self.poses, 2, len(POSES))):
@@ -58,12 +58,12 @@ class HumansGallery:
 
     @classmethod
     def parse(cls, name: str) -> HumansGallery:
-        """The gallery of a name such as ``"humans[subjects=500,poses=20]"``.
+        """Create a gallery from a name such as ``"humans[subjects=500,poses=20]"``.
 
         Raises
         ------
         ConfigurationError
-            If a parameter is unknown or no number, or ``subjects`` is missing.
+            If a parameter is unknown or not a number, or ``subjects`` is missing.
         """
         inside = name.partition("[")[2].rpartition("]")[0]
         counts = assignments(inside)
@@ -76,7 +76,7 @@ class HumansGallery:
 
     @property
     def name(self) -> str:
-        """Name on the command line, in its one spelling."""
+        """Name on the command line, in canonical form."""
         return f"humans[subjects={self.subjects},poses={self.poses}]"
 
     @property
@@ -86,19 +86,19 @@ class HumansGallery:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The shapes, by subject, then by pose."""
+        """Shapes by subject, then by pose."""
         return _entries(self.subjects, self.poses)
 
     def load(self, entry: Entry) -> Mesh:
-        """Make the mesh of one shape; see :func:`benchmark.datasets.humans.human_meshes`."""
+        """Generate the mesh of a shape; see :func:`benchmark.datasets.humans.human_meshes`."""
         return humans.human_mesh(_body(entry.subject), POSES[entry.pose])
 
     def recipe(self, entry: Entry) -> str:
-        """Name the values of the body and the angles of its joints."""
+        """Return the body parameters and joint angles."""
         return humans.recipe(_body(entry.subject), POSES[entry.pose])
 
     def camera(self, entry: Entry) -> Camera:
-        """Look at the front."""
+        """Return the front view."""
         return FRONT
 
 

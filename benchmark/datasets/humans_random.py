@@ -1,8 +1,8 @@
-"""Generated humans drawn at random, three times fifteen: what the choice of the subjects of ``humans`` is worth.
+"""Three draws of fifteen random humans, to assess the effect of the choice of subjects in ``humans``.
 
-Those of ``humans`` were searched for large differences in geodesic distances, which is what the methods measure. These
-follow from a rule and a seed (:func:`benchmark.datasets.human_subjects.random_subjects`) that were committed before
-anything was run on them; poses and all else are those of :mod:`benchmark.datasets.humans`.
+The subjects of ``humans`` were selected for large differences in geodesic distances, which the methods measure. These
+subjects follow from a rule and a seed (:func:`benchmark.datasets.human_subjects.random_subjects`) that were committed
+before any run. Everything else, including the poses, is as in :mod:`benchmark.datasets.humans`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from benchmark.geometry.mesh import Mesh
 
 @dataclass(frozen=True)
 class HumansRandom:
-    """The data set of 15 random subjects in 20 poses.
+    """Data set of 15 random subjects in 20 poses.
 
     Parameters
     ----------
     draw
-        Which of the draws.
+        Index of the draw.
     """
 
     draw: int = 0
@@ -43,21 +43,21 @@ class HumansRandom:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The 300 shapes, by subject, then by pose; no two draws share a name, for no two share a subject."""
+        """All 300 shapes by subject, then by pose; names differ between draws, as the subjects do."""
         subjects = [f"{name}-of-draw-{self.draw}" for name in RANDOM_SUBJECTS[self.draw]]
         return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in subjects for pose in POSES)
 
     def load(self, entry: Entry) -> Mesh:
-        """Make the mesh of one shape; see :func:`benchmark.datasets.humans.human_meshes`."""
+        """Generate the mesh of a shape; see :func:`benchmark.datasets.humans.human_meshes`."""
         return humans.human_mesh(self._body(entry), POSES[entry.pose])
 
     def recipe(self, entry: Entry) -> str:
-        """Name the values of the body and the angles of its joints."""
+        """Return the body parameters and joint angles."""
         return humans.recipe(self._body(entry), POSES[entry.pose])
 
     def _body(self, entry: Entry) -> Subject:
         return RANDOM_SUBJECTS[self.draw][entry.subject.partition("-of-")[0]]
 
     def camera(self, entry: Entry) -> Camera:
-        """Look at the front."""
+        """Return the front view."""
         return FRONT

@@ -1,9 +1,8 @@
-"""Generated humans as a body scanner sees them: the stand-in for the real part of SHREC'14 [Pickup et al. 2014].
+"""Generated humans with scan artefacts: the stand-in for the real part of SHREC'14 [Pickup et al. 2014].
 
-The official set holds 40 people in 10 poses each. Against the synthetic part it shifts the domain: the bodies are
-adults of usual build and nearer to each other, nobody is symmetric or takes a pose exactly, fingers and toes are fused,
-and no two surfaces share their triangles. The stand-in does all of this to the bodies of
-:mod:`benchmark.datasets.humans`.
+The official set has 40 people in 10 poses each. It differs from the synthetic part by a domain shift: the bodies are
+adults of usual build and more similar, nobody is symmetric or takes a pose exactly, fingers and toes are fused, and all
+tessellations differ. The stand-in applies all of this to the bodies of :mod:`benchmark.datasets.humans`.
 """
 
 from __future__ import annotations
@@ -36,13 +35,13 @@ POSE_NAMES = (
     "waving",
     "throwing",
 )
-"""Poses without contact, which a scanner would fuse; the first is the canonical one."""
+"""Poses without contact, which a scanner would fuse; the first is the canonical pose."""
 
 _POSE_DEVIATION = 3.0
-"""Standard deviation in degrees by which a person misses the angles of a pose."""
+"""Standard deviation of a person's joint angles from the pose, in degrees."""
 
 _WAVES, _WAVELENGTHS, _ASYMMETRY = 8, (0.3, 0.8), 0.003
-"""Number, lengths in metres and root mean square height in metres of the waves that make a body asymmetric."""
+"""Number, wavelengths in metres and root mean square height in metres of the waves that make a body asymmetric."""
 
 _FUSED = (
     (("wrist", "metacarpal", "finger"), ".L"),
@@ -54,7 +53,7 @@ _FUSED = (
 
 @dataclass(frozen=True)
 class HumansScanlike:
-    """The data set of 40 subjects in 10 poses.
+    """Data set of 40 subjects in 10 poses.
 
     Entries are ordered by subject, then by pose, like the files of SHREC'14.
     """
@@ -66,20 +65,20 @@ class HumansScanlike:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The 400 shapes."""
+        """All 400 shapes."""
         return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults() for pose in POSE_NAMES)
 
     def load(self, entry: Entry) -> Mesh:
-        """Make the mesh of one shape: about 15 000 vertices, closed, in metres, z up, facing -y.
+        """Generate the mesh of a shape: about 15 000 vertices, closed, in metres, z up, facing -y.
 
         Raises
         ------
         DatasetError
-            If the packages that make bodies are missing.
+            If the packages for generating bodies are missing.
         """
-        from benchmark.datasets.scanning import membrane, scan, vertex_normals  # numba is imported with them
+        from benchmark.datasets.scanning import membrane, scan, vertex_normals  # imports numba
 
-        # Mouth, nostrils and eye sockets are cavities behind thin lids that a scanner does not see.
+        # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
         body = membrane(humans.human_mesh(adults()[entry.subject], _pose(entry)), _cavities())
         heights = _asymmetry(_random(entry.subject, "asymmetry"))
         body = body.with_vertices(body.vertices + heights[:, np.newaxis] * vertex_normals(body))
@@ -87,11 +86,11 @@ class HumansScanlike:
         return scan(body, fused, N_VERTICES, _random(entry.identifier, "scan"))
 
     def recipe(self, entry: Entry) -> str:
-        """Name the scan, whose name seeds what is random in it, and the body in its pose."""
+        """Return the name of the scan, which seeds its random parts, and the recipe of the posed body."""
         return f"scan of {entry.identifier}: {humans.recipe(adults()[entry.subject], _pose(entry))}"
 
     def camera(self, entry: Entry) -> Camera:
-        """Look at the front."""
+        """Return the front view."""
         return FRONT
 
 
@@ -110,7 +109,7 @@ def _cavities() -> NDArray[np.bool_]:
 
 
 def _asymmetry(random: np.random.Generator) -> Points:
-    """Heights by which the vertices of a body stand out, in metres, the same in all its poses."""
+    """Return the displacements of the vertices of a body along their normals, in metres, for all its poses."""
     directions = random.normal(size=(_WAVES, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     frequencies = 2 * np.pi / random.uniform(*_WAVELENGTHS, _WAVES)

@@ -1,4 +1,4 @@
-"""Facts about one mesh before it is used: counts, pieces, holes, and what is wrong with it."""
+"""Inspection of unprocessed meshes: counts, components, holes and defects."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from benchmark.geometry.mesh import Faces, Mesh, edges_of
 
 @dataclass(frozen=True)
 class Inspection:
-    """Facts about one mesh.
+    """Properties of a mesh.
 
     Parameters
     ----------
     digest
-        Of the vertices and the faces, whatever the format of the file.
+        Digest of vertices and faces, independent of the file format.
     cleaning
-        Counts, as :func:`benchmark.geometry.cleaning.clean` finds them.
+        Counts from :func:`benchmark.geometry.cleaning.clean`.
     faces_left
-        Faces that have an area.
+        Number of faces after cleaning.
     holes
-        Loops of boundary edges; two that touch in a vertex count as one.
+        Number of boundary loops; loops that share a vertex count as one.
     extent
-        Half the longest side of the bounding box in the frame of the camera, in file units.
+        Half the longest side of the bounding box in the camera's frame, in file units.
     """
 
     digest: str
@@ -42,7 +42,7 @@ class Inspection:
 
 
 def inspect(mesh: Mesh, camera: Camera) -> Inspection:
-    """Collect the facts about a mesh as it was read; holes and pieces are counted after exact duplicates are merged."""
+    """Inspect an unprocessed mesh; holes and components are counted after cleaning."""
     cleaned, report = clean(mesh)
     return Inspection(
         digest=hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(),
@@ -54,7 +54,7 @@ def inspect(mesh: Mesh, camera: Camera) -> Inspection:
 
 
 def count_holes(faces: Faces) -> int:
-    """Number of connected chains of boundary edges."""
+    """Return the number of connected components of the boundary edges."""
     vertices, ends = np.unique(edges_of(faces).boundary, return_inverse=True)
     ends = ends.reshape(-1, 2)
     shape = (len(vertices), len(vertices))
@@ -63,7 +63,7 @@ def count_holes(faces: Faces) -> int:
 
 
 def flaws(inspection: Inspection) -> Iterator[tuple[str, str]]:
-    """Return what keeps a mesh from being a closed manifold in one piece, each with its effect or how to correct it."""
+    """Yield the defects that prevent a mesh from being a connected closed manifold, each with its effect or a fix."""
     cleaning = inspection.cleaning
     if cleaning.merged:
         what = _many(cleaning.merged, "duplicate vertex", "duplicate vertices")

@@ -1,4 +1,4 @@
-"""A data set whose vertices are jittered by a millionth of their extent, to be prepared anew: ``tosca[jitter=2]``."""
+"""Data sets with vertices jittered by a millionth of the extent before preparation: ``tosca[jitter=2]``."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from benchmark.geometry.mesh import Mesh
 __all__ = ["AMOUNT", "Jittered", "clean_dataset", "clean_name", "jittered", "jittered_name", "parsed_jitter"]
 
 AMOUNT = 1e-6
-"""Standard deviation of each coordinate, in longest sides of the bounding box: what files with seven digits round."""
+"""Standard deviation per coordinate, as a fraction of the longest bounding box side: like rounding to seven digits."""
 
 _NAME = re.compile(r"(?P<clean>.+)\[jitter=(?P<number>[1-9][0-9]*)\]", re.DOTALL)
 
 
 def jittered_name(clean: str, number: int) -> str:
-    """Return the name of a data set that is jittered for the n-th time."""
+    """Return the name of the n-th jitter of a data set."""
     return f"{clean}[jitter={number}]"
 
 
 def parsed_jitter(name: str) -> tuple[str, int] | None:
-    """Return the clean data set and the number of a name; None where it names no jittered set."""
+    """Return the clean data set and the number in a name; None if it is not the name of a jittered set."""
     match = _NAME.fullmatch(name)
     return (match["clean"], int(match["number"])) if match else None
 
@@ -44,18 +44,18 @@ def clean_dataset(dataset: Dataset) -> Dataset:
 
 
 def jittered(mesh: Mesh, seed: int, amount: float = AMOUNT) -> Mesh:
-    """Return a mesh whose vertices are moved by independent Gaussian noise, in longest sides of the bounding box."""
+    """Add independent Gaussian noise to the vertices, relative to the longest side of the bounding box."""
     return noise(mesh, amount, np.random.default_rng(seed))
 
 
 @dataclass(frozen=True)
 class Jittered(ChangedDataset):
-    """All shapes of a data set, jittered.
+    """A data set with jittered shapes.
 
     Parameters
     ----------
     number
-        Which jitter, from 1; each draws its own noise.
+        Number of the jitter, from 1, which seeds the noise.
     """
 
     number: int
@@ -71,11 +71,11 @@ class Jittered(ChangedDataset):
         return f"{self.clean.title}, jitter {self.number}"
 
     def changed(self, mesh: Mesh, entry: Entry) -> Mesh:
-        """Return the jittered mesh."""
+        """Jitter a mesh."""
         return jittered(mesh, self._seed(entry))
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh, the code of the clean set with it."""
+        """Return the recipe of the clean mesh, the amount of jitter and the seed."""
         return f"{self._clean_recipe(entry)} {AMOUNT!r} {self._seed(entry)}"
 
     def _seed(self, entry: Entry) -> int:

@@ -1,4 +1,4 @@
-"""``MANIFEST.tsv``: which meshes a folder holds, one line each, with what tells whether they are intact."""
+"""``MANIFEST.tsv``: a list of the meshes in a folder, one per line, with counts and digests for verification."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _COLUMNS = ("file", "class", "pose", "vertices", "faces", "sha256")
 
 @dataclass(frozen=True)
 class ManifestRow:
-    """One line of a manifest; a column that the manifest does not have is None.
+    """A line of a manifest; missing columns are None.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class ManifestRow:
     subject, pose
         As in :class:`~benchmark.datasets.base.Entry`.
     n_vertices, n_faces
-        Counts of the mesh as it is read.
+        Counts of the unprocessed mesh.
     sha256
         Digest of the file, in hexadecimal.
     """
@@ -40,20 +40,20 @@ class ManifestRow:
 
 
 def read_manifest(folder: Path) -> tuple[ManifestRow, ...]:
-    """Read the manifest of a folder; a folder without one has no lines.
+    """Read the manifest of a folder; returns no rows if there is none.
 
     Parameters
     ----------
     folder
-        Holds ``MANIFEST.tsv``: tab-separated, the first line names the columns ``file`` and any of ``class``, ``pose``,
-        ``vertices``, ``faces``, ``sha256``.
+        Folder with ``MANIFEST.tsv``: tab-separated, with a header line of the columns ``file`` and any of ``class``,
+        ``pose``, ``vertices``, ``faces``, ``sha256``.
 
     Raises
     ------
     ConfigurationError
         If a column is unknown.
     DatasetError
-        If the file is not such a table, names a file twice, or names one outside the folder.
+        If the table is invalid, or contains a file twice or a file outside the folder.
     """
     path = folder / MANIFEST_FILE
     if not is_there(path):
@@ -88,7 +88,7 @@ def write_manifest(folder: Path, rows: Sequence[ManifestRow]) -> None:
 
 
 def inside(folder: Path, name: str, source: Path) -> Path:
-    """Return the path of a file that a list names, which must lie in the folder once links are resolved.
+    """Return the path of a listed file, which must be inside the folder after resolving links.
 
     Parameters
     ----------
@@ -97,17 +97,17 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     name
         Path relative to the folder.
     source
-        The list, for the message.
+        The list, for the error message.
 
     Raises
     ------
     DatasetError
-        If the path leads out of the folder, or is none.
+        If the path is invalid or outside the folder.
     """
     path = folder / name
     try:
         is_inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError) as error:  # a NUL, a name too long, a circle of links
+    except (OSError, ValueError, RuntimeError) as error:  # NUL, name too long, circular links
         raise DatasetError(f"{source} names {name[:80]!r}, which is no path: {error}", "correct the name") from error
     if not is_inside:
         raise DatasetError(

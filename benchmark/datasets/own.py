@@ -1,4 +1,4 @@
-"""Data sets of plugin files, as the harness knows every other one."""
+"""Adapter from data sets of plugin files to the interface of the harness."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from benchmark.plugins.specs import DatasetSpec
 
 __all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "sources_in"]
 
-#: Between the path of a plugin file and the name of a class in it, where a data set is named by both.
+#: Separator between the path of a plugin file and a class name in a data set source.
 _MARK = ".py:"
 
 
@@ -32,16 +32,16 @@ class OwnDataset:
 
     @property
     def sources(self) -> dict[str, str]:
-        """What the plugin consists of."""
+        """Parts of the plugin."""
         return self.spec.sources
 
     @property
     def files(self) -> dict[str, str]:
-        """Files that the plugin has read so far, with their digests."""
+        """Digests of the files that the plugin has read so far."""
         return self.spec.remote.files
 
     def load(self, entry: Entry) -> Mesh:
-        """Make or read the mesh; raises ``UnreadableMesh`` if there is none, whatever its author's code raises."""
+        """Generate or read the mesh; raises ``UnreadableMesh`` if there is none, also if the plugin fails."""
         if "load" in self.spec.offers:
             arrays = self.spec.ask("load", entry.identifier)[1]
             return Mesh(arrays["vertices"], arrays["faces"])
@@ -53,7 +53,7 @@ class OwnDataset:
         return read_mesh(entry.path)
 
     def recipe(self, entry: Entry) -> str:
-        """Name of set and shape, parameters, and what the author says or else the digest of the file."""
+        """Return the names of set and shape, the parameters, and the plugin's recipe or the digest of the file."""
         if "recipe" in self.spec.offers:
             outside = str(self.spec.ask("recipe", entry.identifier)[0]["recipe"])
         else:
@@ -61,17 +61,17 @@ class OwnDataset:
         return " ".join(filter(None, (self.name, entry.identifier, self.spec.parameters_text, outside)))
 
     def camera(self, entry: Entry) -> Camera:
-        """The depth camera of a shape."""
+        """Return the depth camera of a shape."""
         if "camera" not in self.spec.offers:
             return FRONT
         facts, _ = self.spec.ask("camera", entry.identifier)
         camera = Camera(tuple(facts["direction"]), tuple(facts["up"]))
-        object.__setattr__(camera, "up", tuple(facts["up"]))  # to normalise it once more may cost its last bits
+        object.__setattr__(camera, "up", tuple(facts["up"]))  # normalising again may change the last bits
         return camera
 
 
 def is_own(source: str) -> bool:
-    """Return whether a data set is named by a plugin file and a class in it."""
+    """Return whether a source is a class in a plugin file."""
     return _MARK in source
 
 
@@ -81,27 +81,27 @@ def open_own(source: str) -> OwnDataset:
     Parameters
     ----------
     source
-        What :func:`data_sets_of` names it by: ``"/path/to/file.py:ClassName"``.
+        Source from :func:`data_sets_of`: ``"/path/to/file.py:ClassName"``.
 
     Raises
     ------
     ConfigurationError
         If the file cannot be imported, or has no such class.
     DatasetError
-        If the data set lists no shapes as it should.
+        If the list of shapes is invalid.
     """
     return OwnDataset(DatasetSpec(source.rpartition(":")[2], source))
 
 
 def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
-    """Data sets of plugin files: what :func:`open_own` takes, by name.
+    """Return the data sets of plugin files, as sources for :func:`open_own` by name.
 
     Raises
     ------
     ConfigurationError
-        If a file cannot be imported, or a set says of itself what cannot be.
+        If a file cannot be imported, or a data set has invalid metadata.
     DatasetError
-        If two sets have one name.
+        If two data sets have the same name.
     """
     targets: dict[str, str] = {}
     for path in paths:
@@ -115,5 +115,5 @@ def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
 
 
 def sources_in(path: str) -> dict[str, str]:
-    """Return what a plugin file with a data set consists of, by its absolute path."""
+    """Return the parts of a plugin file with a data set, given its absolute path."""
     return plugins_of(DatasetSpec, Path(path))[0].sources

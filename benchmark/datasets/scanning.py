@@ -1,4 +1,4 @@
-"""Simulation of a body scanner: one skin over all that touches, other triangles every time, and noise."""
+"""Simulation of a body scanner: fused contacts, an individual tessellation per scan, and noise."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from benchmark.geometry.preparation import isotropic_remesh
 from benchmark.geometry.rasterise import depth_buffer
 
 CELL = 0.005
-"""Side of a voxel in metres."""
+"""Voxel size in metres."""
 
 _MARGIN = 6
 """Empty voxels around the body."""
 
 _CLOSING = 0.012
-"""Radius in metres of the ball that closes the gaps between fingers; gaps up to twice as wide disappear."""
+"""Radius in metres of the ball that closes gaps between fingers, up to twice as wide."""
 
 _WHITE, _SMOOTH = 0.0002, 0.0003
-"""Standard deviations in metres of the noise that is independent and of that which neighbours share."""
+"""Standard deviations in metres of white noise and of smooth noise."""
 
 _CORNERS = np.array(
     [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=np.int64
 )
-"""Corners of a cube in the order that libigl's marching cubes expects."""
+"""Corners of a cube in the order of libigl's marching cubes."""
 
 
 _DIRECTIONS, _IMAGE, _DEPTH_TOLERANCE, _EXPOSED = 128, 400, 0.002, 0.12
-"""Views and pixels per side for the visibility, tolerance in metres, and the share of views that see a vertex."""
+"""Number of views, pixels per side, depth tolerance in metres, and minimum fraction of views that see a vertex."""
 
 
 def sheltered_vertices(mesh: Mesh) -> NDArray[np.bool_]:
-    """Return whether light from fewer than one in eight directions reaches a vertex, shape (n,).
+    """Return whether each vertex is visible from fewer than 12 % of the directions, shape (n,).
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ def sheltered_vertices(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
-    """Stretch the free part of a surface like a soap film: each free vertex becomes the mean of its neighbours.
+    """Replace the free part of a surface by a membrane: each free vertex becomes the mean of its neighbours.
 
     Parameters
     ----------
     mesh
-        A surface; every free component borders on a vertex that is not free.
+        A surface; every free component is adjacent to a fixed vertex.
     free
-        Which vertices move, shape (n,).
+        Mask of the free vertices, shape (n,).
     """
     tails, heads = sides_of(mesh.faces)
     links = csr_array((np.ones(len(tails)), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))[free]
@@ -83,27 +83,27 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
 
 
 def scan(mesh: Mesh, fused: Sequence[NDArray[np.int64]], n_vertices: int, random: np.random.Generator) -> Mesh:
-    """Surface as a body scanner would deliver it.
+    """Simulate a body scan of a surface.
 
-    The solid is sampled on a grid in a random position, the gaps between fingers are closed, the boundary is
-    extracted by marching cubes [Lorensen and Cline 1987] and re-meshed isotropically [Botsch and Kobbelt 2004], and
-    every vertex moves along its normal by noise of a third of a millimetre.
+    The solid is sampled on a grid in a random position, gaps between fingers are closed, the boundary is extracted by
+    marching cubes [Lorensen and Cline 1987] and re-meshed isotropically [Botsch and Kobbelt 2004], and every vertex is
+    displaced along its normal by noise of a third of a millimetre.
 
     Parameters
     ----------
     mesh
-        A closed surface in metres, standing along z; small self-intersections do no harm.
+        A closed surface in metres, standing along z; small self-intersections are harmless.
     fused
-        Vertices of each part in which narrow gaps are to be closed: each hand, each foot.
+        Vertices of each part whose narrow gaps are closed: each hand, each foot.
     n_vertices
-        Number of vertices to come near to.
+        Approximate number of vertices.
     random
-        Source of the position of the grid and of the noise.
+        Random generator for the grid position and the noise.
 
     Returns
     -------
     Mesh
-        One closed component in the place of the original.
+        One closed component in the original position.
     """
     angle = random.uniform(0, 2 * np.pi)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -113,7 +113,7 @@ def scan(mesh: Mesh, fused: Sequence[NDArray[np.int64]], n_vertices: int, random
     size = np.ceil(points.max(axis=0)).astype(np.int64) + _MARGIN
     crossings = np.zeros(tuple(size), dtype=np.int8)
     _count_crossings(points, mesh.faces, crossings)
-    # Sum of signed crossings below a point: its winding number, which is 2 where two parts overlap.
+    # Sum of signed crossings below a point: its winding number, which is 2 if two parts overlap.
     solid = np.cumsum(crossings, axis=2, dtype=np.int8) > 0
     for part in fused:
         _close_gaps(solid, points[part])
@@ -124,16 +124,16 @@ def scan(mesh: Mesh, fused: Sequence[NDArray[np.int64]], n_vertices: int, random
 
 @njit(cache=True, nogil=True)
 def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add to ``crossings[x, y, z]`` the orientation of each triangle that the line along z enters below node z.
+    """Add to ``crossings[x, y, z]`` the orientation of each triangle that the line along z crosses just below node z.
 
-    Rows and spans are half-open and each edge is evaluated from its lower end alone, so that no line slips between
-    two triangles or meets both.
+    Rows and spans are half-open, and each edge is always evaluated from its lower end, so that no line misses or hits
+    both of two adjacent triangles.
     """
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, ay = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
         bx, by = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1]
-        # A line that goes up enters the solid through a triangle whose normal looks down.
+        # An upward line enters the solid through a triangle with a downward normal.
         sign = 1 if ax * by - ay * bx < 0 else -1
         if points[j, 1] < points[i, 1]:
             i, j = j, i
@@ -150,7 +150,7 @@ def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def] 
             if x1 < x0:
                 x0, x1, z0, z1 = x1, x0, z1, z0
             for column in range(int(np.ceil(x0)), int(np.ceil(x1))):
-                # Between the ends of the span, hence inside the grid, which leaves a margin around all points.
+                # Between the ends of the span, hence inside the grid, which has a margin around all points.
                 height = z0 + (column - x0) / (x1 - x0) * (z1 - z0)
                 crossings[column, row, int(np.ceil(height))] += sign
 
@@ -163,7 +163,7 @@ def _at_row(points, low, high, row):  # type: ignore[no-untyped-def]  # noqa: AN
 
 
 def _close_gaps(solid: NDArray[np.bool_], part: Points) -> None:
-    """Morphological closing by a ball in the box around a part, in place."""
+    """Apply a morphological closing by a ball in the box around a part, in place."""
     radius = _CLOSING / CELL
     low = np.maximum(np.floor(part.min(axis=0)).astype(int) - math.ceil(radius), 0)
     high = np.ceil(part.max(axis=0)).astype(int) + math.ceil(radius) + 1
@@ -173,7 +173,7 @@ def _close_gaps(solid: NDArray[np.bool_], part: Points) -> None:
 
 
 def _boundary(solid: NDArray[np.bool_]) -> Mesh:
-    """Surface of the solid in units of voxels, by marching cubes over the cubes that hold it."""
+    """Return the surface of the solid in voxel units, by marching cubes on the cubes that it intersects."""
     import igl
 
     density = gaussian_filter(solid.astype(np.float32), 1.0)
@@ -189,12 +189,12 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
     nodes = np.stack(np.unravel_index(used, density.shape), axis=1).astype(np.float64)
     values = density.ravel()[used].astype(np.float64)
     vertices, faces, _ = igl.marching_cubes(values, nodes, cubes.reshape(-1, 8).astype(np.int64), 0.5)
-    # libigl orients the triangles towards larger values, that is inwards.
+    # libigl orients the triangles towards larger values, i.e. inwards.
     return largest_component(Mesh(vertices, faces[:, ::-1]))
 
 
 def _remeshed(mesh: Mesh, n_vertices: int) -> Mesh:
-    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the edges come out a little longer.
+    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges are slightly longer.
     side = 0.97 * math.sqrt(mesh.area / n_vertices * 2 / math.sqrt(3))
     return isotropic_remesh(mesh, side, iterations=3, feature_degrees=180)
 
@@ -213,7 +213,7 @@ def _neighbour_mean(mesh: Mesh, values: NDArray[np.float64]) -> NDArray[np.float
 
 
 def vertex_normals(mesh: Mesh) -> Points:
-    """Unit normals of the vertices, shape (n, 3): means over the faces, weighted by area."""
+    """Return the unit vertex normals, shape (n, 3): area-weighted means of the face normals."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.zeros((mesh.n_vertices, 3))
     np.add.at(normals, mesh.faces.ravel(), np.repeat(np.cross(b - a, c - a), 3, axis=0))

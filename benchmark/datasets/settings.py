@@ -1,4 +1,4 @@
-"""The settings that a folder of meshes carries in ``dataset.toml``: canonical poses, depth cameras, frame."""
+"""Settings of a folder of meshes in ``dataset.toml``: canonical poses, depth cameras, frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 SETTINGS_FILE = "dataset.toml"
 
-#: Cameras by name, for shapes whose z points up and who face -y.
+#: Cameras by name, for shapes with z up that face -y.
 VIEWS: Mapping[str, Camera] = {
     "front": FRONT,
     "side": SIDE,
@@ -27,19 +27,19 @@ _KEYS = ("camera", "canonical_pose", "half_width", "stand_in_for", "up")
 
 
 def with_settings(dataset: FolderDataset) -> FolderDataset:
-    """Apply the ``dataset.toml`` of the folder, where there is one.
+    """Apply the ``dataset.toml`` of the folder, if there is one.
 
-    All keys are optional. ``camera`` is the name of a view, a table with ``direction`` and perhaps ``up``, or a table
-    from class to either; ``up`` (``"z"`` or ``"y"``) says how the named views lie in the files; ``canonical_pose`` is a
-    pose or a table from class to pose; ``half_width`` is half the width of the camera's frame in file units;
-    ``stand_in_for`` names the official set that generated shapes stand in for.
+    All keys are optional: ``camera``, the name of a view, a table with ``direction`` and optionally ``up``, or a table
+    from class to either; ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views; ``canonical_pose``,
+    a pose or a table from class to pose; ``half_width``, half the width of the camera's frame in file units;
+    ``stand_in_for``, the official set that generated shapes replace.
 
     Raises
     ------
     ConfigurationError
-        If a key, view, class or pose is unknown, with the nearest known ones.
+        If a key, view, class or pose is unknown; the message suggests similar names.
     DatasetError
-        If the file cannot be read, or a value has the wrong type.
+        If the file is unreadable, or a value has the wrong type.
     """
     path = dataset.folder / SETTINGS_FILE
     if not is_there(path):
@@ -67,10 +67,10 @@ def with_settings(dataset: FolderDataset) -> FolderDataset:
 
 
 def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str, Any]:
-    """Read a settings file; raises ``ConfigurationError`` for another key, ``DatasetError`` if it cannot be read."""
+    """Read a settings file; raises ``ConfigurationError`` for unknown keys, ``DatasetError`` if it is unreadable."""
     try:
         values = tomllib.loads(text_of(path))
-    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and brackets as deep
+    except (ValueError, RecursionError) as error:  # including huge numbers and deep nesting
         raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
     for key in values:
         if key not in keys:
@@ -142,7 +142,7 @@ def _vector(value: Any) -> tuple[float, float, float]:
 
 
 def _y_up(camera: Camera) -> Camera:
-    """The same camera for shapes whose y points up and who face +z; one that has y up already stays."""
+    """Convert a camera to shapes with y up that face +z; cameras with y up are returned unchanged."""
     if camera.up == (0.0, 1.0, 0.0):
         return camera
     (x, y, z), (a, b, c) = camera.direction, camera.up

@@ -1,4 +1,4 @@
-"""Linear blend skinning: each vertex follows the bones that it is tied to, by the mean of where they take it."""
+"""Linear blend skinning: each vertex moves by the weighted mean of the transforms of its bones."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ Floats = NDArray[np.float64]
 
 @njit(cache=True, nogil=True)
 def linear_blend_skinning(vertices: Floats, bones: NDArray[np.int64], weights: Floats, transforms: Floats) -> Floats:
-    """Vertices of bodies in their poses.
+    """Return the posed vertices of bodies.
 
     Parameters
     ----------
     vertices
         The bodies at rest, shape (bodies, n, 3).
     bones
-        The bones that each vertex is tied to, shape (n, k); indices are not checked.
+        Bones of each vertex, shape (n, k); indices are not checked.
     weights
-        Share of each of them, shape (n, k); rows add up to 1, places that are not needed hold 0.
+        Weights of these bones, shape (n, k); rows sum to 1, unused entries are 0.
     transforms
-        Where each bone of each body takes what is at rest, shape (bodies, number of bones, 4, 4), affine.
+        Affine transform of each bone from rest to pose, shape (bodies, number of bones, 4, 4).
 
     Returns
     -------

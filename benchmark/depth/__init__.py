@@ -1,6 +1,6 @@
-"""Depth images of real cameras: from a file with its intrinsics and mask to the surface of the object that it shows.
+"""Depth images of real cameras: from a depth file, its intrinsics and mask to the surface of the object.
 
-In the order to read it: ``reading`` (pixels in metres), ``intrinsics``, ``mask``, ``planes`` and ``segmentation`` (the
-object, where no mask names it), ``projection`` (pixels become a surface, upright), ``frame`` (all of it, from files or
+Suggested reading order: ``reading`` (depths in metres, masks), ``intrinsics``, ``segmentation`` (planes, and the object
+if no mask is given), ``projection`` (from pixels to an upright surface), ``frame`` (the whole pipeline, from files or
 arrays).
 """

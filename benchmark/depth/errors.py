@@ -1,4 +1,4 @@
-"""Errors of depth images; each costs one shape."""
+"""Errors in depth images; each excludes one shape."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from benchmark.errors import ShapeError
 
 
 class DepthError(ShapeError):
-    """A problem of one depth image, or of a file that belongs to it."""
+    """A problem with a depth image or one of its companion files."""
 
 
 class UnreadableDepth(DepthError):
-    """A depth image is missing, damaged, or of a kind that holds no depth."""
+    """A depth image is missing, damaged, or in a format without depth."""
 
 
 class InvalidDepth(DepthError):
-    """A depth image was read, but its depths cannot be those of a scene in metres."""
+    """A depth image is readable, but its values are not plausible depths of a scene in metres."""
 
 
 class InvalidIntrinsics(DepthError):
-    """Intrinsics are missing, unreadable, singular, or those of another image."""
+    """Intrinsics are missing, unreadable, singular, or belong to another image."""
 
 
 class InvalidMask(DepthError):
-    """A mask cannot be read, is empty, or has another size than its image."""
+    """A mask is unreadable, empty, or differs in size from its image."""
 
 
 class NoObject(DepthError):
-    """No object was found in a depth image, or it does not fit the frame."""
+    """A depth image shows no object, or one that does not fit the frame."""

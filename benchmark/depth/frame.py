@@ -1,4 +1,4 @@
-"""One frame of a depth camera: the object that it shows, as a surface and as the depth image that methods get."""
+"""A single frame of a depth camera: its object as a surface and as the depth image passed to methods."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from benchmark.depth.segmentation import Plane, background_planes, find_object
 from benchmark.geometry.mesh import Mesh
 
 _PLANE_STEP = 2
-"""Pixels between those that planes are looked for among."""
+"""Pixel stride of the subsampled image in which planes are detected."""
 
 Up = Sequence[float]
 
 IMAGE_UP = np.array([0.0, -1.0, 0.0])
-"""The direction that is up in the camera's frame (right, down, forward) where nothing says more."""
+"""Default up direction in the camera's frame (right, down, forward)."""
 
 MOST_TILTED = np.cos(np.radians(75))
-"""Least cosine between what is said to be up and the plane of the image."""
+"""Minimum cosine of the angle between a given up direction and the image plane."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObservedObject:
-    """The object of one frame.
+    """The object in a frame.
 
     Parameters
     ----------
     depths
-        Of the image, shape (h, w), metres; 0 where nothing was seen.
+        Depth image, shape (h, w), metres; 0 for missing depth.
     mask
         Pixels of the object, shape (h, w).
     surface
-        The surface behind them in metres: right, up, towards the camera, which looks level.
+        Surface of the object in metres: right, up, towards the camera, which looks level.
     notes
-        How it was found: ``mask`` ("given" or "found"), ``up`` ("floor", "sidecar" or "image"), ``planes``,
+        Details of the detection: ``mask`` ("given" or "found"), ``up`` ("floor", "sidecar" or "image"), ``planes``,
         ``object_pixels``, ``flying_pixels``, ``distance`` (median depth) and ``size`` (longest side), in metres.
     """
 
@@ -64,20 +64,20 @@ def observe(
     Parameters
     ----------
     depths
-        Shape (h, w), metres; 0 where nothing was seen.
+        Shape (h, w), metres; 0 for missing depth.
     intrinsics
-        Of the camera.
+        Intrinsics of the camera.
     mask
-        Shape (h, w), not zero on the object; None finds it, see :mod:`benchmark.depth.segmentation`.
+        Shape (h, w), nonzero on the object; None segments the object, see :mod:`benchmark.depth.segmentation`.
     up
-        What is up in the camera's frame (right, down, forward), where no floor is seen; None takes the image's.
+        Up direction in the camera's frame (right, down, forward), used if no floor is detected; None for the image's.
     half_width
-        Half the side of the frame that it has to fit, in metres.
+        Half the side of the frame that the object must fit, in metres.
 
     Raises
     ------
     DepthError
-        If intrinsics or mask do not fit, no object is found, or it is larger than the frame.
+        If intrinsics or mask do not match the image, no object is found, or it is larger than the frame.
     """
     height, width = depths.shape
     intrinsics.check_size(width, height)
@@ -89,7 +89,7 @@ def observe(
         points = unprojected(depths, rays)
         planes = background_planes(points[coarse], seen[coarse])
         chosen, part = find_object(points, seen, planes), (slice(None),) * 2
-    else:  # of the scene, the floor alone is wanted
+    else:  # the scene only has to provide the floor
         planes = background_planes(unprojected(depths[coarse], rays[coarse]), (seen & ~object_mask)[coarse])
         chosen, part = object_mask, _window(object_mask)
     kept = np.zeros_like(chosen)
@@ -109,13 +109,13 @@ def observe(
 
 
 def _window(mask: Mask) -> tuple[slice, slice]:
-    """The rows and columns that hold a mask, and one more on each side."""
+    """Return the bounding rows and columns of a mask, padded by one pixel on each side."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
 
 
 def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float64], str]:
-    """The direction that is up in the camera's frame, and what tells."""
+    """Return the up direction in the camera's frame and its source."""
     floors = [plane for plane in planes if plane.is_floor]
     if floors:
         return max(floors, key=lambda plane: -plane.offset).normal, "floor"
@@ -125,7 +125,7 @@ def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float6
 
 
 def checked_up(direction: Up) -> NDArray[np.float64]:
-    """Return what is said to be up as a unit vector; raises ``InvalidDepth`` if it is none, or the camera's axis."""
+    """Return an up direction as a unit vector; raises ``InvalidDepth`` if it is invalid or near the optical axis."""
     up = np.asarray(direction, dtype=np.float64)
     length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
@@ -138,20 +138,20 @@ def checked_up(direction: Up) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """The files of one frame, and what is said of them.
+    """The files and settings of a frame.
 
     Parameters
     ----------
     image
-        The depth image.
+        Path of the depth image.
     intrinsics
-        Of the camera; None looks for a file by its usual names.
+        Intrinsics of the camera; None searches for a file with a usual name.
     mask
-        Of the object; None looks for a file by its usual names, and finds the object itself where there is none.
+        Path of the object mask; None searches for a file with a usual name, and segments the object if there is none.
     scale
-        Units of the image per metre; None takes 1000 for integers and 1 for floats.
+        Units of the image per metre; None for 1000 (integers) or 1 (floats).
     up
-        What is up in the camera's frame (right, down, forward), where no floor is seen.
+        Up direction in the camera's frame (right, down, forward), used if no floor is detected.
     half_width
         Half the side of the frame, in metres.
     """
@@ -165,16 +165,16 @@ class FrameFiles:
 
     @property
     def mask_file(self) -> Path | None:
-        """The mask that is read; None if there is none."""
+        """Path of the mask; None if there is none."""
         return self.mask or find_mask(self.image)
 
     @property
     def intrinsics_file(self) -> Path | None:
-        """The intrinsics that are read; None if they are given, or missing."""
+        """Path of the intrinsics; None if they are passed directly or missing."""
         return None if self.intrinsics else find_intrinsics(self.image)
 
     def observe(self) -> ObservedObject:
-        """Read the frame and return its object; raises ``DepthError`` with the file that is wrong."""
+        """Read the frame and return its object; raises ``DepthError``, which names the faulty file."""
         depths = read_depth(self.image, self.scale)
         mask = self.mask_file
         return observe(depths, self._camera(), read_mask(mask) if mask else None, self.up, self.half_width)

@@ -1,4 +1,4 @@
-"""Intrinsics of a pinhole camera: from text, Open3D, ROS, or four numbers; and the rays that they give the pixels."""
+"""Intrinsics of a pinhole camera, from text, Open3D, ROS or four numbers, and the rays of its pixels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from benchmark.depth.errors import InvalidIntrinsics
 
 Rays = NDArray[np.float64]
 
-#: Names of files with intrinsics, in the folder of the image or in one of the two above it.
+#: Names of intrinsics files, in the folder of the image or in one of its two parents.
 NAMES = (
     "camera.json", "camera_info.yaml", "camera_info.yml", "camera_info.json", "depth_camera_info.yaml",
     "intrinsics.txt", "intrinsics.json", "intrinsics.yaml", "intrinsic.txt", "intrinsic.json",
@@ -26,24 +26,24 @@ NAMES = (
     "intrinsic_depth.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "camera_intrinsic.json", "K.txt",
 )  # fmt: skip
 
-#: The same for one image, behind its name without extension.
+#: Endings of intrinsics files of a single image, appended to its name without extension.
 ENDINGS = tuple(f"{mark}{what}{end}" for mark in (".", "_", "-") for what in ("intrinsics", "camera", "camera_info")
                 for end in (".txt", ".json", ".yaml"))  # fmt: skip
 
 CENTRAL = (0.25, 0.75)
-"""Shares of the width and height between which a principal point lies, where nothing says how large the image is."""
+"""Bounds of the principal point as fractions of width and height, if the intrinsics do not give the image size."""
 
-#: Coefficients of Brown's model with its rational extension, and the names that files call it by; no name means it.
+#: Coefficients of Brown's model with its rational extension, and its names in files; an empty name means this model.
 _BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _BROWN_NAMES = ("", "plumb_bob", "rational_polynomial", "brown_conrady", "brown", "radtan", "opencv", "pinhole")
 
-#: Models that are no pinhole camera, whatever their coefficients; of other ones zeros are accepted.
+#: Models other than a pinhole camera, rejected with any coefficients; other unknown models may have zero coefficients.
 _BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|unified|panoram"
 
 _LARGEST_FILE = 1_000_000
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
 
-#: Steps that find the ray of a distorted pixel; lenses of depth cameras need five.
+#: Iterations to find the ray of a distorted pixel; lenses of depth cameras need five.
 _STEPS = 20
 
 
@@ -56,12 +56,12 @@ class Intrinsics:
     fx, fy
         Focal lengths in pixels.
     cx, cy
-        Principal point in pixels, where the centre of the first pixel lies at 0.
+        Principal point in pixels; the centre of the first pixel is at 0.
     size
-        Width and height of the image that they belong to; None if that is not known.
+        Width and height of the image; None if unknown.
     distortion
-        Coefficients k1, k2, p1, p2, k3, k4, k5, k6 of Brown's model with its rational extension, as OpenCV orders them;
-        empty for none.
+        Coefficients k1, k2, p1, p2, k3, k4, k5, k6 of Brown's model with its rational extension, in OpenCV's order;
+        empty for no distortion.
     """
 
     fx: float
@@ -80,7 +80,7 @@ class Intrinsics:
             )
 
     def check_size(self, width: int, height: int) -> None:
-        """Raise ``InvalidIntrinsics`` if they belong to an image of another size."""
+        """Raise ``InvalidIntrinsics`` if the intrinsics belong to an image of another size."""
         if self.size is not None and self.size != (width, height):
             raise InvalidIntrinsics(
                 f"the intrinsics are those of {self.size[0]} x {self.size[1]} pixels, the image has {width} x {height}",
@@ -94,7 +94,7 @@ class Intrinsics:
             )
 
     def rays(self, width: int, height: int) -> Rays:
-        """Return where the ray of each pixel meets the plane at depth 1, shape (height, width, 2): right, down."""
+        """Return the intersection of each pixel's ray with depth 1, shape (height, width, 2): right, down."""
         return _rays(self, width, height)
 
 
@@ -110,7 +110,7 @@ def _rays(camera: Intrinsics, width: int, height: int) -> Rays:
 
 
 def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
-    """Invert the distortion by fixed-point iteration, as its authors' and OpenCV's tools do [Brown 1971]."""
+    """Invert the distortion by fixed-point iteration, as OpenCV does [Brown 1971]."""
     k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *(0.0,) * (8 - len(coefficients)))
     rays = seen
     with np.errstate(all="ignore"):
@@ -126,12 +126,12 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
 
 
 def parse_intrinsics(text: str) -> Intrinsics:
-    """Return the camera that four numbers ``fx,fy,cx,cy`` describe; raises ``InvalidIntrinsics`` for anything else."""
+    """Parse ``fx,fy,cx,cy`` or the numbers of a matrix; raises ``InvalidIntrinsics`` for anything else."""
     return _of_numbers(_numbers(text), text)
 
 
 def intrinsics_of(value: str) -> Intrinsics:
-    """Return the camera that an option names: ``fx,fy,cx,cy``, or a file; see :func:`read_intrinsics`."""
+    """Return the intrinsics given as an option: ``fx,fy,cx,cy`` or a file, see :func:`read_intrinsics`."""
     if re.fullmatch(r"[\s\d.,eE+-]+", value) and "," in value and not Path(value).exists():
         return parse_intrinsics(value)
     return read_intrinsics(Path(value))
@@ -149,7 +149,7 @@ def read_intrinsics(path: Path) -> Intrinsics:
     Raises
     ------
     InvalidIntrinsics
-        If it cannot be read, or describes no camera.
+        If the file is unreadable or does not describe a camera.
     """
     try:
         if path.stat().st_size > _LARGEST_FILE:
@@ -171,9 +171,9 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
 
 def find_intrinsics(image: Path) -> Path | None:
-    """Return the file with the intrinsics of an image by its usual names; None where there is none.
+    """Return the intrinsics file of an image by its usual names, or None.
 
-    Its own come first, then those of its folder, then those of the two folders above.
+    Files of the image itself take precedence over those of its folder, and these over those of its two parents.
     """
     stems = dict.fromkeys((image.stem, image.stem.partition(".")[0]))
     for stem in stems:
@@ -204,11 +204,11 @@ def _of_numbers(
 
 
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
-    """Read what JSON or YAML says: ``camera.json`` of Open3D, ``camera_info`` of ROS, or focal lengths by name."""
+    """Read parsed JSON or YAML: ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths."""
     inner = content.get("intrinsic", {})
     values = {**content, **(inner if isinstance(inner, Mapping) else {"K": inner})}
     size, distortion = _size(values), _distortion(values)
-    if "intrinsic_matrix" in values:  # of Open3D, column by column
+    if "intrinsic_matrix" in values:  # Open3D, column-major
         numbers = np.array(values["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T.ravel().tolist()
         return _of_numbers(numbers, "intrinsic_matrix", size, distortion)
     for key in ("K", "k", "camera_matrix"):
@@ -221,17 +221,17 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
 
 
 def _flat(values: Any) -> list[float]:
-    """Numbers of a list, of lists in it, or of the ``data`` of a matrix as OpenCV and ROS write it."""
+    """Return the numbers of a list, a nested list, or the ``data`` of an OpenCV or ROS matrix."""
     return [float(value) for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)]
 
 
 def _distortion(values: Mapping[str, Any]) -> list[float]:
-    """Return the coefficients of Brown's model, none where all are zero.
+    """Return the coefficients of Brown's model; empty if all are zero.
 
     Raises
     ------
     InvalidIntrinsics
-        If the lens follows another model, or their number is not one of Brown's model.
+        If the distortion model is another one, or the number of coefficients does not match Brown's model.
     """
     named = next((str(values[key]) for key in ("distortion_model", "model", "camera_model") if key in values), "")
     model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
@@ -260,7 +260,7 @@ def _size(values: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def _of_yaml(text: str) -> Intrinsics:
-    """Read ``camera_info`` as ROS writes it: lists of numbers, and values of one line."""
+    """Read ROS ``camera_info``: lists of numbers and single-line values."""
     values: dict[str, Any] = {}
     for key, value in re.findall(r"(?m)^[ \t]*(\w+)[ \t]*:[ \t]*[\"']?([\w.][\w. -]*?)[\"']?[ \t]*$", text):
         values.setdefault(key, value)
@@ -268,7 +268,7 @@ def _of_yaml(text: str) -> Intrinsics:
 
 
 def _lists(text: str) -> Iterator[tuple[str, list[float]]]:
-    """Yield the lists of numbers of a YAML text with the key that they stand under, of two levels the upper one."""
+    """Yield each list of numbers in a YAML text with its key, or the parent of ``rows``, ``cols`` and ``data``."""
     key = ""
     for match in re.finditer(
         r"(?m)^([ \t]*)([A-Za-z_]\w*)\s*:[ \t]*(\[[^\]]*\]|(?:\n[ \t]*-[ \t]*[-+.\deE]+)+)?", text

@@ -1,4 +1,4 @@
-"""From the pixels of an object to its surface in metres, upright, as an orthographic camera before it sees it."""
+"""From the pixels of an object to its upright surface in metres, ready for an orthographic camera in front of it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh, Points
 
 HALF_WIDTH = 1.285
-"""Half the width of the frame of the humans in metres, which ``literal`` and ``wide`` know their scale by."""
+"""Half the frame width of the human data sets in metres, the reference scale of ``literal`` and ``wide``."""
 
 UPRIGHT = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-"""The orthographic camera before a surface of :func:`object_surface`."""
+"""The orthographic camera in front of a surface from :func:`object_surface`."""
 
 FRAME = np.diag([1.0, -1.0, -1.0])
-"""From the camera's frame (right, down, forward) to that of the suite (right, up, towards the camera)."""
+"""Transform from the camera's frame (right, down, forward) to the suite's (right, up, towards the camera)."""
 
 _LEAST_SUPPORT = 3
-"""Neighbours of eight on the same surface, without which a pixel flies."""
+"""Minimum number of the eight neighbours on the same surface; a pixel with fewer is a flying pixel."""
 
 
 def unprojected(depths: NDArray[np.float64], rays: Rays) -> Points:
-    """Return the points behind pixels, shape (h, w, 3), metres: right, down, forward.
+    """Return the 3D points of pixels, shape (h, w, 3), metres: right, down, forward.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def unprojected(depths: NDArray[np.float64], rays: Rays) -> Points:
 
 
 def without_flying_pixels(depths: NDArray[np.float64], mask: Mask) -> Mask:
-    """Return a mask without the pixels that lie between two surfaces, as cameras measure at edges.
+    """Return a mask without flying pixels, which cameras measure between two surfaces at depth edges.
 
-    Such a pixel has few neighbours of its own depth.
+    A flying pixel has few neighbours at its own depth.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def without_flying_pixels(depths: NDArray[np.float64], mask: Mask) -> Mask:
 
 
 def upright(up: NDArray[np.float64]) -> Points:
-    """Return the rotation from the camera's frame to one in which ``up`` is up and the camera looks level.
+    """Return the rotation from the camera's frame to an upright frame in which the camera looks level.
 
     Parameters
     ----------
     up
-        What is up in the camera's frame (right, down, forward), shape (3,); not along the optical axis.
+        Up direction in the camera's frame (right, down, forward), shape (3,); not along the optical axis.
 
     Returns
     -------
@@ -88,17 +88,17 @@ def upright(up: NDArray[np.float64]) -> Points:
 def object_surface(
     depths: NDArray[np.float64], rays: Rays, mask: Mask, rotation: Points, half_width: float = HALF_WIDTH
 ) -> Mesh:
-    """Return the surface behind the pixels of an object.
+    """Return the surface of an object from its pixels.
 
-    Each pixel gives two triangles between its corners, whose depth is the mean of the pixels around that are of the
-    object; where these are torn by a depth jump, a corner of each pixel has the mean of those on its side.
+    Each pixel yields two triangles between its corners. The depth of a corner is the mean over the adjacent object
+    pixels; at a depth jump, each pixel gets its own corner, with the mean over the adjacent pixels on its side.
 
     Parameters
     ----------
     depths
         Shape (h, w), metres.
     rays
-        Of the pixels, shape (h, w, 2); see :meth:`benchmark.depth.intrinsics.Intrinsics.rays`.
+        Rays of the pixels, shape (h, w, 2); see :meth:`benchmark.depth.intrinsics.Intrinsics.rays`.
     mask
         Pixels of the object, shape (h, w).
     rotation
@@ -109,7 +109,7 @@ def object_surface(
     Raises
     ------
     NoObject
-        If the pixels are too few, or their surface is larger than the frame.
+        If there are too few pixels, or the surface is larger than the frame.
     """
     if np.count_nonzero(mask) < FEWEST_SEEN:
         raise NoObject(
@@ -131,9 +131,9 @@ def object_surface(
 
 
 def _squares(depths: NDArray[np.float64], rays: Rays, mask: Mask) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Corners of pixels in the camera's frame, shape (n, 3), and two triangles for each pixel that face the camera."""
+    """Return pixel corners in the camera's frame, shape (n, 3), and two camera-facing triangles per pixel."""
     padded, inside = np.pad(depths, 1), np.pad(mask, 1)
-    # Of each corner the pixels around it: above left, above right, below left, below right.
+    # The pixels around each corner: above left, above right, below left, below right.
     windows = [(slice(a, a + depths.shape[0] + 1), slice(b, b + depths.shape[1] + 1)) for a in (0, 1) for b in (0, 1)]
     around, held = np.stack([padded[window] for window in windows]), np.stack([inside[window] for window in windows])
     nearest = np.where(held, around, np.inf).min(axis=0)

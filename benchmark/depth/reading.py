@@ -18,24 +18,24 @@ from benchmark.depth.errors import InvalidDepth, InvalidMask, UnreadableDepth
 Depths = NDArray[np.float64]
 
 LARGEST_SIDE = 4096
-"""Pixels per side at most: depth cameras have about a million pixels, and what claims more would fill the memory."""
+"""Maximum pixels per side. Depth cameras have about a million pixels; larger images could exhaust the memory."""
 
 DEFAULT_SCALE = 1000.0
-"""Units per metre of an image of integers: most cameras count millimetres."""
+"""Units per metre of an integer image; most cameras use millimetres."""
 
 NEAREST, FARTHEST = 0.05, 200.0
-"""Metres between which the median depth of an image lies, unless its scale is wrong."""
+"""Bounds of a plausible median depth in metres; outside them, the scale is wrong."""
 
 FEWEST_SEEN = 200
-"""Pixels with a depth, at the least: as many as the projection asks of a shape."""
+"""Minimum number of pixels with a depth, as the projection requires of a shape."""
 
 _MEDIAN_OF = 10_000
-"""Pixels that tell the median depth."""
+"""Approximate number of pixels for the median depth."""
 
-#: Modes of Pillow that hold a depth: integers of 16 or 32 bits, and floats.
+#: Pillow modes suitable for depth: 16-bit or 32-bit integers and floats.
 _MODES = frozenset({"I", "I;16", "I;16L", "I;16B", "I;16N", "F"})
 
-#: Bytes of the largest header of an NPY file.
+#: Maximum header size of an NPY file, in bytes.
 _LARGEST_HEADER = 10_000
 
 
@@ -45,21 +45,21 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
     Parameters
     ----------
     path
-        A ``.png``, ``.tif``, ``.tiff``, ``.npy``, ``.npz`` (with one array, or one called ``depth``) or ``.pfm`` file.
+        A ``.png``, ``.tif``, ``.tiff``, ``.npy``, ``.npz`` (with one array, or one named ``depth``) or ``.pfm`` file.
     scale
-        Units per metre; None takes 1000 for integers and 1 for floats.
+        Units per metre; None for 1000 (integers) or 1 (floats).
 
     Returns
     -------
     numpy.ndarray
-        Shape (h, w), metres along the optical axis; 0 where nothing was seen.
+        Shape (h, w), metres along the optical axis; 0 for missing depth.
 
     Raises
     ------
     UnreadableDepth
-        If the file is missing, damaged, too large, or holds no depth.
+        If the file is missing, damaged, too large, or contains no depth.
     InvalidDepth
-        As of :func:`in_metres`.
+        As in :func:`in_metres`.
     """
     suffix = path.suffix.lower()
     if suffix not in READERS:
@@ -71,7 +71,7 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
     except OSError as error:
         what = error.strerror or f"not a readable {suffix[1:]} file: {error}"
         raise UnreadableDepth(f"{path}: {what}", "check the path, or export the image again") from error
-    except Exception as error:  # whatever a damaged file makes a reader stumble over costs this file alone
+    except Exception as error:  # any reader failure on a damaged file excludes this file only
         what = f"not a readable {suffix[1:]} file: {' '.join(str(error).split()) or type(error).__name__}"
         raise UnreadableDepth(f"{path}: {what:.300}", "export the image again") from error
     try:
@@ -81,19 +81,19 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
 
 
 def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
-    """Return depths in metres, 0 where nothing was seen; 0, negative numbers, NaN and infinity mean that.
+    """Return depths in metres, with 0 for missing depth (0, negative, NaN or infinite values).
 
     Parameters
     ----------
     values
         Shape (h, w) or (h, w, 1), integers or floats.
     scale
-        Units per metre; None takes 1000 for integers and 1 for floats.
+        Units per metre; None for 1000 (integers) or 1 (floats).
 
     Raises
     ------
     InvalidDepth
-        If it is no image of one channel, shows next to nothing, lies at one depth, or has a scale that cannot be.
+        If the image has several channels, too few pixels with a depth, a constant depth, or an implausible scale.
     """
     values = np.asarray(values)
     if values.ndim == 3 and values.shape[2] == 1:
@@ -168,7 +168,7 @@ def _read_npz(path: Path) -> NDArray[Any]:
 
 
 def _read_array(stream: Any) -> NDArray[Any]:
-    """Read an array after a look at its header, for a few bytes can claim any size."""
+    """Read an array after checking its header, since a small file can declare any size."""
     version = np.lib.format.read_magic(stream)
     read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, _, dtype = read_header(stream, max_header_size=_LARGEST_HEADER)
@@ -188,7 +188,7 @@ def _read_pfm(path: Path) -> NDArray[Any]:
 
 
 def _parse_pfm(stream: BinaryIO) -> NDArray[Any]:
-    """Read a portable float map: rows from the bottom to the top; a negative scale means little endian."""
+    """Read a portable float map: rows from bottom to top; a negative scale means little endian."""
     head = re.match(rb"(P[fF])\s+(\d{1,6})\s+(\d{1,6})\s+(-?[\d.eE+-]+)\s", stream.read(100))
     if head is None or head[1] != b"Pf":
         raise UnreadableDepth("it is no portable float map of one channel", "let it begin with 'Pf'")
@@ -201,7 +201,7 @@ def _parse_pfm(stream: BinaryIO) -> NDArray[Any]:
     return np.frombuffer(data, "<f4" if float(head[4]) < 0 else ">f4").reshape(height, width)[::-1]
 
 
-#: The word "mask" in the name of a file, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
+#: The word "mask" in a file name, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
 _MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
 
 READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
@@ -212,11 +212,11 @@ READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
     ".npz": _read_npz,
     ".pfm": _read_pfm,
 }
-"""Reader of each extension, in lower case."""
+"""Reader of each lower-case extension."""
 
 
 def is_depth_file(path: Path) -> bool:
-    """Return whether a file may be a depth image: one of integers or floats by its header, and not called a mask."""
+    """Return whether a file may be a depth image: integers or floats by its header, and not named as a mask."""
     suffix = path.suffix.lower()
     if suffix not in READERS or _MASK.search(path.stem):
         return False
@@ -232,7 +232,7 @@ def is_depth_file(path: Path) -> bool:
 
 
 def _says_16_bits(path: Path) -> bool:
-    """Return whether a PNG that cannot be opened says that it has 16 bits: it is a lost shape, not an ignored one."""
+    """Return whether an unreadable PNG declares 16 bits; it then counts as a failed shape and is not ignored."""
     try:
         with path.open("rb") as stream:
             head = stream.read(26)
@@ -244,14 +244,14 @@ def _says_16_bits(path: Path) -> bool:
 Mask = NDArray[np.bool_]
 
 MASK_FOLDERS = ("mask", "masks")
-"""Names of folders of masks."""
+"""Names of mask folders."""
 
-#: What ends the name of an image, in place of which a mask's name may say "mask".
+#: Endings of image names that "mask" may replace in the name of a mask.
 _DEPTH = ("depth", "Depth", "DEPTH")
 
 
 def read_mask(path: Path) -> Mask:
-    """Read a mask: what is not black, or of an image with an alpha channel not transparent either, is the object.
+    """Read a mask; the object is every pixel that is neither black nor fully transparent.
 
     Returns
     -------
@@ -261,7 +261,7 @@ def read_mask(path: Path) -> Mask:
     Raises
     ------
     InvalidMask
-        If it cannot be read, or is empty.
+        If the file is unreadable.
     """
     from PIL import Image
 
@@ -282,19 +282,19 @@ def read_mask(path: Path) -> Mask:
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
-    """Return a mask of the seen pixels.
+    """Return a mask restricted to pixels with a depth.
 
     Parameters
     ----------
     mask
-        Shape (h, w); what is not zero is the object.
+        Shape (h, w); nonzero on the object.
     seen
         Pixels with a depth, shape (h, w).
 
     Raises
     ------
     InvalidMask
-        If it has another size, or no pixel of it has a depth.
+        If the mask is empty, has another size, or contains no pixel with a depth.
     """
     mask = np.asarray(mask != 0)
     if mask.shape != seen.shape:
@@ -308,7 +308,7 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
 
 
 def find_mask(image: Path) -> Path | None:
-    """Return the mask of an image by its usual names: beside it, or in a folder ``mask`` or ``masks``; else None."""
+    """Return the mask of an image by its usual names, next to it or in a folder ``mask`` or ``masks``; else None."""
     return next((path for path in _candidates(image) if path.is_file()), None)
 
 
@@ -324,4 +324,4 @@ def _candidates(image: Path) -> Iterator[Path]:
                 yield folder / name / f"{stem}.png"
                 yield folder / name / f"{stem}_mask.png"
                 named = sorted((folder / name).glob(f"{glob.escape(stem)}_*.png"))
-                yield from named if len(named) == 1 else []  # of several objects nobody says which is meant
+                yield from named if len(named) == 1 else []  # several masks are ambiguous

@@ -1,4 +1,4 @@
-"""Scenes that a perspective depth camera sees: a body before a floor and a wall, and the faults of the camera."""
+"""Synthetic scenes for a perspective depth camera: a body on a floor before a wall, and sensor faults."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchmark.geometry.mesh import Faces, Mesh, Points
 KINECT = Intrinsics(525.0, 525.0, 319.5, 239.5, (640, 480))
 """Nominal intrinsics of a structured-light camera of 640 x 480 pixels."""
 
-#: Nearest depth that is drawn, in metres.
+#: Near clipping depth, in metres.
 _NEAREST = 0.1
 
 
@@ -26,11 +26,11 @@ class Pose:
     Parameters
     ----------
     position
-        In the world (x, y, z up), metres.
+        Position in the world (x, y, z up), metres.
     target
-        What it looks at.
+        Point that the camera looks at.
     roll
-        By which it is held askew, in degrees.
+        Roll about the optical axis, in degrees.
     """
 
     position: tuple[float, float, float]
@@ -39,7 +39,7 @@ class Pose:
 
     @property
     def rotation(self) -> Points:
-        """Rows are right, down and forward in the world, shape (3, 3)."""
+        """Rotation with rows right, down and forward in the world, shape (3, 3)."""
         forward = np.subtract(self.target, self.position)
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, (0.0, 0.0, 1.0))
@@ -50,28 +50,28 @@ class Pose:
         return np.stack([turned, np.cross(forward, turned), forward])
 
     def seen(self, points: Points) -> Points:
-        """Return points of the world in the camera's frame: right, down, forward."""
+        """Transform world points to the camera's frame: right, down, forward."""
         return np.asarray((points - np.asarray(self.position)) @ self.rotation.T)
 
 
 def perspective_depth(points: Points, faces: Faces, camera: Intrinsics, size: tuple[int, int]) -> Depths:
-    """Return the depths of a surface, shape (h, w), metres; 0 where it is not seen.
+    """Return the depth image of a surface, shape (h, w), metres; 0 outside the surface.
 
     Parameters
     ----------
     points, faces
-        A surface in the camera's frame; triangles with a corner nearer than 0.1 m are not drawn.
+        Surface in the camera's frame; triangles with a vertex nearer than 0.1 m are not drawn.
     camera
-        Without distortion.
+        Intrinsics without distortion.
     size
-        Width and height.
+        Width and height in pixels.
     """
-    from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles  # numba is imported with it
+    from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles  # imports numba
 
     width, height = size
     drawn = np.ascontiguousarray(faces[(points[faces, 2] > _NEAREST).all(axis=1)], dtype=np.int32)
     z = np.maximum(points[:, 2], _NEAREST)
-    # The centre of the first pixel lies at 0 for a camera and at 1/2 for the rasteriser; 1/z is linear in the image.
+    # The centre of the first pixel is 0 for the camera and 1/2 for the rasteriser; 1/z is linear in the image.
     pixels = np.stack(
         [camera.fx * points[:, 0] / z + camera.cx + 0.5, camera.fy * points[:, 1] / z + camera.cy + 0.5, -1 / z], axis=1
     )
@@ -84,14 +84,14 @@ def perspective_depth(points: Points, faces: Faces, camera: Intrinsics, size: tu
 def plane_depth(
     normal: Sequence[float], point: Sequence[float], pose: Pose, camera: Intrinsics, size: tuple[int, int]
 ) -> Depths:
-    """Return the depths of an endless plane of the world, shape (h, w), metres; 0 where it is not seen.
+    """Return the depth image of an infinite plane in the world, shape (h, w), metres; 0 outside the plane.
 
     Parameters
     ----------
     normal, point
-        Of the plane.
+        Normal and a point of the plane.
     pose, camera, size
-        The camera.
+        Pose, intrinsics and image size of the camera.
     """
     across = pose.rotation @ np.asarray(normal, dtype=np.float64)
     height = float(np.dot(normal, np.subtract(point, pose.position)))
@@ -102,34 +102,34 @@ def plane_depth(
 
 
 def nearest(*depths: Depths) -> Depths:
-    """Return the nearest of several depths at each pixel; 0 where there is none."""
+    """Return the pixelwise minimum of several depth images; 0 for missing depth."""
     stacked = np.stack([np.where(image > 0, image, np.inf) for image in depths]).min(axis=0)
     return np.where(np.isfinite(stacked), stacked, 0.0)
 
 
 @dataclass(frozen=True)
 class DepthFaults:
-    """Faults that a structured-light camera adds to depths.
+    """Measurement faults of a structured-light camera.
 
     Parameters
     ----------
     noise
-        Standard deviation at a metre, in metres; it grows with the square of the depth.
+        Standard deviation at 1 m, in metres; it grows with the square of the depth.
     step
-        Distance of two depths that can be told apart at a metre, in metres; it grows alike.
+        Depth resolution at 1 m, in metres; it grows with the square of the depth.
     missing
-        Share of the pixels without a depth.
+        Fraction of all pixels without a depth.
     edge
-        Share of the pixels at depth jumps without a depth.
+        Fraction of the pixels at depth jumps without a depth.
     flying
-        Share of the pixels at depth jumps with a depth between the two.
+        Fraction of the pixels at depth jumps with a depth between the two surfaces.
     farthest
-        Depth in metres beyond which nothing is measured.
+        Maximum measurable depth, in metres.
 
     References
     ----------
     Khoshelham and Elberink, "Accuracy and resolution of Kinect depth data for indoor mapping applications", Sensors
-    2012: standard deviation 1.425 mm and step 2.85 mm at a metre, both growing with the square of the depth.
+    2012: standard deviation 1.425 mm and step 2.85 mm at 1 m, both growing with the square of the depth.
     """
 
     noise: float = 0.001425
@@ -140,7 +140,7 @@ class DepthFaults:
     farthest: float = 8.0
 
     def perturbed(self, depths: Depths, random: np.random.Generator) -> Depths:
-        """Return depths with noise, steps, lost pixels, lost edges and flying pixels."""
+        """Return depths with noise, quantisation, missing pixels, missing edges and flying pixels."""
         seen = (depths > 0) & (depths <= self.farthest)
         padded = np.pad(depths, 1, mode="edge")
         around = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
@@ -154,7 +154,7 @@ class DepthFaults:
         )
         measured += self.noise * measured**2 * random.standard_normal(depths.shape)
         if self.step:
-            # Even steps of the inverse depth, as disparities have them.
+            # Uniform steps of the inverse depth, like disparities.
             with np.errstate(divide="ignore"):
                 inverse = np.round(1 / measured / self.step) * self.step
                 measured = np.where(inverse > 0, 1 / inverse, 0)
@@ -163,20 +163,20 @@ class DepthFaults:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A body that stands on a floor.
+    """A body standing on a floor.
 
     Parameters
     ----------
     body
-        In the world, z up; its lowest point lies on the floor.
+        Mesh in the world, z up; its lowest point lies on the floor.
     pose
-        The camera.
+        Pose of the camera.
     wall
-        Metres between the origin and the wall behind it, along +y; None for no wall.
+        Distance from the origin to the wall behind it, along +y, in metres; None for no wall.
     floor
-        Whether there is one.
+        Whether the scene has a floor.
     others
-        Further surfaces, which are not the object.
+        Further surfaces outside the object.
     """
 
     body: Mesh
@@ -186,7 +186,7 @@ class Scene:
     others: tuple[Mesh, ...] = ()
 
     def drawn(self, camera: Intrinsics = KINECT, size: tuple[int, int] = (640, 480)) -> tuple[Depths, Mask]:
-        """Return the depths of the scene, shape (h, w), metres, and the pixels that show the body."""
+        """Return the depth image of the scene, shape (h, w), metres, and the mask of the body."""
         body = perspective_depth(self.pose.seen(self.body.vertices), self.body.faces, camera, size)
         rest = [perspective_depth(self.pose.seen(mesh.vertices), mesh.faces, camera, size) for mesh in self.others]
         if self.floor:
@@ -202,19 +202,19 @@ class Scene:
 def behind_box(
     depths: Depths, mask: Mask, share: float, random: np.random.Generator, distance: float = 0.3
 ) -> tuple[Depths, Mask]:
-    """Return depths and mask of a frame in which the flat face of a box hides some of the object.
+    """Return depths and mask of a frame in which the flat face of a box occludes part of the object.
 
     Parameters
     ----------
     depths, mask
         The frame, shapes (h, w).
     share
-        Of the pixels of the object that are hidden: all that are to the left or right of a column, or below a row, of
-        which the one is drawn at random.
+        Fraction of the object pixels to occlude: those left of a column, right of a column, or below a row, with the
+        side drawn at random.
     random
-        Draws it.
+        Random generator for the side.
     distance
-        Metres from the face to the nearest pixel of the object.
+        Distance from the face to the nearest object pixel, in metres.
     """
     rows, columns = np.nonzero(mask)
     if not len(rows):
@@ -227,16 +227,16 @@ def behind_box(
 
 
 def wrong_outline(mask: Mask, share: float, random: np.random.Generator) -> Mask:
-    """Return a mask whose outline is moved to and fro by a smooth random field.
+    """Return a mask with its outline displaced by a smooth random field.
 
     Parameters
     ----------
     mask
-        The true one, shape (h, w).
+        True mask, shape (h, w).
     share
-        Of the pixels that are wrong, over those of the mask; reached to half a pixel in a hundred.
+        Number of wrong pixels relative to the size of the mask, accurate to 0.005.
     random
-        Draws the field.
+        Random generator for the field.
     """
     if not mask.any():
         return mask
@@ -244,7 +244,7 @@ def wrong_outline(mask: Mask, share: float, random: np.random.Generator) -> Mask
     field = gaussian_filter(random.standard_normal(mask.shape), np.sqrt(mask.sum()) / 10)
     field /= field.std()
     low, high = 0.0, float(max(mask.shape))
-    for _ in range(30):  # the number of wrong pixels grows with the size of the field
+    for _ in range(30):  # bisection: the number of wrong pixels grows with the amplitude of the field
         middle = (low + high) / 2
         wrong = np.count_nonzero((signed + middle * field > 0) != mask)
         low, high = (middle, high) if wrong < share * mask.sum() else (low, middle)

@@ -1,4 +1,4 @@
-"""Segment the object of a depth image: remove planes, then choose the nearest large segment."""
+"""Segmentation of the object in a depth image: remove planes, then choose the nearest large segment."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from benchmark.depth.reading import Depths, Mask
 from benchmark.geometry.mesh import Points
 
 SHARE = 0.06
-"""Share of the seen points that a plane of the background holds at the least."""
+"""Minimum fraction of the measured points on a background plane."""
 
 BEHIND = 0.03
-"""Share of the seen points that may lie behind such a plane: walls and floors bound what a camera sees."""
+"""Maximum fraction of the measured points behind a background plane; walls and floors bound the scene."""
 
 EDGE = 0.1
-"""Share of the image along its edges that counts as its edge, which planes of the background reach."""
+"""Fraction of each image side taken as margin, and minimum fraction of a background plane's points in the margins."""
 
 MOST_PLANES = 5
-"""Planes that are looked for at the most: a floor, two or three walls, a table."""
+"""Maximum number of planes: a floor, two or three walls, a table."""
 
 UNEVEN = 0.01
-"""Metres by which walls and floors are uneven."""
+"""Unevenness of walls and floors, in metres."""
 
 FLOOR = np.cos(np.radians(50))
-"""Least cosine between the normal of a floor and what is up in the image."""
+"""Minimum cosine of the angle between the normal of a floor and the up direction of the image."""
 
 _POINTS, _SCORED = 5000, 1000
-"""Points that planes are fitted to, and of these the ones that samples are compared by."""
+"""Approximate number of points for fitting planes, and of those used to score random samples."""
 
 _TRIALS, _REFINEMENTS, _REACH = 150, 4, 3
-"""Samples; fits to the points that the best one holds; and into how many the image is cut to get the largest distance
-of a sample's points."""
+"""Number of random samples, number of refits to the inliers of the best one, and ratio of the image side to the maximum
+offset between the points of a sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,62 +47,62 @@ class Plane:
     Parameters
     ----------
     normal
-        Of unit length, towards the camera, shape (3,), in the camera's frame: right, down, forward.
+        Unit normal towards the camera, shape (3,), in the camera's frame: right, down, forward.
     offset
-        ``normal @ point`` of its points, in metres; negative.
+        ``normal @ point`` for points of the plane, in metres; negative.
     """
 
     normal: NDArray[np.float64]
     offset: float
 
     def heights(self, points: Points) -> NDArray[np.float64]:
-        """Return the signed distances of points, shape (..., 3), in metres: positive before the plane."""
+        """Return the signed distances of points, shape (..., 3), in metres: positive in front of the plane."""
         return np.asarray(points @ self.normal - self.offset)
 
     def holds(self, points: Points) -> NDArray[np.bool_]:
-        """Return whether points, shape (..., 3), are of the plane, as far as a camera measures."""
+        """Return whether points, shape (..., 3), lie on the plane within the measurement error."""
         return np.asarray(np.abs(self.heights(points)) <= self.slack(points))
 
     def slack(self, points: Points) -> NDArray[np.float64]:
-        """Return how far from the plane its points may be measured, in metres.
+        """Return the tolerance on the distance of points to the plane, in metres.
 
-        Errors are those of the depth, so that a plane seen at a grazing angle is measured better than one from ahead.
+        Errors act along the depth, so that a plane at a grazing angle has a smaller tolerance than a frontal one.
         """
         depths = np.maximum(points[..., 2], 1e-6)
         return np.asarray(UNEVEN - self.offset * error_at(depths) / depths)
 
     @property
     def is_floor(self) -> bool:
-        """Return whether it can be stood on."""
+        """Whether the normal points up steeply enough for a floor."""
         return bool(-self.normal[1] >= FLOOR)
 
 
 def error_at(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far from its true depth a point may be measured, in metres, at depths in metres.
+    """Return the maximum depth error in metres, for depths in metres.
 
-    Three standard deviations of a structured-light camera, whose error grows with the square of the depth: 1.4 mm at a
-    metre [Khoshelham and Elberink 2012]; 0.3 m at the most.
+    The error is three standard deviations of a structured-light camera, 1.4 mm at 1 m and growing with the square of
+    the depth [Khoshelham and Elberink 2012], but at most 0.3 m.
     """
     return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.3))
 
 
 def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
-    """Find the planes that bound a scene, by random samples of three points [Fischler and Bolles 1981].
+    """Find the planes that bound a scene by RANSAC with three-point samples [Fischler and Bolles 1981].
 
-    A plane is one of the background if it holds at least ``SHARE`` of the points, next to nothing lies behind it but
-    what other such planes hold, and it reaches the edge of the image. The samples are the same for the same points.
+    A background plane contains at least ``SHARE`` of the points, has almost no points behind it other than those of
+    other background planes, and reaches the image margins. The result is deterministic.
 
     Parameters
     ----------
     points
         Shape (h, w, 3), metres in the camera's frame: right, down, forward.
     seen
-        Which of them count, shape (h, w).
+        Mask of the points to use, shape (h, w).
 
     Returns
     -------
     list of Plane
-        In the order in which they were found, the largest first.
+        Planes in order of detection, largest first.
     """
     random = np.random.default_rng(0)
     step = max(1, round((seen.size / _POINTS) ** 0.5))
@@ -128,16 +128,16 @@ def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
             left &= ~plane.holds(points)
             spoiled[:] = False
         else:
-            spoiled |= held  # of the object, or of something that stands about
+            spoiled |= held  # part of the object or of other clutter
     return planes
 
 
 def _best_plane(points: Points, candidates: NDArray[np.bool_], random: np.random.Generator) -> Plane | None:
-    """The plane that holds most points among those through random neighbours, refined by least squares."""
+    """Return the plane with the most inliers among those through random neighbours, refined by least squares."""
     rows, columns = np.nonzero(candidates)
     first = random.integers(len(rows), size=_TRIALS)
     corners = [(rows[first], columns[first])]
-    for _ in range(2):  # neighbours lie on one plane more often than any three points
+    for _ in range(2):  # neighbours share a plane more often than arbitrary points
         places = [
             np.clip(place[first] + random.integers(-length // _REACH, length // _REACH + 1, _TRIALS), 0, length - 1)
             for place, length in zip((rows, columns), candidates.shape, strict=True)
@@ -165,7 +165,7 @@ def _best_plane(points: Points, candidates: NDArray[np.bool_], random: np.random
 
 
 def _fitted(points: Points) -> Plane:
-    """Least-squares plane of points."""
+    """Return the least-squares plane of points."""
     centre = points.mean(axis=0)
     moved = points - centre
     normal = np.linalg.eigh(moved.T @ moved)[1][:, 0]
@@ -177,26 +177,26 @@ def _facing(normal: NDArray[np.float64], offset: float) -> Plane:
 
 
 LARGE = 0.25
-"""Pieces of at least this share of the surface of the largest one are large; the nearest of them is the object."""
+"""Minimum surface area of a large piece relative to the largest piece; the nearest large piece is the object."""
 
 FEWEST = 0.004
-"""Share of the pixels of the image that the object shows at the least."""
+"""Minimum fraction of the image pixels covered by the object."""
 
 LARGEST_ERROR = 0.1
-"""Metres that two neighbours on one surface may be measured apart, at the most."""
+"""Upper bound in metres on the measurement error in the depth difference of neighbours on one surface."""
 
 JOINED = 0.3
-"""Metres between pieces of one object that hides part of itself, such as an arm before a chest, at the most."""
+"""Maximum distance in metres between pieces of a self-occluding object, such as an arm before a chest."""
 
 _LEFT, _RIGHT = (slice(None), slice(None, -1)), (slice(None), slice(1, None))
 _UPPER, _LOWER = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
 
-#: What is told where no object is found.
+#: Hint of the error if no object is found.
 _HINT = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
 
 
 def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
-    """Return the pixels of the object: the nearest of the large pieces that are left without the planes.
+    """Return the mask of the object: the nearest large piece left after removing the planes.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     seen
         Pixels with a depth, shape (h, w).
     planes
-        What bounds the scene.
+        Background planes of the scene.
 
     Returns
     -------
@@ -215,7 +215,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     Raises
     ------
     NoObject
-        If nothing is left that is large enough.
+        If no remaining piece is large enough.
     """
     depths = points[..., 2]
     free = seen.copy()
@@ -225,7 +225,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     if not count:
         raise NoObject("nothing but planes and specks is left of the scene", _HINT)
     of_pixels = labels[free]
-    # A pixel twice as far away shows four times the surface.
+    # At twice the depth, a pixel covers four times the area.
     surfaces = np.bincount(of_pixels, weights=depths[free] ** 2, minlength=count)
     pixels = np.bincount(of_pixels, minlength=count)
     distances = np.bincount(of_pixels, weights=depths[free], minlength=count) / pixels
@@ -236,13 +236,13 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
             _HINT,
         )
     chosen = int(np.flatnonzero(large)[distances[large].argmin()])
-    # An arm before a chest is a piece of its own.
+    # An arm before a chest is a separate piece.
     _, group = _groups(count, _touching(labels, depths, lambda _: np.asarray(JOINED)))
     return np.asarray(free & (group == group[chosen])[labels])
 
 
 def pieces(depths: NDArray[np.float64], free: Mask) -> tuple[NDArray[np.int64], int]:
-    """Label the pieces of an image between its depth jumps.
+    """Label the pieces of an image separated by depth jumps.
 
     Parameters
     ----------
@@ -266,14 +266,14 @@ def pieces(depths: NDArray[np.float64], free: Mask) -> tuple[NDArray[np.int64], 
 
 
 def jump(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the difference of neighbouring depths above which two surfaces are seen, in metres."""
+    """Return the depth difference in metres above which neighbouring pixels belong to different surfaces."""
     return np.asarray(0.03 + np.minimum(error_at(depths), LARGEST_ERROR))
 
 
 def _touching(
     labels: NDArray[np.int64], depths: NDArray[np.float64], limit: Callable[[Depths], Depths]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Labels of the neighbouring pixels whose depths differ by no more than a limit at the nearer one; -1 has none."""
+    """Return label pairs of neighbouring pixels whose depths differ by at most the limit at the nearer one; skip -1."""
     pairs = []
     for one, other in ((_LEFT, _RIGHT), (_UPPER, _LOWER)):
         close = (labels[one] >= 0) & (labels[other] >= 0) & (labels[one] != labels[other])
@@ -284,7 +284,7 @@ def _touching(
 
 
 def _groups(count: int, pairs: tuple[NDArray[np.int64], NDArray[np.int64]]) -> tuple[int, NDArray[np.int64]]:
-    """Number of groups that pairs of labels join, and the group of each label, shape (count,)."""
+    """Return the number of connected groups of labels and the group of each label, shape (count,)."""
     graph = coo_array((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=(count, count))
     n_groups, group = connected_components(graph.tocsr(), directed=False)
     return int(n_groups), group.astype(np.int64)

@@ -1,1 +1,1 @@
-"""Meshes and what is measured on them: reading, preparation, geodesics, Laplacian, depth views."""
+"""Triangle meshes: reading, preparation, geodesics, Laplacian, depth views."""

@@ -1,4 +1,4 @@
-"""Joining the components of a mesh by short strips of triangles, so that geodesics between all vertices exist."""
+"""Joining of mesh components by short triangle strips, so that geodesics between all vertices exist."""
 
 from __future__ import annotations
 
@@ -19,27 +19,26 @@ _Edge = tuple[int, int]
 def bridge_components(mesh: Mesh, *, min_faces: int = 1) -> tuple[Mesh, int]:
     """Join all components into one along their minimum spanning tree.
 
-    The distance of two components is the shortest Euclidean distance between their vertices, of which an open
-    component offers those on its boundary. Each link of the tree becomes a strip of two triangles between a boundary
-    edge at either end, so every edge keeps at most two faces; an edge that one bridge uses is replaced by the edges of
-    that bridge, so another can start at the same vertex. Of the boundary edges at the two ends those are joined that
-    run in opposite directions, so orientation carries over. Where two ends coincide they are welded and one triangle
-    closes the gap between their boundary edges. A closed component is opened first by taking away the smallest
-    triangle at the anchor.
+    The distance between two components is the shortest Euclidean distance between their vertices (boundary vertices
+    for an open component). Each link of the tree becomes a strip of two triangles between one boundary edge at each
+    end, so every edge has at most two faces. The edges of a bridge replace the boundary edges that it uses, so another
+    bridge can start at the same vertex. The strip joins boundary edges that run in opposite directions, if possible, to
+    keep the orientation consistent. Coincident ends are welded, and one triangle closes the gap between their boundary
+    edges. A closed component is first opened by removing the smallest triangle at the anchor.
 
     Parameters
     ----------
     mesh
-        A manifold mesh of any number of components.
+        A manifold mesh with any number of components.
     min_faces
-        Components with fewer faces are dropped, vertices without face always; the component with most faces stays.
+        Drop components with fewer faces, except the one with the most faces; isolated vertices are always dropped.
 
     Returns
     -------
     mesh : Mesh
-        One component; the vertices that remain keep their order.
+        One component; the remaining vertices keep their order.
     bridges : int
-        Number of components less one.
+        Number of joined components minus one.
 
     Raises
     ------
@@ -64,7 +63,7 @@ def bridge_components(mesh: Mesh, *, min_faces: int = 1) -> tuple[Mesh, int]:
 
 
 def _spanning_tree(mesh: Mesh, labels: IntArray) -> list[_Edge]:
-    """Return the closest pairs of vertices that join the components, by Prim's algorithm from component 0."""
+    """Return the vertex pairs of the minimum spanning tree of the components, by Prim's algorithm from component 0."""
     count = int(labels.max()) + 1
     if count == 1:
         return []
@@ -82,7 +81,7 @@ def _spanning_tree(mesh: Mesh, labels: IntArray) -> list[_Edge]:
         if not outside.any():
             return links
         gap = np.maximum(np.maximum(lower - upper[current], lower[current] - upper), 0.0)
-        near = np.linalg.norm(gap, axis=1)  # bounding boxes: most pairs need no search
+        near = np.linalg.norm(gap, axis=1)  # bounding boxes spare most pairs the search
         for other in np.flatnonzero(outside & (near < distance)):
             bridge = _closest(mesh.vertices, members, trees, current, int(other), distance[other])
             if bridge is not None:
@@ -114,7 +113,7 @@ def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
 
 
 class _Builder:
-    """The faces of a mesh while bridges are added; only the surroundings of the anchors are ever looked at."""
+    """Mutable faces of a mesh for adding bridges; visits only the neighbourhoods of the anchors."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._vertices = mesh.vertices
@@ -143,7 +142,7 @@ class _Builder:
             strip = [(a, first, b), (first, second, b)]
         else:
             strip = [(a, first, second), (a, second, b)]
-        # A side that runs from first to a is met by a triangle in which it runs from a to first.
+        # If a side runs from first to a in its face, it must run from a to first in the new triangle.
         for x, y, z in strip:
             self._add([x, y, z] if forward else [y, x, z])
 
@@ -182,7 +181,7 @@ class _Builder:
         return vertex
 
     def _free_neighbours(self, vertex: int) -> list[int]:
-        """Return the far ends of the boundary edges at a vertex, opening a closed fan by its smallest face."""
+        """Return the far ends of the boundary edges at a vertex; open a closed fan by removing its smallest face."""
         neighbours = self._boundary(vertex)
         if not neighbours:
             self._remove(min(self._around(vertex), key=lambda index: (self._area(index), index)))
@@ -194,7 +193,7 @@ class _Builder:
         return sorted(end for end in set(ends) if ends.count(end) == 1)
 
     def _runs(self, start: int, end: int) -> bool:
-        """Say whether the one face at this side runs from start to end."""
+        """Return whether the boundary edge runs from start to end in its face."""
         face = next(corners for index in self._around(start) if end in (corners := self._corners(index)))
         return face[(face.index(start) + 1) % 3] == end
 

@@ -1,4 +1,4 @@
-"""Depth cameras: the directions from which they look, and the noise and steps of a real sensor."""
+"""Depth cameras: viewing directions, and the noise and quantisation of a real sensor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Points
 
-#: Largest depth of an image, and the smallest one that is not background.
+#: Maximum depth value of an image, and minimum value of the foreground.
 _NEAREST, _FARTHEST = 1.0, 1e-3
 
 
@@ -21,14 +21,14 @@ class Camera:
     Parameters
     ----------
     direction
-        Where the camera looks, in coordinates of the shape; normalised on construction.
+        Viewing direction in the coordinates of the shape; normalised on construction.
     up
-        What is up in the image; made orthogonal to ``direction`` and normalised on construction.
+        Up direction of the image; made orthogonal to ``direction`` and normalised on construction.
 
     Raises
     ------
     ConfigurationError
-        If a vector vanishes, is not finite, or both are parallel.
+        If a vector is zero or not finite, or both are parallel.
     """
 
     direction: tuple[float, float, float]
@@ -39,7 +39,7 @@ class Camera:
         up = np.asarray(self.up, dtype=np.float64)
         length = np.linalg.norm(direction)
         if np.isfinite(length) and length > 0:
-            if abs(length - 1) > 1e-12:  # what is normalised already keeps its bits
+            if abs(length - 1) > 1e-12:  # unit vectors stay bitwise identical
                 direction = direction / length
             up = up - (up @ direction) * direction
         height = np.linalg.norm(up)
@@ -55,16 +55,16 @@ class Camera:
 
     @property
     def rotation(self) -> Points:
-        """Rows are the axes right, up and towards the camera, in coordinates of the shape; shape (3, 3)."""
+        """Rotation with rows right, up and towards the camera, in coordinates of the shape; shape (3, 3)."""
         direction, up = np.asarray(self.direction), np.asarray(self.up)
         return np.stack([np.cross(direction, up), up, -direction])
 
 
 FRONT = Camera((0.0, 1.0, 0.0))
-"""Looks along +y with z up, so it faces a body whose face looks along -y."""
+"""Camera that looks along +y with z up and faces a body whose face looks along -y."""
 
 SIDE = Camera((1.0, 0.0, 0.0))
-"""Looks along +x with z up, so it sees the flank of an animal that walks along y."""
+"""Camera that looks along +x with z up and sees the flank of an animal that walks along y."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ class DepthSensor:
     Parameters
     ----------
     noise
-        Standard deviation of a pixel.
+        Standard deviation per pixel.
     step
-        Distance of two depths that can be told apart.
+        Quantisation step; 0 for none.
     seed
         Seed of the noise.
     """
@@ -86,7 +86,7 @@ class DepthSensor:
     seed: int
 
     def perturbed(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The image with noise, then rounded to steps; background stays background, and surface stays surface."""
+        """Return the image with noise, then quantised; background and foreground pixels stay the same."""
         random = np.random.default_rng(self.seed)
         noisy = depth + self.noise * random.standard_normal(depth.shape)
         stepped = np.round(noisy / self.step) * self.step if self.step else noisy

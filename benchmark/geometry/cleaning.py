@@ -15,13 +15,13 @@ FloatArray = NDArray[np.float64]
 
 
 LARGEST_LOSS = 0.25
-"""Share of the area, or of what a camera sees, that may be lost on the way.
+"""Maximum fraction of the area that preparation may lose.
 
-A leg is 18 % of the surface of a human body, an arm 9 % (the rule of nines of burn medicine): what has lost more than a
-quarter no longer shows the subject. Ordinary sets are far from it: see ``docs/data.md`` for their largest losses.
+A leg is 18 % of the surface of a human body, an arm 9 % (the rule of nines of burn medicine): a shape that has lost
+more than a quarter no longer shows the subject. Ordinary data sets lose far less, see ``docs/data.md``.
 """
 
-#: Extents whose areas, and those of their small triangles, neither overflow nor underflow.
+#: Range of extents for which the areas of the shape and of its small triangles neither overflow nor underflow.
 _EXTENTS = (1e-100, 1e100)
 
 
@@ -32,13 +32,13 @@ class CleaningReport:
     Parameters
     ----------
     vertices_before, faces_before
-        Counts of the mesh as given.
+        Counts of the input mesh.
     merged
-        Vertices merged into one at the same position.
+        Vertices removed by merging duplicates.
     degenerate_faces
         Faces dropped because two corners coincide or the area is zero.
     duplicate_faces
-        Faces dropped because another one has the same three vertices.
+        Faces dropped because another face has the same three vertices.
     unreferenced
         Vertices dropped because no face uses them.
     components
@@ -48,7 +48,7 @@ class CleaningReport:
     non_manifold_edges
         Edges of the result with more than two faces.
     non_manifold_vertices
-        Vertices of the result whose faces do not form one fan.
+        Vertices of the result whose faces do not form a single fan.
     """
 
     vertices_before: int
@@ -64,22 +64,22 @@ class CleaningReport:
 
 
 def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
-    """Merge duplicate vertices and drop what carries no surface.
+    """Merge duplicate vertices; drop degenerate and duplicate faces and unreferenced vertices.
 
-    Only vertices at *exactly* the same position are merged: that mends files that store each triangle by itself, while
-    a tolerance would weld surfaces that merely touch (lips, fingers, eyelids) and change the geodesics.
+    Only vertices at *exactly* the same position are merged. This repairs files that store each triangle separately; a
+    tolerance would weld surfaces that merely touch (lips, fingers, eyelids) and change the geodesics.
 
     Returns
     -------
     Mesh
-        The cleaned mesh; vertices keep their relative order, faces theirs.
+        The cleaned mesh; vertices and faces keep their relative order.
     CleaningReport
-        What was found.
+        Counts of the repairs and remaining defects.
 
     Raises
     ------
     InvalidMesh
-        If the mesh has no extent, or one whose square is beyond what a number can hold.
+        If the extent of the mesh is zero, or so small or large that areas underflow or overflow.
     """
     extent_of(mesh)
     distinct, place = _merge_duplicates(mesh.vertices)
@@ -108,7 +108,7 @@ def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
 
 
 def extent_of(mesh: Mesh) -> float:
-    """Longest side of the bounding box; raises ``InvalidMesh`` where it is zero or leaves no room for areas."""
+    """Return the longest side of the bounding box; raises ``InvalidMesh`` if it is zero or areas are out of range."""
     with np.errstate(over="ignore"):
         extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
@@ -120,10 +120,10 @@ def extent_of(mesh: Mesh) -> float:
 
 
 def make_manifold(mesh: Mesh) -> Mesh:
-    """Return a mesh whose edges have at most two faces and whose vertices have one fan of faces each.
+    """Return a mesh with at most two faces per edge and one fan of faces per vertex.
 
-    At an edge with more than two faces the largest two stay (an internal wall or a sliver goes, the surface around it
-    holds together); a vertex where several fans meet is split into one vertex per fan, at the same position.
+    An edge with more than two faces keeps the two largest: internal walls and slivers are dropped, and the surface
+    around them stays connected. A vertex with several fans is split into one vertex per fan, at the same position.
     """
     faces = mesh.faces.astype(np.int64)
     areas = mesh.face_areas
@@ -142,7 +142,7 @@ def make_manifold(mesh: Mesh) -> Mesh:
     fan = _fans(faces, mesh.n_vertices)
     owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
     owner[fan] = faces.ravel()
-    # Fans in the order of the vertex that they belong to, so that a manifold mesh comes back as it was.
+    # Order fans by their vertex, so that a manifold mesh stays unchanged.
     order = np.argsort(owner, kind="stable")
     rank_of_fan = np.empty_like(order)
     rank_of_fan[order] = np.arange(len(order))
@@ -150,9 +150,9 @@ def make_manifold(mesh: Mesh) -> Mesh:
 
 
 def connected_components(mesh: Mesh) -> IntArray:
-    """Label each vertex with its component along edges, shape (n,), numbered from 0 by first vertex.
+    """Label each vertex with its edge-connected component, shape (n,), numbered from 0 by first vertex.
 
-    A vertex without face is a component of its own.
+    An isolated vertex is a separate component.
     """
     tails, heads = sides_of(mesh.faces)
     labels = _labels(tails, heads, mesh.n_vertices)
@@ -161,7 +161,7 @@ def connected_components(mesh: Mesh) -> IntArray:
 
 
 def largest_component(mesh: Mesh) -> Mesh:
-    """Return the component with the largest area, without the vertices of the others."""
+    """Return the component with the largest area."""
     areas, of_face = component_areas(mesh)
     return compact(mesh.vertices, mesh.faces[of_face == int(np.argmax(areas))]) if len(areas) else mesh
 
@@ -176,7 +176,7 @@ def component_areas(mesh: Mesh) -> tuple[FloatArray, IntArray]:
 
 
 def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
-    """Return the mesh of these faces without the vertices that they do not use; the order is kept."""
+    """Return the mesh of the given faces without unreferenced vertices, in the same order."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.ravel()] = True
     place = np.cumsum(used) - 1
@@ -184,7 +184,7 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
 
 
 def fans_per_vertex(mesh: Mesh) -> IntArray:
-    """Return how many fans of edge-connected faces meet at each vertex, shape (n,): 1 on a manifold."""
+    """Return the number of fans of edge-connected faces at each vertex, shape (n,): 1 on a manifold."""
     fan = _fans(mesh.faces.astype(np.int64), mesh.n_vertices)
     owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
     owner[fan] = mesh.faces.ravel()
@@ -192,8 +192,8 @@ def fans_per_vertex(mesh: Mesh) -> IntArray:
 
 
 def _merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
-    """Return the distinct positions in order of first occurrence and the place of each vertex among them."""
-    positions = vertices + 0.0  # turns -0.0 into 0.0, so that equal numbers are equal
+    """Return the distinct positions in order of first occurrence and the index of each vertex among them."""
+    positions = vertices + 0.0  # turns -0.0 into 0.0, so that equal numbers have equal bits
     first = _first_of_each(positions)
     if len(first) == len(vertices):
         return vertices, np.arange(len(vertices), dtype=np.int64)
@@ -212,7 +212,7 @@ def _first_of_each(rows: NDArray[np.generic]) -> IntArray:
 
 
 def _fans(faces: IntArray, n_vertices: int) -> IntArray:
-    """Label each corner with the fan (edge-connected faces around its vertex) that it belongs to, shape (3 m,)."""
+    """Label each corner with its fan (edge-connected faces around its vertex), shape (3 m,)."""
     edges = edges_of(faces)
     order = edges.grouped_sides
     # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
@@ -232,8 +232,8 @@ def _fans(faces: IntArray, n_vertices: int) -> IntArray:
 
 
 def _labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:
-    """Return the connected component of each of ``count`` nodes of a graph, given its edges."""
-    from scipy.sparse import coo_array, csgraph  # on demand: the import takes a third of a second
+    """Return the connected component of each of ``count`` nodes of a graph from its edges."""
+    from scipy.sparse import coo_array, csgraph  # lazy: the import takes a third of a second
 
     graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(count, count))
     return np.asarray(csgraph.connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)

@@ -1,10 +1,10 @@
-"""View of a shape by one depth camera: a depth image, and the open 2.5-D surface behind its pixels.
+"""Views of a shape from a single depth camera: a depth image, and the open 2.5-D surface behind its pixels.
 
-Both directions share one convention. The camera is orthographic; its frame has *x* to the right, *y* up and *z* towards
-the camera, is right-handed, and has its origin in the centre of the shape's bounding box. The image shows the cube
-``[-half_width, half_width]^3`` of that frame, so the near and far planes lie at ``+-half_width`` as well and a depth
-of 0.5 is the centre whatever the shape. Nearer is larger, and 0 is what no surface covers: depth images of one data
-set, which declares one half width, are therefore comparable pixel by pixel.
+Rendering and back-projection share one convention. The camera is orthographic. Its frame is right-handed, with *x* to
+the right, *y* up and *z* towards the camera, and its origin at the centre of the shape's bounding box. The image shows
+the cube ``[-half_width, half_width]^3`` of that frame, so the near and far planes also lie at ``+-half_width``, and a
+depth of 0.5 is the centre of every shape. Nearer is larger, and 0 is background. All images of a data set share one
+half width and are therefore comparable pixel by pixel.
 """
 
 from __future__ import annotations
@@ -30,58 +30,58 @@ SIZE = 500
 """Pixels per side of a depth image."""
 
 SAMPLES = 2000
-"""Vertices that a back-projected surface should have, like a prepared mesh."""
+"""Target number of vertices of a back-projected surface, as for a prepared mesh."""
 
 JUMP = 0.05
-"""Largest depth difference along an edge of the back-projected surface, as a share of the half width."""
+"""Maximum depth difference along an edge of the back-projected surface, as a fraction of the half width."""
 
 FILL = 0.9
-"""Share of the frame that the largest shape of a data set fills."""
+"""Fraction of the frame filled by the largest shape of a data set."""
 
 OUTSIZE = 5.0
-"""A shape of more than this times the median width has no say in the frame of its data set.
+"""Maximum width of a shape, as a multiple of the median width, for it to affect the frame of its data set.
 
-Mistakes of unit are factors of ten or more, and children and adults, or a cat and a gorilla, differ by less than three.
-In the widest frame that this allows the median shape still spans 90 of the 500 pixels.
+Wrong units differ by factors of ten or more; children and adults, or a cat and a gorilla, by less than three. In the
+widest possible frame, the median shape still spans 90 of the 500 pixels.
 """
 
 FEWEST_PIXELS = 200
-"""Pixels that show a shape at the least: a tenth of the samples that the surface behind them should have."""
+"""Minimum number of foreground pixels: a tenth of the target number of samples of the surface."""
 
 _TIE = 1e-6
-"""Depths that differ by less count as equal where a diagonal is chosen: ten times the rounding error of an image."""
+"""Tolerance for equal depths in the choice of a diagonal: ten times the rounding error of an image."""
 
 LARGEST_LOSS = 0.5
-"""Share of what the camera sees that a view may lose: what is left is the larger part.
+"""Maximum fraction of the visible surface that a view may lose, so that the larger part remains.
 
-Surface at a grazing angle goes where depth jumps are cut, so shapes in order lose something as well: a sphere that
-fills the frame 26 %; ordinary sets far less, see ``docs/data.md``.
+Cutting at depth jumps also removes surface at grazing angles, so even valid shapes lose some: a sphere that fills the
+frame 26 %; ordinary data sets far less, see ``docs/data.md``.
 """
 
 SPECK = 8
-"""Pieces of fewer vertices than this are dropped: they are slivers at grazing silhouettes, not limbs."""
+"""Minimum number of vertices of a piece; smaller pieces are dropped: slivers at grazing silhouettes, not limbs."""
 
 
 @dataclass(frozen=True)
 class ViewReport:
-    """Counts of the pixels of a depth image on the way to a surface.
+    """Counts from the back-projection of a depth image.
 
     Parameters
     ----------
     foreground
-        Pixels that show the shape.
+        Foreground pixels.
     stride
         Pixels between samples.
     pieces
-        Connected pieces that were kept; 1 means that nothing had to be joined.
+        Connected pieces kept; 1 if no joining was necessary.
     bridges
-        Bridges that join the pieces.
+        Bridges between the pieces.
     specks
-        Pieces that were dropped because they have fewer than ``SPECK`` vertices.
+        Pieces dropped because they have fewer than ``SPECK`` vertices.
     lost_samples
-        Sampled foreground pixels that the surface does not hold: those of specks and those that no triangle reaches.
+        Sampled foreground pixels missing from the surface: those of specks and those without a triangle.
     lost_area
-        Their share of the sampled foreground pixels.
+        Fraction of sampled foreground pixels lost.
     """
 
     foreground: int
@@ -95,7 +95,7 @@ class ViewReport:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One shape as one camera sees it.
+    """A shape seen by a single camera.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class View:
     surface
         The open surface behind the image, in camera coordinates.
     report
-        How the surface came about.
+        Counts from the back-projection.
     """
 
     depth: DepthImage
@@ -113,7 +113,7 @@ class View:
 
 
 def camera_coordinates(mesh: Mesh, camera: Camera) -> Points:
-    """Vertices in the frame of the camera, centred on the bounding box.
+    """Return the vertices in the camera frame, centred on the bounding box.
 
     Parameters
     ----------
@@ -133,9 +133,9 @@ def camera_coordinates(mesh: Mesh, camera: Camera) -> Points:
 
 
 def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -> float:
-    """Half width of the frame in which the largest bounding box of a data set fills the given share.
+    """Return the half width of the frame in which the largest bounding box of a data set fills the given fraction.
 
-    The depth counts like the width and the height, so that no shape reaches the near or the far plane either.
+    Depth counts in the same way as width and height, so that no shape reaches the near or far plane.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -
     camera
         The viewing direction.
     fill
-        Share of the frame, in (0, 1).
+        Fraction of the frame, in (0, 1).
 
     Returns
     -------
@@ -168,10 +168,10 @@ def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -
 
 
 def common_half_width(half_widths: Sequence[float]) -> float:
-    """Half width that the shapes of a data set share: that of the widest one, but for those that are out of scale.
+    """Return the common half width of a data set: the largest one that is not an outlier.
 
-    One file in another unit, or with a stray vertex far away, would else shrink all others to a few pixels. The rule
-    looks at sizes alone: a shape is out of scale if it is more than ``OUTSIZE`` times as wide as the median one.
+    Otherwise, a single file in another unit or with a stray vertex would shrink all other shapes to a few pixels. A
+    shape is an outlier if it is more than ``OUTSIZE`` times as wide as the median one.
 
     Parameters
     ----------
@@ -181,19 +181,19 @@ def common_half_width(half_widths: Sequence[float]) -> float:
     Returns
     -------
     float
-        The largest one that is not out of scale, unchanged.
+        The largest value that is not an outlier, unchanged.
     """
     limit = OUTSIZE * statistics.median_low(half_widths)
     return max(half_width for half_width in half_widths if half_width <= limit)
 
 
 def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE) -> DepthImage:
-    """Depth image of the centred shape.
+    """Render the depth image of the centred shape.
 
     Parameters
     ----------
     mesh
-        The shape; vertices that no face names count for the centre, as they do for the extent.
+        The shape; unreferenced vertices also count for the centre and the extent.
     camera
         The viewing direction.
     half_width
@@ -204,7 +204,7 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
     Returns
     -------
     numpy.ndarray
-        Shape (size, size), float32: (far - z) / (far - near) in (0, 1) where the shape is seen, 0 elsewhere. With step
+        Shape (size, size), float32: (far - z) / (far - near) in (0, 1) on the shape, 0 elsewhere. With step
         = 2 half_width / size, the centre of pixel (r, c) lies at x = (c + 1/2) step - half_width and
         y = half_width - (r + 1/2) step.
 
@@ -233,7 +233,7 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
     pixels[:, 0] = (1 + points[:, 0]) * (size / 2)
     pixels[:, 1] = (1 - points[:, 1]) * (size / 2)
     pixels[:, 2] = -points[:, 2]
-    # The far plane is the background, so what no triangle covers gets depth 0 by the same formula.
+    # The background lies on the far plane, so the same formula gives it depth 0.
     distance = depth_buffer(pixels, mesh.faces, size, 1.0)
     return np.asarray((1 - distance) / 2, dtype=np.float32)
 
@@ -241,11 +241,11 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
 def back_project(
     depth: DepthImage, half_width: float, stride: int | None = None, jump: float = JUMP
 ) -> tuple[Mesh, ViewReport]:
-    """Surface behind a depth image, in one connected piece.
+    """Return the surface behind a depth image as a single connected component.
 
-    Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples gives two triangles, split along the
+    Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples yields two triangles, split along the
     diagonal with the smaller depth difference, or one if a sample is background. Triangles with an edge across a depth
-    jump are left out: they would join an arm to the chest behind it. What falls apart is bridged, so that no limb is
+    jump are left out: they would join an arm to the chest behind it. Separate pieces are bridged, so that no limb is
     lost, and the result is a manifold with boundary.
 
     Parameters
@@ -253,19 +253,19 @@ def back_project(
     depth
         Depth image, shape (size, size), in [0, 1] with 0 as background; see :func:`render_depth`.
     half_width
-        Half width that the image was rendered with.
+        Half width used to render the image.
     stride
-        Pixels between samples, the first at ``stride // 2``; None takes the one that gives about 2000 samples. A small
-        body in the frame of a large one is then sampled as finely as that.
+        Pixels between samples, the first at ``stride // 2``; None for about 2000 samples, whatever the size of the
+        shape in the frame.
     jump
-        Largest depth difference along an edge, as a share of the half width.
+        Maximum depth difference along an edge, as a fraction of the half width.
 
     Returns
     -------
     mesh : Mesh
         Open surface in camera coordinates and units of ``half_width``; the triangles face the camera.
     report : ViewReport
-        Pieces, bridges, and what was left out.
+        Counts of pieces, bridges and lost samples.
 
     Raises
     ------
@@ -274,7 +274,7 @@ def back_project(
     InvalidMesh
         If the image is not square, or a pixel is not a number in [0, 1].
     UnsupportedShape
-        If the image shows nothing, or too little for a surface.
+        If the image is empty, or has too few samples for a surface.
     """
     depth = _checked(depth)
     foreground = int(np.count_nonzero(depth))
@@ -302,19 +302,19 @@ def back_project(
 
 
 def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None) -> View:
-    """Depth image of a shape and the surface behind it; see :func:`render_depth` and :func:`back_project`.
+    """Render a shape and back-project its depth image; see :func:`render_depth` and :func:`back_project`.
 
     Parameters
     ----------
     mesh, camera, half_width
         As for :func:`render_depth`.
     sensor
-        What a real camera adds to the image; None for one without faults.
+        Noise and quantisation of the image; None for an ideal camera.
 
     Raises
     ------
     UnsupportedShape
-        If fewer than ``FEWEST_PIXELS`` show the shape, or more than ``LARGEST_LOSS`` of them are lost.
+        If fewer than ``FEWEST_PIXELS`` pixels show the shape, or more than ``LARGEST_LOSS`` of its samples are lost.
     """
     depth = render_depth(mesh, camera, half_width)
     if sensor is not None:
@@ -346,7 +346,7 @@ def _checked(depth: DepthImage) -> DepthImage:
 
 
 def _sample_positions(samples: Points, size: int, stride: int) -> Points:
-    """Camera coordinates of all samples in units of the half width, shape (rows * columns, 3), row by row."""
+    """Return the camera coordinates of all samples in units of the half width, shape (rows * columns, 3), row-major."""
     centres = (np.arange(len(samples)) * stride + stride // 2 + 0.5) * (2 / size) - 1
     points = np.empty((*samples.shape, 3))
     points[..., 0] = centres[np.newaxis, :]
@@ -356,13 +356,13 @@ def _sample_positions(samples: Points, size: int, stride: int) -> Points:
 
 
 def _triangulate(samples: Points, jump: float) -> Faces:
-    """Triangles over the samples that have no background corner and no edge with a depth difference above ``jump``."""
+    """Return the triangles of the samples without background corners and without depth differences above ``jump``."""
     index = np.arange(samples.size, dtype=np.int32).reshape(samples.shape)
-    # Corners of each block, counter-clockwise as the camera sees them: a top left, b bottom left, c and d on the right.
+    # Corners of each block, counter-clockwise in the image: a top left, b bottom left, c bottom right, d top right.
     a, b, c, d = (block.ravel() for block in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
     z = samples.ravel()
     seen = z > 0
-    # A diagonal through the background is no choice: the triangle of the other three corners must survive.
+    # Exclude diagonals with a background end, so that the triangle of the other three corners survives.
     along_ac = np.where(seen[a] & seen[c], np.abs(z[a] - z[c]), np.inf)
     along_bd = np.where(seen[b] & seen[d], np.abs(z[b] - z[d]), np.inf)
     split_ac = (along_ac <= along_bd + _TIE)[:, np.newaxis]
@@ -375,8 +375,8 @@ def _triangulate(samples: Points, jump: float) -> Faces:
 
 
 def _without_specks(points: Points, faces: Faces) -> tuple[Mesh, int, int]:
-    """Mesh without stray samples and small pieces; how many pieces stay, and how many were dropped."""
-    # Where two patches touch in one sample they count as two: a surface pinched to a point is not a manifold.
+    """Return the mesh without stray samples and small pieces, and the numbers of pieces kept and dropped."""
+    # Patches that touch in a single sample are separate: a surface pinched to a point is not a manifold.
     surface = make_manifold(compact(points, faces))
     labels = connected_components(surface)
     large = np.bincount(labels) >= SPECK

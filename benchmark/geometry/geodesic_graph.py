@@ -13,25 +13,25 @@ from benchmark.geometry.mesh import Mesh, edges_of, sides_of
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Windows followed from each vertex; docs/appendix/measurements.md has the measurements behind the number.
+# Default number of windows per vertex; measured in docs/appendix/measurements.md.
 WINDOWS = 800
 
-# Tangent of an angle below which a vertex lies on the ray that bounds a window, not inside. That ray runs through a
-# vertex, whose own windows find what lies behind it. Regular triangles put many vertices on such rays, and without
-# this margin rounding would decide which of them split a window and so how far the windows reach.
+# Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the window. The ray runs
+# through a vertex, whose own windows cover the surface behind it. Regular triangulations put many vertices on such
+# rays; without this margin, rounding would decide which of them split a window and thus how far windows reach.
 GRAZING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """An undirected graph in compressed rows: the arcs of vertex v are ``heads[starts[v]:starts[v + 1]]``.
+    """An undirected graph in compressed sparse rows: the arcs of vertex v are ``heads[starts[v]:starts[v + 1]]``.
 
     Parameters
     ----------
     starts
-        Shape (n + 1,).
+        Row pointers, shape (n + 1,).
     heads
-        Vertex at the far end of each arc, shape (a,); every edge is stored in both directions.
+        End vertex of each arc, shape (a,); every edge is stored in both directions.
     lengths
         Length of each arc, shape (a,), in units of the mesh.
     """
@@ -42,7 +42,7 @@ class Graph:
 
 
 def edge_graph(mesh: Mesh) -> Graph:
-    """Return the graph of the edges of the mesh with their Euclidean lengths."""
+    """Return the edge graph of the mesh with Euclidean lengths."""
     sides = _Sides.of(mesh)
     return _undirected(mesh.n_vertices, sides.starts, sides.ends, sides.lengths)
 
@@ -51,26 +51,26 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
     """Return the graph of the straight geodesics between nearby vertices.
 
     Every shortest path on a triangle mesh is a chain of straight geodesics between vertices [Mitchell, Mount and
-    Papadimitriou 1987], so the graph of *all* straight geodesics would give exact distances: the saddle vertex graph
-    [Ying, Wang and He 2013]. Here, as there, each vertex keeps those of its neighbourhood. From every vertex, the
-    triangles around it are unfolded strip by strip into the plane; a *window* is the cone of straight lines from the
-    vertex that cross one side. A vertex inside the cone is joined by an arc of exactly its unfolded distance and
-    splits the window in two. Windows are followed breadth first, ring by ring, until at least ``windows`` have been
-    followed: the neighbourhood adapts to the size of the triangles and does not depend on the order of the faces. An
-    arc is a path on the surface, so distances are never too short.
+    Papadimitriou 1987], so the graph of *all* straight geodesics yields exact distances: the saddle vertex graph [Ying,
+    Wang and He 2013]. As in that work, each vertex keeps only the geodesics in its neighbourhood. From every vertex,
+    the surrounding triangles are unfolded strip by strip into the plane; a *window* is the cone of straight lines from
+    the vertex through a triangle side. A vertex inside the cone adds an arc of exactly its unfolded distance and splits
+    the window in two. Windows are followed breadth first, ring by ring, until at least ``windows`` have been followed:
+    the neighbourhood adapts to the size of the triangles and does not depend on the face order. Each arc is a path on
+    the surface, so distances are never too short.
 
     Parameters
     ----------
     mesh
         Any triangle mesh; windows end at boundaries and at edges with more than two faces.
     windows
-        Windows to follow from each vertex; the ring in which the number is reached is completed. More cost time and
-        come closer to the exact distances.
+        Number of windows to follow from each vertex; the ring that reaches it is completed. Larger values are slower
+        and more accurate.
 
     Returns
     -------
     Graph
-        The edges of the mesh and the arcs.
+        The mesh edges and the arcs.
     """
     sides = _Sides.of(mesh)
     opposite = np.argsort(sides.apexes, kind="stable")
@@ -80,17 +80,17 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
 
 
 def _first_windows(sides: _Sides, opposite: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return, for the side of each triangle opposite a vertex: its ends P and Q, the passage through it; P, Q."""
+    """Return, for each side opposite a vertex, its ends P and Q and the passage through it; and coordinates of P, Q."""
     starts, ends, x, y = sides.starts[opposite], sides.ends[opposite], sides.apex_x[opposite], sides.apex_y[opposite]
     names = np.stack((starts, ends, _passage(sides, sides.twins[opposite], starts)), axis=1)
     return names, np.stack((-x, -y, sides.lengths[opposite] - x, -y), axis=1)
 
 
 def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
-    """Return what a window finds behind each side: the third corner, the ways on past P and past Q; its coordinates.
+    """Return, for each passage, the third corner and the next passages past P and past Q; and the corner's coordinates.
 
-    Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P at its end. Coordinates are along and
-    beside the vector from P to Q, in its length.
+    Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P at its end. Coordinates are parallel
+    and perpendicular to the vector from P to Q, in units of its length.
     """
     last, following = _turn(sides.twins, 2), _turn(sides.twins, 1)
     forward = (sides.apexes, _passage(sides, last, sides.starts), _passage(sides, following, sides.apexes))
@@ -102,12 +102,12 @@ def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
 
 
 def _passage(sides: _Sides, twins: IntArray, start: IntArray) -> IntArray:
-    """Return the passages through the given sides with P at a given end; -1 where there is no side."""
+    """Return the passages through the given sides with P at the given vertex; -1 if there is no side."""
     return np.where(twins >= 0, 2 * twins + (sides.starts[twins] != start), -1)
 
 
 def _turn(of_sides: IntArray, steps: int) -> IntArray:
-    """Return for each side what belongs to the side that comes so many steps after it around its triangle."""
+    """Return for each side the value of the side ``steps`` later around its triangle."""
     return np.roll(of_sides.reshape(-1, 3), -steps, axis=1).ravel()
 
 
@@ -115,8 +115,8 @@ def _turn(of_sides: IntArray, steps: int) -> IntArray:
 class _Sides:
     """The sides of all triangles; side 3 f + k runs from corner k to corner k + 1 of face f.
 
-    ``twins`` is the side of the neighbouring triangle along the same edge, -1 where there is no single one.
-    ``apex_x`` and ``apex_y`` place the third corner in the frame of the side: along it from its start, and beside it.
+    ``twins`` is the side of the adjacent triangle along the same edge, -1 if it is not unique. ``apex_x`` and
+    ``apex_y`` are coordinates of the third corner relative to the start of the side: parallel and perpendicular to it.
     """
 
     starts: IntArray
@@ -148,13 +148,13 @@ class _Sides:
 
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> Graph:
-    """Build a graph from arcs in any order and direction; of parallel ones the shortest counts."""
+    """Build a graph from arcs in any order and direction; parallel arcs reduce to the shortest."""
     return Graph(*_mirror(count, tails, heads, lengths))
 
 
 @njit(cache=True, nogil=True)
 def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    # Counting sort of the arcs and their reverses by tail: each arc has two places, and merging only takes away.
+    # Counting sort of the arcs and their reverses by tail: each arc has two entries, and merging only removes some.
     place = np.zeros(count + 1, np.int64)
     for arc in range(tails.size):
         place[tails[arc] + 1] += 1
@@ -170,7 +170,7 @@ def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # no
         far[row_end[head]], size[row_end[head]] = tail, lengths[arc]
         row_end[head] += 1
 
-    # Merge parallel arcs in place; ``slot`` says where the arc of the current row to a vertex lies.
+    # Merge parallel arcs in place; ``slot`` is the position of the arc from the current row to each vertex.
     slot = np.full(count, -1, np.int64)
     starts = np.zeros(count + 1, np.int64)
     write = 0
@@ -194,7 +194,7 @@ def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # no
 def largest_count(starts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Return the length of the longest run, where run i begins at ``starts[i]`` and ends before ``starts[i + 1]``.
 
-    ``np.diff`` says the same, but takes two seconds to compile.
+    ``np.diff`` is equivalent, but takes two seconds to compile.
     """
     largest = 0
     for i in range(starts.size - 1):
@@ -206,8 +206,8 @@ def largest_count(starts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN2
 def _follow_windows(first_names, first_plane, passages, moves, first, budget):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Collect the arcs of :func:`geodesic_graph`; the source lies at the origin of every unfolded plane.
 
-    A window is a passage through a side PQ and, in the plane, P, Q and the two rays that bound the cone; P and Q are so
-    named that Q is anticlockwise of P as seen from the source.
+    A window consists of a passage through a side PQ and, in the plane, P, Q and the two rays that bound the cone. Q is
+    anticlockwise of P as seen from the source.
     """
     count = first.size - 1
     tails = np.empty(64 * count, np.int64)
@@ -215,13 +215,13 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
     squares = np.empty(64 * count, np.float64)
     arcs = 0
     best = np.full(count, np.inf)
-    # The vertices with a finite ``best``, each once, without the source; one place more, as a vertex is written before
-    # it is counted.
+    # Distinct vertices with a finite ``best``, without the source; one extra entry, as a vertex is written before it is
+    # counted.
     seen = np.empty(count, np.int64)
-    # All windows that are kept. Successors of the last ring are never followed and not kept. If that is the first ring,
-    # it has at most one window for each triangle at the source. If not, s < ``budget`` windows lie before it; the ring
-    # before it is among them, and a window has at most two successors, so that the last ring has at most 2 s windows:
-    # 3 s in all, less than three times the budget. One place more, as a window is written before it is counted.
+    # All stored windows. Successors of the last ring are neither followed nor stored. If that is the first ring, it has
+    # at most one window per triangle at the source. Otherwise, s < ``budget`` windows precede it, which include the
+    # previous ring. A window has at most two successors, so the last ring has at most 2 s windows: 3 s in total, less
+    # than three times the budget. One extra entry, as a window is written before it is counted.
     room = max(3 * budget, largest_count(first)) + 1
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
@@ -259,7 +259,7 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
             a_x, a_y = p_x + along * width_x + beside * width_y, p_y + along * width_y - beside * width_x
             beyond_low = low_x * a_y - low_y * a_x > GRAZING * abs(low_x * a_x + low_y * a_y)
             before_high = a_x * high_y - a_y * high_x > GRAZING * abs(a_x * high_x + a_y * high_y)
-            # Nobody can predict where the apex falls: to write first and count afterwards is faster than to branch.
+            # The apex side is unpredictable: writing first and counting afterwards is faster than branching.
             visible = beyond_low & before_high
             square = a_x * a_x + a_y * a_y if visible else np.inf
             seen[n_seen] = apex
@@ -277,7 +277,7 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
                 plane[queued], a_x, a_y, q_x, q_y, a_x if visible else low_x, a_y if visible else low_y, high_x, high_y
             )
             queued += before_high & (past_q >= 0)
-        # Room for all arcs of this source, whatever their number.
+        # Make room for all arcs of this source.
         if arcs + n_seen > tails.size:
             tails = np.concatenate((tails, np.empty(tails.size + n_seen, np.int64)))
             heads = np.concatenate((heads, np.empty(heads.size + n_seen, np.int64)))

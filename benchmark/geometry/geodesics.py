@@ -1,4 +1,4 @@
-"""Geodesic distances on a triangle mesh by name of the solver."""
+"""Geodesic distances on a triangle mesh, with a choice of solvers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ IntArray = NDArray[np.int64]
 
 @lru_cache(maxsize=1)
 def _graph_of(mesh: Mesh) -> Graph:
-    """The graph of the latest mesh: methods that ask for a few rows at a time build it once."""
+    """Return the cached graph of the latest mesh, for methods that request a few rows at a time."""
     return geodesic_graph(mesh)
 
 
@@ -57,14 +57,14 @@ def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
     ]
     distances = np.stack(rows)
     straight = np.linalg.norm(mesh.vertices[sources][:, None, :] - mesh.vertices[None, :, :], axis=2)
-    # libigl answers 0, not infinity, for what its windows cannot reach; no geodesic is shorter than the straight line.
+    # libigl returns 0, not infinity, for unreached vertices; no geodesic is shorter than the straight line.
     if not (np.isfinite(distances).all() and (distances >= straight * (1 - 1e-6)).all()):
         raise UnsupportedShape("the exact solver did not reach every vertex", "clean the mesh: it is not a manifold")
     return distances
 
 
 def _require_proper_manifold(mesh: Mesh) -> None:
-    # Anything else makes libigl read outside its arrays and ends the process.
+    # On anything else, libigl reads out of bounds and crashes the process.
     edges = edges_of(mesh.faces)
     lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
     if (edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (lengths > 0).all():
@@ -83,15 +83,15 @@ _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
 SOLVERS: tuple[str, ...] = tuple(_BY_NAME)
 DEFAULT_SOLVER: str = "geodesic-graph"
 
-#: Side of the squares in which a large matrix is gone through; two of them fit the first-level cache.
+#: Side of the tiles for traversing a large matrix; two tiles fit the L1 cache.
 TILE = 32
 
-#: Beyond it the square of a distance may be infinite.
+#: Maximum coordinate; beyond it, squared distances may overflow.
 LARGEST_COORDINATE = 1e150
 
 
 def resolve_solver(name: str) -> str:
-    """Return the name of a solver, ``"default"`` included, or raise ``ConfigurationError`` with the nearest names."""
+    """Resolve the name of a solver, including ``"default"``; raises ``ConfigurationError`` with similar names."""
     if name == "default":
         return DEFAULT_SOLVER
     if name not in _BY_NAME:
@@ -100,27 +100,27 @@ def resolve_solver(name: str) -> str:
 
 
 def all_pairs(mesh: Mesh, solver: str = "default") -> FloatArray:
-    """Geodesic distances between all pairs of vertices.
+    """Compute the geodesic distances between all pairs of vertices.
 
     Parameters
     ----------
     mesh
-        One component.
+        A mesh with a single component.
     solver
         A name from :data:`SOLVERS`, or ``"default"``.
 
     Returns
     -------
     numpy.ndarray
-        Shape (n, n), symmetric with zero diagonal, in units of the mesh. The heat method gives slightly different
-        distances for the two directions; their mean is returned.
+        Shape (n, n), symmetric with zero diagonal, in units of the mesh. The two directions are averaged, as they
+        differ slightly in the heat method.
 
     Raises
     ------
     UnsupportedShape
-        If the mesh has more than one component, or the solver cannot treat it.
+        If the mesh has more than one component, or the solver does not support it.
     ConfigurationError
-        If there is no solver of that name.
+        If the solver is unknown.
     """
     distances = from_sources(mesh, np.arange(mesh.n_vertices), solver)
     _symmetrise(distances)
@@ -129,7 +129,7 @@ def all_pairs(mesh: Mesh, solver: str = "default") -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _symmetrise(matrix: FloatArray) -> None:
-    """Replace two mirrored entries by their mean and the diagonal by zeros, tile by tile, so that caches suffice."""
+    """Replace mirrored entries by their mean and the diagonal by zeros, in tiles that fit the cache."""
     count = matrix.shape[0]
     for top in range(0, count, TILE):
         bottom = min(top + TILE, count)
@@ -143,12 +143,12 @@ def _symmetrise(matrix: FloatArray) -> None:
 
 
 def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> FloatArray:
-    """Geodesic distances from some vertices to all.
+    """Compute the geodesic distances from some vertices to all vertices.
 
     Parameters
     ----------
     mesh
-        One component.
+        A mesh with a single component.
     sources
         Vertex indices, shape (k,).
     solver
@@ -163,9 +163,9 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
     ------
     UnsupportedShape
         If the mesh has more than one component, a source is not a vertex, a coordinate is beyond
-        :data:`LARGEST_COORDINATE`, or the solver cannot treat the mesh.
+        :data:`LARGEST_COORDINATE`, or the solver does not support the mesh.
     ConfigurationError
-        If there is no solver of that name.
+        If the solver is unknown.
     """
     compute = _BY_NAME[resolve_solver(solver)]
     indices = np.asarray(sources, dtype=np.int64).reshape(-1)
@@ -190,9 +190,9 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
 
 
 def rounded(matrix: FloatArray) -> FloatArray:
-    """Return distances as single precision holds them, in float64.
+    """Round distances to single precision; the result is float64.
 
-    Seven digits are four more than any solver has, and what differs in the last bits between two processors is mostly
-    equal after rounding; so methods start from the same numbers wherever they run.
+    Seven digits are four more than the accuracy of any solver, and rounding removes most last-bit differences between
+    processors, so that methods start from the same numbers on any machine.
     """
     return matrix.astype(np.float32).astype(np.float64)

@@ -12,7 +12,7 @@ from benchmark.geometry.mesh import Mesh, Points
 
 __all__ = ["SurfaceMap", "nearest_on_surface", "vertex_normals"]
 
-#: Triangles of the right side that are looked at, those with the nearest centres.
+#: Number of candidate triangles, those with the nearest centres, in the search for one on the same side.
 _CANDIDATES = 30
 
 
@@ -27,7 +27,7 @@ class SurfaceMap:
     weights
         Barycentric coordinates of each point, shape (m, 3), none negative; they sum to 1.
     distances
-        How far each point was from its place on the mesh, shape (m,), in units of the mesh.
+        Distance of each point to its position on the mesh, shape (m,), in units of the mesh.
     """
 
     corners: NDArray[np.int64]
@@ -35,24 +35,24 @@ class SurfaceMap:
     distances: Points
 
     def carry(self, values: ArrayLike) -> Points:
-        """Values at the vertices of the mesh, shape (n, k), interpolated linearly at the points, shape (m, k)."""
+        """Interpolate values at the mesh vertices, shape (n, k), linearly at the points; returns shape (m, k)."""
         at_corners = np.asarray(values, dtype=np.float64)[self.corners]
         return np.asarray(np.einsum("mc,mck->mk", self.weights, at_corners))
 
 
 def nearest_on_surface(mesh: Mesh, points: ArrayLike, normals: ArrayLike) -> SurfaceMap:
-    """Find the nearest place on a mesh for each point, on a triangle that looks the same way where there is one.
+    """Find the nearest position on a mesh for each point, on a triangle with a similar normal if possible.
 
-    Where two parts of a body lie close together, a point of one may be nearer to the decimated surface of the other;
-    but the two face each other, so that the normal tells them apart. Of a point whose nearest triangle looks the other
-    way, the triangles around that look its way are searched again.
+    If two parts of a body are close together, a point of one may be nearer to the decimated surface of the other. The
+    parts face each other, so their normals differ. If the nearest triangle faces away from the normal of a point, its
+    neighbours on the same side are searched instead.
 
     Parameters
     ----------
     mesh
-        The mesh.
+        Mesh to project onto.
     points, normals
-        The points and which way the surface looks there, each of shape (m, 3).
+        The points and their surface normals, each of shape (m, 3).
 
     Returns
     -------
@@ -77,7 +77,7 @@ def nearest_on_surface(mesh: Mesh, points: ArrayLike, normals: ArrayLike) -> Sur
 
 
 def vertex_normals(mesh: Mesh) -> Points:
-    """Direction in which the surface looks at each vertex, the mean over its triangles by area, shape (n, 3)."""
+    """Return area-weighted vertex normals, not normalised, shape (n, 3)."""
     corners = mesh.vertices[mesh.faces]
     of_faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros((mesh.n_vertices, 3))
@@ -87,7 +87,7 @@ def vertex_normals(mesh: Mesh) -> Points:
 
 
 def _same_side(corners: Points, facing: Points, points: Points, directions: Points) -> tuple[NDArray[np.int64], Points]:
-    """Nearest triangle that looks the same way, or -1, and the place on it, among those with the nearest centres."""
+    """Return the nearest triangle on the same side, or -1, and the position on it, among those with nearest centres."""
     from trimesh.triangles import closest_point
 
     count = min(_CANDIDATES, len(corners))
@@ -103,7 +103,7 @@ def _same_side(corners: Points, facing: Points, points: Points, directions: Poin
 
 
 def _barycentric(corners: Points, places: Points) -> Points:
-    """Barycentric coordinates of places on triangles, shape (m, 3), cut to what lies inside."""
+    """Return barycentric coordinates of positions on triangles, shape (m, 3), clipped to the triangle."""
     from trimesh.triangles import points_to_barycentric
 
     weights = np.clip(np.nan_to_num(points_to_barycentric(corners, places, method="cramer")), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Reading and writing mesh files; every problem names the file and the hint."""
+"""Reading and writing of mesh files; every error names the file and includes a hint."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ def read_mesh(path: Path | str) -> Mesh:
     Parameters
     ----------
     path
-        An ``.off``, ``.obj``, ``.ply``, ``.stl`` or ``.mat`` file, or a ``.vert`` file beside its ``.tri``. Polygons
-        are cut into fans of triangles. The corners of an STL file are merged where they coincide exactly.
+        An ``.off``, ``.obj``, ``.ply``, ``.stl`` or ``.mat`` file, or a ``.vert`` file next to its ``.tri`` file.
+        Polygons are split into triangle fans. Exactly coincident corners of an STL file are merged.
 
     Returns
     -------
     Mesh
-        In units of the file; neither cleaned nor scaled.
+        The mesh in units of the file, neither cleaned nor scaled.
 
     Raises
     ------
     UnreadableMesh
-        If the file is missing, empty, truncated, not numeric, or of an unknown kind.
+        If the file is missing, empty, truncated, not numeric, or in an unknown format.
     InvalidMesh
-        If a coordinate is not finite, a face names a vertex that does not exist, or there is no face at all.
+        If a coordinate is not finite, a vertex index is out of range, or there are no faces.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -54,7 +54,7 @@ def read_mesh(path: Path | str) -> Mesh:
     parts = [_load(part) for part in ((path, path.with_suffix(".tri")) if suffix == ".vert" else (path,))]
     try:
         vertices, faces = _READERS[suffix](*parts)
-    except Exception as error:  # whatever a damaged file makes a reader stumble over costs this file alone
+    except Exception as error:  # any reader failure on a damaged file excludes this file only
         reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__} {error}".strip()
         raise UnreadableMesh(
             f"{path}: not a readable {suffix[1:]} file: {reason}", "fetch or export the file again"
@@ -73,7 +73,7 @@ def read_mesh(path: Path | str) -> Mesh:
 
 
 def write_mesh(path: Path | str, mesh: Mesh) -> None:
-    """Write a mesh as OFF, OBJ or binary PLY, by extension; coordinates survive to the last bit.
+    """Write a mesh as OFF, OBJ or binary PLY, by extension, with coordinates in full precision.
 
     Raises
     ------

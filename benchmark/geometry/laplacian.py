@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-# Beyond this an angle is under 0.06 degrees: one sliver would outweigh ten thousand good triangles and, with an obtuse
-# neighbour, make the matrix indefinite to rounding.
+# Beyond this, an angle is below 0.06 degrees: one sliver would outweigh ten thousand good triangles and, with an obtuse
+# neighbour, make the matrix indefinite by rounding.
 _LARGEST_COTANGENT = 1e3
-# An isolated or flattened vertex would have no mass and its eigenvalue would be infinite.
+# An isolated or flattened vertex would have zero mass and an infinite eigenvalue.
 _SMALLEST_SHARE_OF_MEAN_MASS = 1e-6
 
 
@@ -31,9 +31,9 @@ class Laplacian:
     ----------
     stiffness
         Symmetric positive semidefinite matrix, shape (n, n), rows sum to zero: ``x @ stiffness @ x`` is the Dirichlet
-        energy of the piecewise linear function with values ``x``. Without unit.
+        energy of the piecewise linear function with values ``x``. Dimensionless.
     mass
-        A third of the area of the triangles around each vertex (barycentric lumping), shape (n,), all positive, in
+        One third of the area of the triangles around each vertex (barycentric lumping), shape (n,), all positive, in
         squared units of the mesh.
     """
 
@@ -44,15 +44,15 @@ class Laplacian:
 def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     """Assemble the cotangent Laplacian [Pinkall and Polthier 1993, equation 10; Meyer et al. 2003].
 
-    Obtuse angles keep their negative cotangents, so the matrix is the exact finite element one and stays positive
-    semidefinite. Only slivers are touched: a triangle with an angle whose cotangent exceeds 1000 has its three
-    cotangents scaled down together, which keeps its energy a positive semidefinite form; a triangle without area adds
+    Obtuse angles keep their negative cotangents, so the matrix is the exact finite element matrix and positive
+    semidefinite. Only slivers are modified: if the cotangent of an angle exceeds 1000, all three cotangents of the
+    triangle are scaled down together, which keeps its energy positive semidefinite. Triangles with zero area contribute
     nothing. A vertex with (almost) no area gets a millionth of the mean mass.
 
     Parameters
     ----------
     mesh
-        Any triangle mesh; open and non-manifold ones too.
+        Any triangle mesh, including open and non-manifold meshes.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     # The cotangent at a corner weighs the opposite edge.
     start, end = np.roll(mesh.faces, -1, axis=1).ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
     weights = 0.5 * cotangents.ravel()
-    from scipy.sparse import csr_array, diags_array  # on demand: the import takes a third of a second
+    from scipy.sparse import csr_array, diags_array  # lazy: the import takes a third of a second
 
     adjacency = csr_array(
         (np.concatenate((weights, weights)), (np.concatenate((start, end)), np.concatenate((end, start)))),
@@ -94,22 +94,23 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
 def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     """Solve ``stiffness @ f = value * mass * f`` for the smallest eigenvalues.
 
-    Shift-and-invert Lanczos (ARPACK) on ``M^-1/2 S M^-1/2`` with a fixed start vector, so that a call is reproducible.
-    The sign of a function, and the basis inside a repeated eigenvalue, are arbitrary.
+    The solver is shift-and-invert Lanczos (ARPACK) on ``M^-1/2 S M^-1/2`` with a fixed start vector for reproducible
+    results (dense for small meshes or large ``k``). The sign of each function, and the basis of a repeated eigenvalue,
+    are arbitrary.
 
     Parameters
     ----------
     laplacian
         From :func:`cotangent_laplacian`.
     k
-        How many, counting the constant function; at most n.
+        Number of eigenpairs, including the constant function; at most n.
 
     Returns
     -------
     values : numpy.ndarray
         Shape (k,), ascending, at least 0, in inverse squared units of the mesh.
     functions : numpy.ndarray
-        Shape (n, k), orthonormal under the mass: ``functions.T @ (mass[:, None] * functions)`` is the identity.
+        Shape (n, k), mass-orthonormal: ``functions.T @ (mass[:, None] * functions)`` is the identity.
 
     Raises
     ------
@@ -128,7 +129,7 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     if k > count // 2 or count < 64:
         values, vectors = np.linalg.eigh(symmetric.toarray())
     else:
-        # The shift lies below the spectrum by a small part of its scale 1/area: the factorised matrix is then definite.
+        # The shift is below the spectrum by a fraction of its scale 1/area, which makes the factorised matrix definite.
         shift = -1e-2 / laplacian.mass.sum()
         start = np.random.default_rng(0).standard_normal(count)
         values, vectors = eigsh(symmetric, k=k, sigma=shift, which="LM", v0=start, tol=0.0)

@@ -1,4 +1,4 @@
-"""Triangle meshes: checked read-only arrays, their edges, and an order of vertices that follows from positions."""
+"""Triangle meshes: validated read-only arrays, edges, and a vertex order that depends on positions only."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Mesh:
     Raises
     ------
     InvalidMesh
-        If the arrays have the wrong shape, a coordinate is not a finite real number, or a face names by anything but an
-        integer, or names a vertex that does not exist. Nothing is cast that would change.
+        If the arrays have the wrong shape, a coordinate is not a finite real number, or a vertex index is not an
+        integer or out of range. Arrays of an unsuitable type are never cast.
     """
 
     vertices: Points
@@ -72,7 +72,7 @@ class Mesh:
         return float(self.face_areas.sum())
 
     def with_vertices(self, vertices: ArrayLike) -> Mesh:
-        """Return the same triangles over other positions of the same vertices."""
+        """Return a mesh with the same triangles and new vertex positions."""
         return Mesh(vertices, self.faces)  # type: ignore[arg-type]
 
 
@@ -100,18 +100,18 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The undirected edges of some triangles.
+    """The undirected edges of a set of triangles.
 
     Parameters
     ----------
     ends
-        Vertices at the two ends, the smaller index first, shape (e, 2); rows ascend.
+        End vertices, smaller index first, shape (e, 2); rows ascend.
     counts
-        Number of sides that meet in each edge, shape (e,): 1 at a boundary, 2 inside a manifold.
+        Number of sides on each edge, shape (e,): 1 at a boundary, 2 inside a manifold.
     of_sides
         Edge of each side, shape (3 m,), in the order of :func:`sides_of`.
     grouped_sides
-        All sides, edge by edge and ascending within an edge, shape (3 m,).
+        All sides, grouped by edge and ascending within an edge, shape (3 m,).
     """
 
     ends: IntArray
@@ -121,17 +121,17 @@ class Edges:
 
     @property
     def first(self) -> IntArray:
-        """Place in ``grouped_sides`` where each edge begins, shape (e,)."""
+        """Index of the first side of each edge in ``grouped_sides``, shape (e,)."""
         return np.asarray(np.cumsum(self.counts) - self.counts)
 
     @property
     def boundary(self) -> IntArray:
-        """Ends of the edges that belong to one side only, shape (b, 2)."""
+        """Ends of the edges with a single side, shape (b, 2)."""
         return np.asarray(self.ends[self.counts == 1])
 
 
 def sides_of(faces: NDArray[np.integer]) -> tuple[IntArray, IntArray]:
-    """Return where the sides of triangles start and end.
+    """Return the start and end vertices of the sides of triangles.
 
     Parameters
     ----------
@@ -163,19 +163,19 @@ def edges_of(faces: NDArray[np.integer]) -> Edges:
     return Edges(np.stack(np.divmod(key[first], base), axis=1), counts, of_sides, order)
 
 
-#: Side of the cells along which vertices are sorted, far below the length of an edge of a prepared mesh.
+#: Side of the grid cells for sorting vertices, far below the edge length of a prepared mesh.
 CELL = 1 / 256
-#: Where their grid begins, in cells: coordinates of mirrored and regular shapes lie on no border of two cells.
+#: Offset of the grid in cells, which keeps coordinates of mirrored and regular shapes off the cell borders.
 _OFFSET = (0.137, 0.389, 0.713)
 _BITS = 21
 _DECIMALS = 6
 
 
 def in_spatial_order(mesh: Mesh) -> Mesh:
-    """Sort the vertices of a prepared mesh along a Z-order curve in its axes, and its triangles by their vertices.
+    """Sort the vertices of a prepared mesh along a Z-order curve, and its triangles by their vertices.
 
-    Vertices of one cell are sorted by their coordinates, and those at one position by the triangles around them, so
-    that nothing is left of the numbering of a file. Each triangle begins with its smallest vertex and keeps its
+    Ties within a cell are broken by coordinates, and ties in position by the adjacent triangles, so that the result
+    does not depend on the numbering in the file. Each triangle begins with its smallest vertex and keeps its
     orientation.
 
     References
@@ -193,9 +193,9 @@ def in_spatial_order(mesh: Mesh) -> Mesh:
 
 
 def measurements(mesh: Mesh) -> str:
-    """Numbers of vertices and triangles, and moments of the distances from the centre over their root mean square.
+    """Return vertex and triangle counts, and moments of the distances from the centre over their root mean square.
 
-    Moments are rounded to six decimals; no rigid motion, mirroring, scaling or renumbering changes them.
+    Moments are rounded to six decimals and invariant to rigid motions, reflections, scaling and renumbering.
     """
     distances = np.linalg.norm(mesh.vertices - mesh.vertices.mean(axis=0), axis=1)
     relative = distances / (np.sqrt(np.mean(distances**2)) or 1.0)
@@ -204,7 +204,7 @@ def measurements(mesh: Mesh) -> str:
 
 
 def _places_on_curve(vertices: Points) -> NDArray[np.uint64]:
-    """Return the place of the cell of each vertex on the curve, shape (n,): the bits of its coordinates interleaved."""
+    """Return the Morton code of the cell of each vertex, shape (n,): the interleaved bits of its coordinates."""
     cells = np.floor(vertices / CELL + _OFFSET)
     cells = np.clip(cells - cells.min(axis=0), 0, 2**_BITS - 1).astype(np.uint64)
     places = np.zeros(len(cells), dtype=np.uint64)
@@ -215,7 +215,7 @@ def _places_on_curve(vertices: Points) -> NDArray[np.uint64]:
 
 
 def _means_around(mesh: Mesh) -> Points:
-    """Mean of the corners of the triangles at each vertex, shape (n, 3)."""
+    """Return the mean of the corners of the triangles at each vertex, shape (n, 3)."""
     corners = mesh.faces.ravel()
     sums = np.zeros((mesh.n_vertices, 3))
     np.add.at(sums, corners, np.repeat(mesh.vertices[mesh.faces].sum(axis=1), 3, axis=0))

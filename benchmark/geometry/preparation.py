@@ -1,4 +1,4 @@
-"""Prepare a mesh for all methods (one component, unit area, about 2000 vertices), and re-mesh it."""
+"""Mesh preparation for all methods (one component, unit area, about 2000 vertices), and re-meshing."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from benchmark.geometry.cleaning import (
 )
 from benchmark.geometry.mesh import Mesh, Points, edges_of, in_spatial_order
 
-# Components with a smaller share of the area are debris; larger ones are parts of the shape.
+# Components with a smaller fraction of the area are debris; larger ones are parts of the shape.
 SMALLEST_SHARE = 0.01
 LARGEST_DEGENERATE_SHARE = 0.5
-"""Share of triangles without area: beyond it, one stray vertex has made all others vanish beside it."""
+"""Maximum fraction of triangles with zero area; beyond it, a stray vertex has dwarfed the rest of the shape."""
 
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
@@ -30,22 +30,22 @@ _FEWEST_VERTICES = 4
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A mesh that is ready for the methods.
+    """A mesh prepared for the methods.
 
     Parameters
     ----------
     mesh
-        One component, unit area, at most about the number of vertices that was asked for.
+        One component, unit area, at most about the requested number of vertices.
     source_area
-        Area of the components that were kept, before decimation, in squared file units.
+        Area of the kept components before decimation, in squared file units.
     centre, scale
-        How it lies in the file: a point of the mesh is at ``centre + scale * point`` there; shape (3,), and a factor.
+        Transform to file coordinates, ``centre + scale * point``; shape (3,), and a factor.
     report
-        What preparation found and did: ``vertices_before``, ``faces_before``, ``merged``, ``degenerate_faces``,
+        Counts from preparation: ``vertices_before``, ``faces_before``, ``merged``, ``degenerate_faces``,
         ``duplicate_faces``, ``unreferenced``, ``boundary_edges``, ``non_manifold_edges`` and
-        ``non_manifold_vertices`` of the cleaned mesh, ``components``, ``dropped_components``, ``lost_area`` (share of
-        the area that went with them or with faces at non-manifold edges), ``bridges``, ``vertices`` and ``faces`` of
-        the result, ``euler_characteristic``.
+        ``non_manifold_vertices`` of the cleaned mesh, ``components``, ``dropped_components``, ``lost_area`` (fraction
+        of the area lost with them or with faces at non-manifold edges), ``bridges``, ``vertices`` and ``faces`` of the
+        result, ``euler_characteristic``.
     """
 
     mesh: Mesh
@@ -58,29 +58,30 @@ class Prepared:
 def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     """Clean, decimate and scale a mesh.
 
-    Duplicates and debris go, non-manifold edges and vertices are opened, quadric edge collapse [Garland and Heckbert
-    1997] brings the mesh to ``n_vertices`` (a mesh with fewer keeps all of them), components that hold at least one
-    per cent of the area are joined by bridges rather than dropped, and the area becomes 1. Vertices and triangles stand
-    in an order that follows from positions alone.
+    The steps are: remove duplicates and debris, open non-manifold edges and vertices, decimate to ``n_vertices`` by
+    quadric edge collapse [Garland and Heckbert 1997] (smaller meshes keep all vertices), bridge components with at
+    least one per cent of the area instead of dropping them, and scale to unit area. The order of vertices and triangles
+    depends on positions only.
 
     Parameters
     ----------
     mesh
         Any triangle mesh.
     n_vertices
-        Number of vertices to reach, within one per cent where the topology allows it.
+        Target number of vertices, reached within one per cent if the topology allows it.
 
     Returns
     -------
     Prepared
-        The mesh, its area before, and the counts.
+        The mesh, its original area and position, and the counts.
 
     Raises
     ------
     InvalidMesh
-        If nothing usable is left: no area, fewer than four vertices, or less than ``1 - LARGEST_LOSS`` of the area.
+        If the mesh has no area, most of its triangles have no area, fewer than four vertices remain, or the area loss
+        exceeds ``LARGEST_LOSS``.
     """
-    # Areas must not underflow, whatever the unit of the file; a power of two changes no digit: duplicates stay equal.
+    # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates stay equal.
     unit = 2.0 ** np.floor(np.log2(extent_of(mesh)))
     cleaned, cleaning = clean(mesh.with_vertices(mesh.vertices / unit))
     if cleaned.n_vertices < _FEWEST_VERTICES or not cleaned.n_faces:
@@ -142,18 +143,18 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
 
 
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
-    """Collapse edges by least quadric error until about ``n_vertices`` remain; fewer are never made more.
+    """Collapse edges by least quadric error until about ``n_vertices`` remain.
 
-    Topology is preserved; boundaries keep their course, but not all their vertices. The number of faces that belongs to
-    a number of vertices depends on the length of the boundary after decimation, so the first face target assumes none
-    and the surplus of vertices is taken away in a few small steps.
+    Topology is preserved; boundaries keep their shape, but not all their vertices. The face count for a given vertex
+    count depends on the boundary length after decimation, so the first target assumes no boundary and the surplus
+    vertices are removed in a few small steps.
 
     Parameters
     ----------
     mesh
         Manifold mesh.
     n_vertices
-        Vertices to reach.
+        Target number of vertices.
 
     Returns
     -------
@@ -174,7 +175,7 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
 
 
 def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
-    """Apply a filter of pymeshlab; name all its parameters, because pymeshlab keeps them from call to call."""
+    """Apply a pymeshlab filter; pass all its parameters, because pymeshlab keeps them between calls."""
     import pymeshlab
 
     meshes = pymeshlab.MeshSet(verbose=False)
@@ -207,20 +208,20 @@ def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
 def isotropic_remesh(
     mesh: Mesh, edge: float, *, iterations: int, feature_degrees: float, max_deviation: float | None = None
 ) -> Mesh:
-    """Re-mesh a surface with edges of one length.
+    """Re-mesh a surface with uniform edge length.
 
     Parameters
     ----------
     mesh
         The surface.
     edge
-        Wanted length of the edges, in units of the mesh.
+        Target edge length, in units of the mesh.
     iterations
         Rounds of splitting, collapsing, flipping and smoothing.
     feature_degrees
-        Edges sharper than this are kept.
+        Angle above which sharp edges are preserved, in degrees.
     max_deviation
-        Largest distance from the given surface in percent of the diagonal of its bounding box; None for no bound.
+        Maximum distance from the given surface in percent of its bounding box diagonal; None for no bound.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""An orthographic z-buffer: what a depth camera without perspective sees of a triangle mesh."""
+"""Orthographic z-buffer rendering of a triangle mesh."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from benchmark.errors import InvalidMesh
 
 DepthImage = NDArray[np.float32]
 
-#: Spans beyond so many pixels are drawn without branches; shorter ones are over before that pays.
+#: Minimum length in pixels of a span for branch-free drawing, which does not pay off for shorter ones.
 LONG_SPAN = 8
-#: Stands where nobody looks from behind.
+#: Placeholder for no image from behind.
 NOT_BEHIND: DepthImage = np.empty((0, 0), dtype=np.float32)
 
 
 def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: float) -> DepthImage:
-    """Draw the depth of the nearest surface at every pixel centre.
+    """Render the depth of the nearest surface at every pixel centre.
 
-    Both sides of a triangle are drawn, depth is interpolated linearly, and nothing is blurred. Two triangles that
-    share an edge leave no crack between them: the crossing of an edge with a pixel row is computed from the edge alone.
+    Triangles are two-sided, depth is interpolated linearly, and there is no anti-aliasing. Triangles that share an edge
+    leave no crack: the intersection of an edge with a pixel row is computed from the edge alone.
 
     Parameters
     ----------
@@ -32,17 +32,17 @@ def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: flo
     size
         Height and width of the image in pixels.
     background
-        Value of a pixel that no triangle covers.
+        Value of pixels without a triangle.
 
     Returns
     -------
     numpy.ndarray
-        Shape (size, size), float32. Parts outside the image are cut off.
+        Shape (size, size), float32. Parts outside the image are clipped.
 
     Raises
     ------
     InvalidMesh
-        If the arrays have the wrong shape, a coordinate is not finite, or a face names a vertex that does not exist.
+        If the arrays have the wrong shape, a coordinate is not finite, or a vertex index is out of range.
 
     References
     ----------
@@ -69,7 +69,7 @@ def draw_triangles(
 ) -> None:
     """Lower every pixel of ``image`` to the depth of the nearest triangle over its centre.
 
-    What is seen from behind is drawn along with it, for the pixels of a triangle are the same from both sides.
+    The view from behind is drawn in the same pass, because a triangle covers the same pixels from both sides.
 
     Parameters
     ----------
@@ -80,14 +80,14 @@ def draw_triangles(
     image
         Shape (height, width), float32, changed in place; initialise it with a depth behind everything.
     behind
-        What the opposite camera sees, with the same upwards direction, where depths run from 0 to 1 and are counted
-        from its own eye; like ``image``, or :data:`NOT_BEHIND` where it is not wanted.
+        Like ``image``, for the opposite camera with the same up direction; depths run from 0 to 1, measured from that
+        camera. :data:`NOT_BEHIND` for none.
     """
-    # Rows and columns are cut to the image before any pixel is touched, so no vertex can lie too far outside.
+    # Rows and columns are clipped to the image before drawing, so vertices may lie arbitrarily far outside.
     height, width = image.shape
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        # Sorted by y, so that an edge is always walked from its upper end and both its triangles meet the same x.
+        # Sorted by y: edges are always traversed from the upper end, so both adjacent triangles compute the same x.
         if points[j, 1] < points[i, 1]:
             i, j = j, i
         if points[k, 1] < points[j, 1]:
@@ -105,7 +105,7 @@ def draw_triangles(
             y = row + 0.5
             t = (y - y0) / (y2 - y0)
             left, left_depth = x0 + t * (x2 - x0), z0 + t * (z2 - z0)
-            # At the height of the middle vertex both short edges count: a neighbour may share either of them.
+            # At the height of the middle vertex, use both short edges: a neighbour may share either of them.
             for short in range(2):
                 if short == 0:
                     if y > y1 or y0 == y1:
@@ -150,7 +150,7 @@ def _draw_span(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _draw_long_span(pixels: DepthImage, first: int, last: int, x0: float, z0: float, slope: float) -> None:
-    # Without a branch, and from one run of memory to the same, so that many pixels are drawn together.
+    # Branch-free and on contiguous memory, so that the loop is vectorised.
     target = pixels[first : last + 1]
     start = np.int32(first)
     for k in range(target.size):

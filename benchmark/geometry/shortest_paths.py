@@ -1,4 +1,4 @@
-"""Shortest paths on a graph from many vertices at once."""
+"""Shortest paths on a graph from many sources at once."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from benchmark.geometry.geodesic_graph import Graph, largest_count
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Sources that advance together: their distances to one vertex are one run of memory, which the processor adds and
-# compares eight at a time. Which neighbours have changed is asked once for all of them: with 512 that costs little
-# beside the arithmetic, although fewer of their rows fit the cache.
+# Number of sources processed together. Their distances to a vertex are contiguous in memory, so the processor adds and
+# compares eight at a time. Changed neighbours are looked up once per block: with 512 sources, that is cheap compared to
+# the arithmetic, although fewer rows fit the cache.
 _BLOCK = 512
 
 
 def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
     """Return the lengths of the shortest paths from each source to all vertices.
 
-    Sources are taken in blocks of neighbours. Dijkstra's algorithm from the first one of a block gives an order of
-    the vertices that is nearly right for all of them; Gauss-Seidel sweeps to and fro in that order relax the arcs
-    for the whole block until nothing changes, and skip what has not changed. Rounding is monotone, so the result does
-    not depend on how sources are grouped.
+    Sources are processed in blocks of neighbours. Dijkstra's algorithm from the first source of a block yields a vertex
+    order that is nearly correct for the whole block. Alternating forward and backward Gauss-Seidel sweeps in that order
+    relax the arcs for the whole block until convergence, and skip unchanged vertices. Rounding is monotone, so the
+    result does not depend on the grouping of sources.
 
     Parameters
     ----------
     graph
-        Undirected, n vertices, lengths at least 0.
+        Undirected graph with n vertices and nonnegative lengths.
     sources
         Vertex indices, shape (k,).
 
     Returns
     -------
     numpy.ndarray
-        Shape (k, n), rounded to single precision at each arc; infinite where there is no path.
+        Shape (k, n), rounded to single precision at each arc; infinite if there is no path.
     """
     sources = np.asarray(sources, dtype=np.int64)
-    # A common unit keeps single precision clear of overflow; a power of two changes no digit.
+    # A common unit prevents overflow in single precision; a power of two keeps all digits.
     longest = float(graph.lengths.max(initial=0.0))
     unit = 2.0 ** np.floor(np.log2(longest)) if longest > 0 else 1.0
     lengths = (graph.lengths / unit).astype(np.float32)
@@ -61,7 +61,7 @@ def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
 def _store(rows, unit, block, distances):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write column c of ``rows``, times the unit, to row ``block[c]`` of ``distances``."""
     count = rows.shape[0]
-    # A few rows at a time, so that they are still in the cache when their last column is read.
+    # A few rows at a time, so that they stay in the cache until their last column is read.
     for first in range(0, count, 16):
         last = min(first + 16, count)
         for column in range(block.size):
@@ -75,10 +75,10 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
     count = order.size
     rows = np.full((count, sources.size), np.float32(np.inf))
     changed = np.zeros(count, np.int64)  # time of the last change of a row
-    updated = np.full(count, -1, np.int64)  # time when a row last looked at its neighbours
+    updated = np.full(count, -1, np.int64)  # time of the last update of a row from its neighbours
     for column in range(sources.size):
         rows[sources[column], column] = 0
-    # Room for the arcs of any vertex and one more, as an arc is written before it is counted.
+    # Room for the arcs of any vertex; one extra entry, as an arc is written before it is counted.
     arcs = np.empty(largest_count(starts) + 1, np.int64)
     clock = 0
     settled = False
@@ -91,12 +91,12 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
             if _pull(rows, vertex, starts, heads, lengths, changed, since, arcs):
                 changed[vertex] = clock
                 settled = False
-        # What lies between two sources is reached from one side in this order, from the other side against it.
+        # A vertex between two sources is reached from one of them in this order, from the other in reverse order.
         order = order[::-1].copy()
     return rows
 
 
-# Distances are never NaN; without that promise the inner loop would not be vectorised.
+# Distances are never NaN; without that guarantee, the compiler would not vectorise the inner loop.
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def _pull(rows, vertex, starts, heads, lengths, changed, since, arcs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     row = rows[vertex]
@@ -105,7 +105,7 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since, arcs):  # type: 
     for arc in range(starts[vertex], starts[vertex + 1]):
         arcs[news] = arc
         news += changed[heads[arc]] > since
-    # Four neighbours at a time, so that the row is loaded and stored a quarter as often.
+    # Four neighbours at a time, which reduces loads and stores of the row to a quarter.
     fours = news - news % 4
     for at in range(0, fours, 4):
         i, j, k, m = arcs[at], arcs[at + 1], arcs[at + 2], arcs[at + 3]
@@ -137,7 +137,7 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since, arcs):  # type: 
 def _dijkstra(starts, heads, lengths, source):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     count = starts.size - 1
     distance = np.full(count, np.float32(np.inf))
-    # A vertex enters once: it has a ``place`` from then on, and once it has left, no length of at least 0 can lower it.
+    # A vertex enters the heap once and keeps its ``place``; after it leaves, nonnegative lengths cannot lower it.
     heap = np.empty(count, np.int64)
     place = np.full(count, -1, np.int64)
     distance[source] = 0

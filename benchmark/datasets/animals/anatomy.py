@@ -1,8 +1,8 @@
 """Description of a body: tubes of cross sections along chains of bones.
 
-Lengths are centimetres. Positions are given in the sagittal frame of the animal: ``forward`` (towards the nose), ``up``
+Lengths are in centimetres. Positions are in the sagittal frame of the animal: ``forward`` (towards the nose), ``up``
 (from the ground) and ``side`` (to the animal's left, 0 on the midline). The world has z up and the animal faces -y, as
-in TOSCA, so that the left of the animal is +x.
+in TOSCA, so the left of the animal is +x.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 
 class Section(NamedTuple):
-    """One cross section of a tube.
+    """A cross section of a tube.
 
     Parameters
     ----------
@@ -43,35 +43,35 @@ class Section(NamedTuple):
         return np.array([self.side, -self.forward, self.up])
 
     def scaled(self, factor: float) -> Section:
-        """Return the section of a body that is ``factor`` times as large."""
+        """Return the section scaled by ``factor``."""
         return Section(self.bone, *(factor * value for value in self[1:]))
 
     def mirrored(self) -> Section:
-        """Return the section of the right side that belongs to this one of the left."""
+        """Return the right counterpart of a left section."""
         bone = self.bone.replace(".left", ".right")
         return self._replace(bone=bone, side=-self.side)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tube:
-    """A part of the body: cross sections along a chain of bones, or a mass of flesh on one bone of another part.
+    """A part of the body: cross sections along a chain of bones, or soft tissue on a bone of another part.
 
     Parameters
     ----------
     part
-        Name of the chain, by which poses address it; a mass of flesh has a name too, but no bones of its own.
+        Name of the part, used by poses for chains; soft tissue also has a name, but no bones.
     parent
-        Bone that the chain hangs on, or that carries the flesh; "" for the root.
+        Parent bone of the chain or the tissue; "" for the root.
     sections
-        At least two; a section that names a bone is its joint, the last one ends the chain.
+        At least two; a section with a bone name is its joint, the last section ends the chain.
     paired
-        Whether the right side has its mirror image. The names of its bones then get ``.left`` and ``.right``.
+        Whether the part is mirrored to the right side; its bone names then end in ``.left`` and ``.right``.
     blend
         Width of the fillet to the rest of the body.
     flat
-        World axis along which ``breadth`` is measured.
+        World axis of ``breadth``.
     hollow
-        Whether the tube is taken away from the body instead of added: eye sockets.
+        Whether the tube is subtracted from the body instead of added (eye sockets).
     """
 
     part: str
@@ -83,16 +83,16 @@ class Tube:
     hollow: bool = False
 
     def scaled(self, factor: float) -> Tube:
-        """Return the tube of a body that is ``factor`` times as large."""
+        """Return the tube scaled by ``factor``."""
         return replace(self, sections=tuple(s.scaled(factor) for s in self.sections), blend=factor * self.blend)
 
     def sides(self, bones: frozenset[str]) -> Iterator[Tube]:
-        """Yield the tube itself, or its left and right copies with their own names.
+        """Yield the tube itself, or its renamed left and right copies.
 
         Parameters
         ----------
         bones
-            Names of the bones that exist on both sides, to tell whether the parent is one of a pair.
+            Names of the paired bones, to detect a paired parent.
         """
         if not self.paired:
             yield self
@@ -107,13 +107,13 @@ class Tube:
 
 @dataclass(frozen=True)
 class Species:
-    """A body, as the parts that it consists of; the first one is the trunk and holds the root bone."""
+    """A body as a tuple of parts; the first part is the trunk with the root bone."""
 
     name: str
     tubes: tuple[Tube, ...]
 
     def parts(self) -> tuple[Tube, ...]:
-        """All tubes, the paired ones as left and right."""
+        """Return all tubes, with paired tubes as left and right."""
         pairs = frozenset(s.bone for tube in self.tubes if tube.paired for s in tube.sections if s.bone)
         return tuple(copy for tube in self.tubes for copy in tube.sides(pairs))
 

@@ -1,4 +1,4 @@
-"""From cross sections to a watertight surface: a smooth implicit body, polygonised and remeshed."""
+"""Watertight surfaces from cross sections: a smooth implicit body, polygonised and re-meshed."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import isotropic_remesh
 
 SUBDIVISIONS = 6
-"""Straight pieces between two cross sections."""
+"""Number of straight pieces between two cross sections."""
 
 VOXELS_PER_EDGE = 1.6
-"""Fineness of the polygonisation against the edges of the final mesh."""
+"""Number of voxels per edge of the final mesh."""
 
 BLOCK = 4
-"""Voxels along the side of a block; only blocks near the surface are evaluated voxel by voxel."""
+"""Number of voxels per side of a block; only blocks near the surface are evaluated per voxel."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """The implicit body: tapered elliptic pieces, grouped in tubes.
+    """An implicit body of tapered elliptic pieces, grouped in tubes.
 
     Parameters
     ----------
     pieces
-        Shape (pieces, 10): start (3), end (3), depth and breadth ratio at the start, the same at the end.
+        Shape (pieces, 10): start (3), end (3), then depth and breadth ratio at the start and at the end.
     bones
-        Bone that each piece belongs to, shape (pieces,).
+        Bone of each piece, shape (pieces,).
     first
         First piece of each tube, shape (tubes + 1,); the last entry is the number of pieces.
     flats
-        Unit axis of each tube along which it is flattened, shape (tubes, 3).
+        Unit axis of the flattening of each tube, shape (tubes, 3).
     blends
-        Fillet of each tube, shape (tubes,).
+        Fillet width of each tube, shape (tubes,).
     hollow
-        Whether each tube is taken away, shape (tubes,); such tubes come last.
+        Whether each tube is subtracted, shape (tubes,); such tubes come last.
     """
 
     pieces: NDArray[np.float64]
@@ -55,7 +55,7 @@ class Field:
 
     @classmethod
     def of(cls, species: Species, skeleton: Skeleton) -> Field:
-        """Return the implicit body of a species, its pieces labelled with the bones of its skeleton."""
+        """Create the implicit body of a species, with pieces labelled by bones of the skeleton."""
         parts = sorted(species.parts(), key=lambda part: part.hollow)
         pieces, bones = zip(*(_pieces(part, skeleton) for part in parts), strict=True)
         return cls(
@@ -68,7 +68,7 @@ class Field:
         )
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Corners of a box that holds the body, each shape (3,)."""
+        """Return the corners of a bounding box of the body, each of shape (3,)."""
         boxes = np.array([_box(piece[None]) for piece in self.pieces])
         margin = 0.25 * self.blends.max()
         return boxes[:, 0].min(axis=0) - margin, boxes[:, 1].max(axis=0) + margin
@@ -79,7 +79,7 @@ class Field:
         Returns
         -------
         numpy.ndarray, numpy.ndarray
-            Signed distances to first order, negative inside, and the piece that is nearest, both shape (n,).
+            First-order signed distances, negative inside, and the nearest pieces, both of shape (n,).
         """
         tubes = np.split(self.pieces, self.first[1:-1])
         arguments = (self.pieces, self.first, self.flats, self.blends, self.hollow, np.array([_box(t) for t in tubes]))
@@ -88,7 +88,7 @@ class Field:
 
 
 def _box(pieces: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lower and upper corner of a box that holds pieces, shape (2, 3)."""
+    """Return the lower and upper corner of a bounding box of pieces, shape (2, 3)."""
     radius = (pieces[:, [6, 8]] * np.maximum(pieces[:, [7, 9]], 1.0)).max()
     ends = pieces[:, :6].reshape(-1, 3)
     return np.array([ends.min(axis=0) - radius, ends.max(axis=0) + radius])
@@ -99,7 +99,7 @@ def _pieces(part: Tube, skeleton: Skeleton) -> tuple[NDArray[np.float64], NDArra
     rows = np.array([[*s.position, s.depth, s.breadth / s.depth] for s in part.sections])
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1))])
     at = np.concatenate([np.linspace(a, b, SUBDIVISIONS, endpoint=False) for a, b in pairwise(chord)])
-    # Monotone cubics do not overshoot: no section grows thicker or thinner than its neighbours say.
+    # Monotone cubics do not overshoot: thickness stays between that of adjacent sections.
     samples = PchipInterpolator(chord, rows)(np.append(at, chord[-1]))
     start, end = samples[:-1], samples[1:]
     bone = skeleton.index(part.parent) if not part.sections[0].bone else -1
@@ -131,7 +131,7 @@ def _evaluate(
             for k in range(3):
                 outside = max(boxes[tube, 0, k] - points[i, k], points[i, k] - boxes[tube, 1, k], 0.0)
                 gap += outside * outside
-            # A tube further off than its fillet leaves the value as it is.
+            # A tube farther away than its fillet does not change the value.
             if owner >= 0 and np.sqrt(gap) > abs(value) + blend:
                 continue
             nx, ny, nz = flats[tube, 0], flats[tube, 1], flats[tube, 2]
@@ -148,7 +148,7 @@ def _evaluate(
                 across = max(cx * cx + cy * cy + cz * cz - along * along, 0.0)
                 norm = np.sqrt(across + (along / ratio) ** 2)
                 slope = np.sqrt(across + (along / (ratio * ratio)) ** 2)
-                # First-order distance to an ellipse: its implicit function over the length of the gradient.
+                # First-order distance to an ellipse: implicit function divided by the gradient norm.
                 d = (norm - radius) * (norm / slope if slope > 1e-9 else 1.0)
                 distance = min(distance, d)
                 if d < least and not hollow[tube]:
@@ -173,24 +173,24 @@ def surface(field: Field, n_vertices: int) -> tuple[Mesh, NDArray[np.int64]]:
     field
         The body.
     n_vertices
-        Number of vertices to aim at; the result is within some ten per cent.
+        Target number of vertices, reached within about ten per cent.
 
     Returns
     -------
     Mesh, numpy.ndarray
-        A closed surface of triangles of about one size, and the bone that owns each vertex, shape (n,).
+        A closed surface of triangles of similar size, and the bone of each vertex, shape (n,).
 
     Raises
     ------
     InvalidMesh
-        If the surface is not one closed piece without handles, so that the proportions have to be corrected.
+        If the surface is not a single closed component without handles; correct the proportions.
     """
     import igl
 
     low, high = field.bounds()
-    # A coarse pass measures the area, from which the length of an edge follows: 2 n triangles of area l^2 sqrt(3) / 4.
+    # A coarse pass measures the area, which determines the edge length: 2 n triangles of area l^2 sqrt(3) / 4.
     coarse = _marching_cubes(field, low, high, float((high - low).max()) / 60.0)
-    # Rounded, so that the last bits of a sum cannot change the triangles.
+    # Rounded, so that rounding errors of a sum cannot change the triangles.
     edge = round(float(np.sqrt(coarse.area / (2 * n_vertices) * 4.0 / np.sqrt(3.0))), 3)
     coarse = _marching_cubes(field, low, high, edge / VOXELS_PER_EDGE)
     mesh = isotropic_remesh(coarse, edge, iterations=5, feature_degrees=60.0, max_deviation=1.0)
@@ -211,7 +211,7 @@ def _marching_cubes(field: Field, low: NDArray[np.float64], high: NDArray[np.flo
     axes = [start + step * (np.arange(count) - 1.0) for start, count in zip(low, counts, strict=True)]
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     grid = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    # Only blocks that the surface may cross are worth a closer look; the others keep the value at their centre.
+    # Evaluate only blocks near the surface per voxel; the others keep the value at their centre.
     middle = np.s_[BLOCK // 2 :: BLOCK, BLOCK // 2 :: BLOCK, BLOCK // 2 :: BLOCK]
     centres = np.column_stack([x[middle].ravel(), y[middle].ravel(), z[middle].ravel()])
     values = field.evaluate(centres)[0].reshape(x[middle].shape)

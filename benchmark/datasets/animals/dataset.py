@@ -1,4 +1,4 @@
-"""The stand-in for TOSCA: nine classes of its sizes, eighty shapes."""
+"""The stand-in for TOSCA: eighty shapes in nine classes of the same sizes."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh
 
 CENTIMETRES = 100.0
-"""The generator of humans works in metres."""
+"""Centimetres per metre, as generated humans are in metres."""
 
 BODIES = {
     "david": Subject(gender=0.0, age=0.62, muscle=0.55, weight=0.30, height=0.35, proportions=0.80),
     "michael": Subject(gender=0.0, age=0.72, muscle=0.90, weight=0.72, height=0.42, proportions=0.50),
     "victoria": Subject(gender=1.0, age=0.66, muscle=0.45, weight=0.35, height=0.50, proportions=0.85),
 }
-"""A slim young man, a heavy strong man, and a woman."""
+"""Bodies of a slim young man, a heavy strong man, and a woman."""
 
 _SOME = (
     "standing",
@@ -42,34 +42,34 @@ _SOME = (
 )
 
 PEOPLE = {"david": _SOME[:7], "michael": tuple(HUMAN_POSES), "victoria": _SOME}
-"""Poses of each person by name; the first is the canonical one."""
+"""Poses by person; the first is the canonical pose."""
 
 
 def person_mesh(name: str, pose: str) -> Mesh:
-    """Return one of the people in one of the authored poses, in centimetres.
+    """Generate a person in an authored pose, in centimetres.
 
     Raises
     ------
     DatasetError
-        If the packages that make bodies are missing.
+        If the packages for generating bodies are missing.
     """
     mesh = human_mesh(BODIES[name], HUMAN_POSES[pose])
     return mesh.with_vertices(CENTIMETRES * np.array(mesh.vertices))
 
 
 def person_recipe(name: str, pose: str) -> str:
-    """Name what determines a mesh, without making it."""
+    """Return the body parameters and joint angles that determine a mesh."""
     return f"{recipe(BODIES[name], HUMAN_POSES[pose])} x {CENTIMETRES:g}"
 
 
 CANONICAL_POSE = "standing"
-"""The first pose of every class."""
+"""Canonical pose, the first pose of every class."""
 
 FROM_THE_SIDE = frozenset({"cat", "centaur", "dog", "horse", "wolf"})
-"""Classes whose long axis is y; the gorilla and the people show their face."""
+"""Classes with long axis y, viewed from the side; the gorilla and the people are viewed from the front."""
 
 _DECIMALS = 4
-"""Coordinates are rounded to micrometres, far above rounding errors."""
+"""Decimals of coordinates in centimetres: micrometres, far above rounding errors."""
 
 _POSES: dict[str, tuple[str, ...]] = dict(
     sorted({**{name: tuple(poses) for name, poses in POSES.items()}, **PEOPLE}.items())
@@ -87,7 +87,7 @@ ENTRIES = {
 
 
 def animals_mesh(identifier: str) -> Mesh:
-    """Return one shape of the set.
+    """Generate a shape of the set.
 
     Parameters
     ----------
@@ -97,15 +97,15 @@ def animals_mesh(identifier: str) -> Mesh:
     Returns
     -------
     Mesh
-        Closed, of one piece and genus 0, with the same triangles for all poses of a class. Centimetres, z up, facing
-        -y; the lowest point lies on z = 0 and the middle of the extent above the origin.
+        Closed and connected, genus 0, with the same triangles for all poses of a class. Centimetres, z up, facing -y;
+        the lowest point is at z = 0, and the centre of the horizontal extent at x = y = 0.
 
     Raises
     ------
     ConfigurationError
-        If there is no such shape.
+        If the shape is unknown.
     DatasetError
-        If the packages that make human bodies are missing.
+        If the packages for generating human bodies are missing.
     """
     if identifier not in ENTRIES:
         raise did_you_mean("shape of the data set 'animals'", identifier, ENTRIES)
@@ -119,7 +119,7 @@ def animals_mesh(identifier: str) -> Mesh:
 
 @dataclass(frozen=True)
 class Animals:
-    """The data set of animals and people, ordered by class, then by pose."""
+    """Data set of animals and people, ordered by class, then by pose."""
 
     name: str = "animals"
     title: str = "animals (stand-in for TOSCA)"
@@ -128,18 +128,18 @@ class Animals:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The 80 shapes."""
+        """All 80 shapes."""
         return tuple(ENTRIES.values())
 
     def load(self, entry: Entry) -> Mesh:
-        """Make the mesh of one shape; see :func:`animals_mesh`."""
+        """Generate the mesh of a shape; see :func:`animals_mesh`."""
         return animals_mesh(entry.identifier)
 
     def recipe(self, entry: Entry) -> str:
-        """Name the proportions of the body and the pose."""
+        """Return the proportions of the body and the pose."""
         make = person_recipe if entry.subject in PEOPLE else generated_recipe
         return make(entry.subject, entry.pose)
 
     def camera(self, entry: Entry) -> Camera:
-        """Look at the flank of four-legged animals and at the front of the others."""
+        """Return the side view for four-legged classes, the front view for the others."""
         return SIDE if entry.subject in FROM_THE_SIDE else FRONT

@@ -1,4 +1,4 @@
-"""One animal in one pose: body, skin and skeleton put together."""
+"""Animals in poses, from body, skin and skeleton."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
     from benchmark.datasets.animals.relaxation import Relaxation
 
 SPECIES = {species.name: species for species in (CAT, CENTAUR, DOG, GORILLA, HORSE, WOLF)}
-"""The generated bodies, by class name.
+"""Generated bodies by class name.
 
-The numbers are our own: drawn from general knowledge of each animal's build and set by eye. Only the overall size
-follows TOSCA's (Bronstein, Bronstein and Kimmel, 2008), so that the stand-in has the same scale. Each row of a tube is
+The numbers are original, based on general knowledge of each animal's build and set by eye. Only the overall size
+follows TOSCA (Bronstein, Bronstein and Kimmel, 2008), so that the stand-in has the same scale. Each row of a tube is
 (bone, forward, up, side, depth, breadth) in centimetres; see :mod:`.anatomy`.
 """
 
 N_VERTICES = 9000
-"""Vertices that a generated animal has, about."""
+"""Approximate number of vertices of a generated animal."""
 
 RELAXATIONS = 50
-"""Local and global steps that spread the strain of the joints."""
+"""Number of relaxation steps, which distribute the strain at the joints."""
 
 
 @dataclass(frozen=True)
 class Animal:
-    """A skin in the rest pose with all that moves it."""
+    """A skin in the rest pose with skeleton, weights and relaxation."""
 
     skeleton: Skeleton
     mesh: Mesh
@@ -48,7 +48,7 @@ class Animal:
     @classmethod
     def of(cls, name: str) -> Animal:
         """Build the animal of a species."""
-        from benchmark.datasets.animals.body import Field, surface  # numba is imported with them
+        from benchmark.datasets.animals.body import Field, surface  # imports numba
         from benchmark.datasets.animals.relaxation import Relaxation
 
         species = SPECIES[name]
@@ -73,11 +73,11 @@ def animal(name: str) -> Animal:
 
 
 def generated_mesh(name: str, pose: str) -> Mesh:
-    """Return one of the animals in one of its poses, in centimetres."""
+    """Generate an animal in one of its poses, in centimetres."""
     return animal(name).posed(POSES[name][pose])
 
 
 def generated_recipe(name: str, pose: str) -> str:
-    """Name what determines a mesh, without making it: a digest of the proportions and of the angles of the pose."""
+    """Return a digest of the proportions and pose angles that determine a mesh."""
     parts = repr((SPECIES[name], sorted(POSES[name][pose].items())))
     return f"animal {hashlib.sha256(parts.encode()).hexdigest()}"

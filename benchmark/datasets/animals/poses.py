@@ -1,12 +1,12 @@
-"""Poses of the six animals, as data: where the bones of each part point.
+"""Poses of the six animals, as data: directions of the bones of each part.
 
-Angles are degrees in the sagittal plane of the world: 0 forward, 90 up, 180 (or -180) backward, -90 down. A pair adds
-the outward angle, positive to the animal's left on the midline and away from the body on a limb. ``FOLLOW`` lets a bone
-follow its parent, ``None`` for a whole part keeps its rest directions. A part that a pose does not name follows.
+Angles are in degrees in the sagittal plane of the world: 0 forward, 90 up, 180 (or -180) backward, -90 down. A pair
+adds the outward angle, positive to the animal's left on the midline and away from the body on a limb. With ``FOLLOW``,
+a bone follows its parent; ``None`` for a whole part keeps its rest directions. Parts missing from a pose follow.
 
 Chains: trunk = pelvis, loin, back, chest; fore = scapula, upper arm, forearm, paw, toes; hind = thigh, shank, foot,
-toes; the hoofed have cannon, pastern and hoof for paw and toes. Gorilla: trunk = pelvis, belly, ribs. Centaur: torso =
-belly, waist, ribs. Both: arm = clavicle, upper arm, forearm, hand (fingers); leg = thigh, shank, foot, toes.
+toes; hoofed animals have cannon, pastern and hoof instead of paw and toes. Gorilla: trunk = pelvis, belly, ribs; leg =
+thigh, shank, foot, toes. Centaur: torso = belly, waist, ribs. Both: arm = clavicle, upper arm, forearm, hand (fingers).
 """
 
 from __future__ import annotations
@@ -341,4 +341,4 @@ POSES: dict[str, dict[str, Pose]] = {
     "horse": HORSE,
     "wolf": WOLF,
 }
-"""Poses of each class by name; the first is the canonical one."""
+"""Poses of each class by name; the first is the canonical pose."""

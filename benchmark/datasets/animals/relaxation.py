@@ -1,4 +1,4 @@
-"""Keep the edges of a posed skin as long as they were: as-rigid-as-possible relaxation around springs."""
+"""Preservation of edge lengths of a posed skin: as-rigid-as-possible relaxation with springs."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 
 SPRING = 0.0008
-"""Stiffness of the springs that hold the skin to where the bones want it, against the stiffness of an edge."""
+"""Stiffness of the springs to the target positions, relative to the stiffness of an edge."""
 
 TURNS = 4
-"""Steps of the iteration that finds the rotation of a vertex; it starts from the rotation of the step before."""
+"""Iterations for the rotation of a vertex, starting from its previous rotation."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Relaxation:
     """As-rigid-as-possible relaxation (Sorkine and Alexa, 2007, equation 3) with springs, factorised once per skin.
 
     Minimises sum_ij w_ij |(x_i - x_j) - R_i (p_i - p_j)|^2 + sum_i s_i |x_i - y_i|^2 over positions x and rotations R,
-    with rest positions p, wanted positions y and cotangent weights w.
+    with rest positions p, target positions y, cotangent weights w and spring stiffness s.
     """
 
     rest: NDArray[np.float64]
@@ -45,13 +45,13 @@ class Relaxation:
         mesh
             The skin in the rest pose.
         weights
-            Weights of the bones, shape (n, bones): springs are strong where one bone rules and weak at the joints.
+            Bone weights, shape (n, bones): springs are strong on vertices dominated by one bone and weak at joints.
         """
         rest = np.array(mesh.vertices)
         edges = sparse.csr_matrix(-cotangent_laplacian(mesh).stiffness)
         edges.setdiag(0.0)
         edges.eliminate_zeros()
-        # Obtuse pairs of triangles give negative weights, which would let the skin fold.
+        # Negative weights of obtuse triangle pairs would let the skin fold.
         edges.data = np.maximum(edges.data, 1e-3)
         springs = SPRING * weights.max(axis=1) ** 4
         system = sparse.diags(np.asarray(edges.sum(axis=1)).ravel() + springs) - edges
@@ -65,16 +65,16 @@ class Relaxation:
         Parameters
         ----------
         targets
-            Where the bones want the vertices, shape (n, 3).
+            Target positions of the vertices, shape (n, 3).
         rotations
-            First guess of the rotation of each vertex, shape (n, 3, 3).
+            Initial rotation of each vertex, shape (n, 3, 3).
         iterations
             Number of pairs of steps.
 
         Returns
         -------
         numpy.ndarray
-            Shape (n, 3).
+            Relaxed positions, shape (n, 3).
         """
         positions, rotations = targets, np.ascontiguousarray(rotations)
         skin = (self.rest, self.first, self.neighbours, self.stiffness)
@@ -93,7 +93,7 @@ def _local_rotations(
     neighbours: NDArray[np.int32],
     stiffness: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Best rotation of each star of edges, by the iteration of Müller, Bender, Chentanez and Macklin (2016)."""
+    """Return the best rotation of each edge star, by the iteration of Müller, Bender, Chentanez and Macklin (2016)."""
     result = np.empty_like(rotations)
     covariance = np.empty((3, 3))
     for i in range(len(positions)):
@@ -136,7 +136,7 @@ def _forces(
     neighbours: NDArray[np.int32],
     stiffness: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Right-hand side of the global step, shape (n, 3)."""
+    """Return the right-hand side of the global step, shape (n, 3)."""
     result = np.zeros_like(rest)
     for i in range(len(rest)):
         for e in range(first[i], first[i + 1]):

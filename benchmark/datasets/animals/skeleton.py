@@ -1,4 +1,4 @@
-"""Bones of a body, and where a pose takes them."""
+"""Bones of a body, and their transforms in a pose."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from benchmark.datasets.animals.anatomy import Species
 
 Aim = float | tuple[float, float] | None
-"""Where a bone points: the sagittal angle, with or without the outward angle; None follows the parent bone."""
+"""Direction of a bone: the sagittal angle, with or without the outward angle; None to follow the parent bone."""
 
 Pose = Mapping[str, Sequence[Aim] | None]
-"""Aims along the chain of each part; None keeps the directions of the rest pose whatever the parent does."""
+"""Aims along the chain of each part; None keeps the directions of the rest pose in any pose of the parent."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Skeleton:
 
     @classmethod
     def of(cls, species: Species) -> Skeleton:
-        """Return the skeleton that the sections of a species describe."""
+        """Create the skeleton from the sections of a species."""
         bones: list[Bone] = []
         index: dict[str, int] = {"": -1}
         chains: dict[str, tuple[int, ...]] = {}
@@ -60,24 +60,24 @@ class Skeleton:
         return cls(tuple(bones), chains)
 
     def index(self, name: str) -> int:
-        """Index of the bone of this name."""
+        """Return the index of a bone by name."""
         return [bone.name for bone in self.bones].index(name)
 
     def transforms(self, pose: Pose) -> tuple[Rotation, NDArray[np.float64]]:
-        """Take every bone where a pose wants it.
+        """Return the transforms of all bones in a pose.
 
-        A bone turns by the smallest rotation that brings its direction, as carried along by its parent, to the aim.
-        Aims are directions in the world, so that a leg stays planted when the back bends.
+        After following its parent, a bone rotates by the smallest angle to its aim. Aims are directions in the world,
+        so that a leg stays planted when the back bends.
 
         Parameters
         ----------
         pose
-            Aims by part; ``"hind"`` means both sides, ``"hind.left"`` one of them and wins over ``"hind"``.
+            Aims by part; ``"hind"`` is for both sides, ``"hind.left"`` for one side with precedence over ``"hind"``.
 
         Returns
         -------
         Rotation, numpy.ndarray
-            One rotation per bone, and translations of shape (bones, 3): a point p on bone b goes to R_b p + t_b.
+            One rotation per bone, and translations of shape (bones, 3): a point p on bone b moves to R_b p + t_b.
         """
         aims = self._aims(pose)
         rotations: list[Rotation] = []
@@ -113,19 +113,19 @@ def direction(aim: float | tuple[float, float], outward: float = 1.0) -> NDArray
     Parameters
     ----------
     aim
-        Sagittal angle in degrees (0 forward, 90 up, 180 backward, -90 down), or that and the outward angle in degrees
-        (0 in the sagittal plane, 90 straight out to the side).
+        Sagittal angle in degrees (0 forward, 90 up, 180 backward, -90 down), or a pair with the outward angle in
+        degrees (0 in the sagittal plane, 90 straight out to the side).
     outward
-        1 for the left side and the midline, where outward is +x; -1 for the right side.
+        1 for the left side and the midline, with +x as outward; -1 for the right side.
     """
     sagittal, side = np.radians(aim if isinstance(aim, tuple) else (aim, 0.0))
     return np.array([outward * np.sin(side), -np.cos(side) * np.cos(sagittal), np.cos(side) * np.sin(sagittal)])
 
 
 def smallest_rotation(start: NDArray[np.float64], end: NDArray[np.float64]) -> Rotation:
-    """Return the rotation by the smallest angle that takes one unit vector to another, both shape (3,).
+    """Return the rotation by the smallest angle from one unit vector to another, both of shape (3,).
 
-    Opposite vectors turn about the x axis, so they have to lie in the sagittal plane.
+    Opposite vectors rotate about the x axis, so they must lie in the sagittal plane.
     """
     axis = np.cross(start, end)
     sine = float(np.linalg.norm(axis))

@@ -1,4 +1,4 @@
-"""Skin on bones: smooth weights, and blending of the motions of the bones."""
+"""Skinning: smooth bone weights, and blending of bone motions."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 
 HEAT = 1.0
-"""Heat that flows from a bone to the skin above it, against the flow along the skin."""
+"""Heat flow from a bone to the skin above it, relative to the flow along the skin."""
 
 
 def bone_weights(mesh: Mesh, owners: NDArray[np.int64], skeleton: Skeleton) -> NDArray[np.float64]:
-    """Weights of the bones by heat diffusion over the skin (Baran and Popović, Pinocchio, 2007, section 4).
+    """Compute bone weights by heat diffusion over the skin (Baran and Popović, Pinocchio, 2007, section 4).
 
     Parameters
     ----------
     mesh
         The skin in the rest pose.
     owners
-        Bone that owns each vertex, shape (n,).
+        Bone of each vertex, shape (n,).
     skeleton
         The bones in the rest pose.
 
     Returns
     -------
     numpy.ndarray
-        Shape (n, bones), non-negative, rows sum to one.
+        Weights, shape (n, bones), non-negative, rows sum to one.
     """
     import igl
 
@@ -54,26 +54,26 @@ def bone_weights(mesh: Mesh, owners: NDArray[np.int64], skeleton: Skeleton) -> N
 def blend(
     vertices: NDArray[np.float64], weights: NDArray[np.float64], rotations: Rotation, translations: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Dual quaternion blending (Kavan, Collins, Žára and O'Sullivan, 2008, section 4).
+    """Pose vertices by dual quaternion blending (Kavan, Collins, Žára and O'Sullivan, 2008, section 4).
 
     Parameters
     ----------
     vertices
         Rest positions, shape (n, 3).
     weights
-        Shape (n, bones), rows sum to one.
+        Bone weights, shape (n, bones), rows sum to one.
     rotations, translations
         One rigid motion per bone; translations have shape (bones, 3).
 
     Returns
     -------
     numpy.ndarray, numpy.ndarray
-        Positions, shape (n, 3), and rotations of the skin, shape (n, 3, 3).
+        Posed positions, shape (n, 3), and rotations of the skin, shape (n, 3, 3).
     """
     real = rotations.as_quat()
     shift = np.column_stack([translations, np.zeros(len(translations))])
     dual = 0.5 * _multiply(shift, real)
-    # q and -q are one rotation: blend all on the side of the bone that weighs most.
+    # q and -q are the same rotation: blend all on the side of the bone with the largest weight.
     main = real[weights.argmax(axis=1)]
     signed = weights * np.where(main @ real.T < 0.0, -1.0, 1.0)
     blended, moved = signed @ real, signed @ dual
@@ -85,7 +85,7 @@ def blend(
 
 
 def _multiply(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Hamilton product of quaternions stored as (x, y, z, w), shape (n, 4)."""
+    """Return the Hamilton product of quaternions stored as (x, y, z, w), shape (n, 4)."""
     vector = p[:, 3:] * q[:, :3] + q[:, 3:] * p[:, :3] + np.cross(p[:, :3], q[:, :3])
     scalar = p[:, 3] * q[:, 3] - (p[:, :3] * q[:, :3]).sum(axis=1)
     return np.column_stack([vector, scalar])

@@ -1,1 +1,1 @@
-"""Sets that other people made, in the layouts in which they are given out."""
+"""Official data sets in their published layouts."""

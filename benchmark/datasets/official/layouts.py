@@ -1,7 +1,7 @@
-"""File layouts of official sets: which shapes belong to one, and which subject each of them shows.
+"""File layouts of official sets: their shapes, and the subject of each shape.
 
-A layout is read from the folder of the set or from any folder up to three levels below it, as the archives unpack. Case
-and leading zeros of a file name are of no account. What is not as the set was given out is a ``DatasetError`` that
+A layout is read from the folder of the set and folders up to three levels below, as unpacked from the archives. Case
+and leading zeros of file names are ignored. Detected differences from the published set raise a ``DatasetError`` that
 names the file.
 """
 
@@ -20,7 +20,7 @@ from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import mesh_files, read_cla, sub_folders
 from benchmark.errors import DatasetError, UnreadableMesh
 
-#: Lists of classes in the format of the Princeton Shape Benchmark go by these names.
+#: File names of class lists in the format of the Princeton Shape Benchmark.
 LISTS = ("*.cla", "categories.txt")
 
 _DEPTH = 3
@@ -33,7 +33,7 @@ class Layout(Protocol):
     Attributes
     ----------
     n_shapes, n_classes
-        How many there are; None where no source states it.
+        Number of shapes and classes; None if no source states it.
     """
 
     @property
@@ -48,12 +48,12 @@ class Layout(Protocol):
 
 @dataclass(frozen=True)
 class Named:
-    """A set whose file names are all known and tell the subject.
+    """A set with known file names that determine the subject.
 
     Parameters
     ----------
     shapes
-        Subject and pose by file name without its extension, in the order of the set.
+        Subject and pose by file name without extension, in the order of the set.
     """
 
     shapes: Mapping[str, tuple[str, str]]
@@ -69,7 +69,7 @@ class Named:
         return len({subject for subject, _ in self.shapes.values()})
 
     def entries(self, folder: Path) -> tuple[Entry, ...]:
-        """Read the shapes; a list of classes beside them must agree with their names."""
+        """Read the shapes; a class list in the folder must agree with their names."""
         stems = {_key(stem): stem for stem in self.shapes}
         files = _files(folder, {_form(stem) for stem in self.shapes})
         missing = [stem for key, stem in stems.items() if key not in files]
@@ -87,7 +87,7 @@ class Named:
         return tuple(Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items())
 
     def _check_list(self, source: Path) -> None:
-        """Raise ``DatasetError`` unless the list groups the shapes as their names do."""
+        """Raise ``DatasetError`` if the list groups the shapes differently from their names."""
         subjects = {_number(stem): subject for stem, (subject, _) in self.shapes.items()}
         classes = read_cla(source)
         if classes.keys() != subjects.keys():
@@ -108,17 +108,17 @@ class Named:
 
 @dataclass(frozen=True)
 class Listed:
-    """A set of numbered files whose classes stand in a list beside them, or are the folders that they lie in.
+    """A set of numbered files, with classes from a list in the folder or from sub-folders.
 
     Parameters
     ----------
     n_classes, n_poses
-        Number of classes, and of shapes in each of them.
+        Number of classes, and of shapes per class.
     prefix
-        What stands before the number.
+        Prefix of the number in file names.
     members
-        Class by the digest of its numbers, see :func:`members_digest`; empty where the official list is not known, so
-        that the list of the folder is believed.
+        Class by the digest of its numbers, see :func:`members_digest`; empty if the official list is unknown and the
+        list in the folder is not verified.
     """
 
     n_classes: int
@@ -132,7 +132,7 @@ class Listed:
         return self.n_classes * self.n_poses
 
     def entries(self, folder: Path) -> tuple[Entry, ...]:
-        """Read the shapes, by number."""
+        """Read the shapes in order of their numbers."""
         files = {_number(key): path for key, path in _files(folder, {f"{self.prefix}#"}).items()}
         source = _list(folder)
         classes = read_cla(source) if source else _folder_classes(files)
@@ -150,7 +150,7 @@ class Listed:
         )
 
     def _check_numbers(self, listed: Set[int], files: Mapping[int, Path], source: Path) -> None:
-        """Raise ``DatasetError`` unless the list and the meshes have the same numbers."""
+        """Raise ``DatasetError`` if the numbers of the list and the meshes differ."""
         missing, surplus = sorted(listed - files.keys()), sorted(files.keys() - listed)
         if missing or surplus:
             what = f"there is no {self.prefix.upper()}{missing[0]}" if missing else f"{files[surplus[0]].name} is extra"
@@ -161,7 +161,7 @@ class Listed:
             )
 
     def _official_names(self, classes: Mapping[int, str], source: Path) -> dict[str, str]:
-        """Official name of each class that is listed; raises ``DatasetError`` unless it has its official members."""
+        """Return the official name of each listed class; raises ``DatasetError`` if its members are not official."""
         sizes = Counter(classes.values())
         if len(sizes) != self.n_classes:
             raise DatasetError(f"{source} has {len(sizes)} classes, not the official {self.n_classes}", _UNPACK)
@@ -184,19 +184,19 @@ class Listed:
 
 @dataclass(frozen=True)
 class Classed:
-    """A set whose file names are a class and a number, where no source states how many there are of each.
+    """A set with file names of class and number, with unknown class sizes.
 
     Parameters
     ----------
     classes
-        Class by what stands before the number.
+        Class by prefix of the number.
     """
 
     classes: Mapping[str, str]
 
     @property
     def n_shapes(self) -> None:
-        """Not known."""
+        """Unknown."""
         return
 
     @property
@@ -220,7 +220,7 @@ class Classed:
 
 
 def members_digest(numbers: Iterable[int]) -> str:
-    """Return what tells the members of a class apart from any others: eight hexadecimal digits."""
+    """Return a digest of the numbers of a class: eight hexadecimal digits."""
     return hashlib.sha256(",".join(map(str, sorted(numbers))).encode()).hexdigest()[:8]
 
 
@@ -237,7 +237,7 @@ def _number(stem: str) -> int:
 
 
 def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
-    """Yield the folder of a set and those up to three levels below it, where its files may lie."""
+    """Yield the folder of a set and its sub-folders, by default up to three levels deep."""
     yield folder
     if depth:
         for sub in sub_folders(folder):
@@ -245,7 +245,7 @@ def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
 
 
 def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
-    """Meshes with one of these forms of name, by key."""
+    """Return the meshes with file names of the given forms, by key."""
     path_of: dict[str, Path] = {}
     for place in folders_of_set(folder):
         for path in mesh_files(place):
@@ -264,7 +264,7 @@ def _list(folder: Path) -> Path | None:
 
 
 def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
-    """Class of each number by the folder of its file, above ``train`` and ``test``."""
+    """Return the class of each number from its folder, or the parent of ``train`` and ``test``."""
     above = {
         number: path.parents[1] if path.parent.name in ("train", "test") else path.parent
         for number, path in files.items()
@@ -273,7 +273,7 @@ def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
 
 
 def _check_copies(paths: Iterable[Path]) -> None:
-    """Raise ``DatasetError`` if two files have the same bytes; empty ones are unreadable, each for itself."""
+    """Raise ``DatasetError`` if two files have the same content, except empty files, which are unreadable."""
     by_size: dict[int, list[Path]] = {}
     for path in paths:
         by_size.setdefault(path.stat().st_size, []).append(path)
@@ -284,13 +284,13 @@ def _check_copies(paths: Iterable[Path]) -> None:
             try:
                 digest = file_digest(path)
             except UnreadableMesh:
-                continue  # costs its shape alone
+                continue  # excludes this shape only
             if first.setdefault(digest, path) != path:
                 raise DatasetError(f"{path} is a copy of {first[digest].name}", "fetch the official file again")
 
 
 def _renumber(expected: Iterable[int], actual: Iterable[int]) -> str:
-    """Return how to correct numbers that are all one too high or too low; "" if they are not."""
+    """Return a hint if all numbers are off by one in the same direction, otherwise ""."""
     listed, numbers = sorted(expected), sorted(actual)
     for step, hint in (1, "subtract 1 from"), (-1, "add 1 to"):
         if [number + step for number in listed] == numbers and listed:

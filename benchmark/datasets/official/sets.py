@@ -1,4 +1,4 @@
-"""The official sets: layout, size, cameras, and where each comes from under which terms."""
+"""The official sets: layout, size, cameras, origin and terms of use."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ _UNSTATED = "not stated; ask its makers, and cite"
 
 @dataclass(frozen=True, kw_only=True)
 class OfficialSet:
-    """A set as its makers give it out.
+    """A published data set.
 
     Parameters
     ----------
     title
         Name in captions.
     folder
-        Where it lies under the data root.
+        Folder under the data root.
     layout
-        Its shapes.
+        Layout of the files.
     origin
-        Who gives it out.
+        Publisher.
     url
-        Where to get it.
+        Download address.
     terms
-        What it may be used for, as far as that is stated.
+        Terms of use, if stated.
     citation
         Key in ``benchmark/reference/references.bib``.
     camera_for
-        Chooses the depth camera of a shape; None looks along +y with z up.
+        Function from entry to depth camera; None for a view along +y with z up.
     other_use
-        What a set of a single subject is for, where nothing can be retrieved; "" for a set that is ranked.
+        Purpose of a set with a single subject, which does not allow retrieval; "" for a set that is ranked.
     """
 
     title: str
@@ -58,7 +58,7 @@ class OfficialSet:
         Raises
         ------
         DatasetError
-            If it is not as it was given out: a wrong count, a missing or doubled file, a label that was moved.
+            If the set differs from the published one: wrong counts, missing or duplicate files, changed labels.
         ConfigurationError
             If ``dataset.toml`` has an unknown key, class or pose.
         """
@@ -75,7 +75,7 @@ class OfficialSet:
 
 
 def _blocks(stem: str, subjects: list[str], n_poses: int, first: int = 0) -> Named:
-    """File names that count through all poses of one subject after the other."""
+    """Return a layout with file names numbered by subject, then by pose."""
     pairs = [(subject, str(pose)) for subject in subjects for pose in range(n_poses)]
     return Named({stem.format(number): pair for number, pair in enumerate(pairs, start=first)})
 
@@ -84,13 +84,13 @@ def _counted(n: int) -> list[str]:
     return [str(number) for number in range(n)]
 
 
-#: Classes of SHREC'07 in the order of the numbers, twenty each.
+#: Classes of SHREC'07 in order of the numbers, twenty shapes each.
 WATERTIGHT_CLASSES = (
     *("human", "cup", "glasses", "airplane", "ant", "chair", "octopus", "table", "teddy", "hand"),
     *("plier", "fish", "bird", "spring", "armadillo", "bust", "mechanic", "bearing", "vase", "fourleg"),
 )
 
-#: Digests of the numbers of each class of SHREC'10, from the list that the track gave out.
+#: Digests of the numbers of each class of SHREC'10, from the list published by the track.
 SHREC10_CLASSES = {
     "19b82b34": "ants",
     "e47a52e9": "crabs",
@@ -104,7 +104,7 @@ SHREC10_CLASSES = {
     "e1e146f0": "teddy",
 }
 
-#: The same of SHREC'11.
+#: Digests of the numbers of each class of SHREC'11.
 SHREC11_CLASSES = {
     "c35d4028": "alien",
     "db9a3406": "ants",
@@ -138,10 +138,10 @@ SHREC11_CLASSES = {
     "d12aa474": "woman",
 }
 
-#: Classes of the partial sets of SHREC'16, which are TOSCA's but for the gorilla.
+#: Classes of the partial sets of SHREC'16: those of TOSCA except the gorilla.
 _CUT_CLASSES = tuple(subject for subject in tosca.CLASS_SIZES if subject != "gorilla")
 
-#: FAUST stands along y and faces +z.
+#: Camera for FAUST, which has y up and faces +z.
 Y_UP = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 
 _OF_ONE_SUBJECT = "use it with canonicalise, data sheet and data export"
@@ -270,7 +270,7 @@ SETS: Mapping[str, OfficialSet] = {
     "scape": OfficialSet(
         title="SCAPE",
         folder="scape",
-        # Its 71 meshes skip number 51.
+        # The 71 meshes skip number 51.
         layout=Named({f"mesh{pose:03d}": ("scape", str(pose)) for pose in range(72) if pose != 51}),
         origin="Stanford",
         url="http://ai.stanford.edu/~drago/Projects/scape/scape.html",
@@ -280,5 +280,5 @@ SETS: Mapping[str, OfficialSet] = {
     ),
 }
 
-#: Sets that the paper has no table of and that can be ranked.
+#: Rankable sets without a table in the paper.
 EXTENDED = tuple(name for name, known in SETS.items() if not known.other_use and not name.startswith("shrec14"))

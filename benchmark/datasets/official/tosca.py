@@ -13,10 +13,10 @@ from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 
-#: Classes whose long axis is y: the depth camera looks at their side.
+#: Classes with long axis y, viewed from the side by the depth camera.
 QUADRUPEDS = frozenset({"cat", "centaur", "dog", "horse", "wolf"})
 
-#: Shapes of each class.
+#: Number of shapes per class.
 CLASS_SIZES = {
     "cat": 11,
     "centaur": 6,
@@ -29,7 +29,7 @@ CLASS_SIZES = {
     "wolf": 3,
 }
 
-#: The null pose of each class is number 0; the set has no gorilla0, and gorilla1 is the one that stands upright.
+#: The null pose of each class is number 0; there is no gorilla0, and gorilla1 stands upright.
 CANONICAL_POSE = {subject: "1" if subject == "gorilla" else "0" for subject in CLASS_SIZES}
 
 _STEM = re.compile(r"(?P<subject>[a-z]+)(?P<pose>[0-9]+)")
@@ -43,8 +43,8 @@ def tosca(data_root: Path) -> FolderDataset:
     Raises
     ------
     DatasetError
-        If the folder is missing, holds no file named like ``cat0.off``, ``cat0.mat`` or ``cat0.vert``, or holds two
-        files for one shape.
+        If the folder is missing, contains no file such as ``cat0.off``, ``cat0.mat`` or ``cat0.vert``, or contains two
+        files for the same shape.
     ConfigurationError
         If ``dataset.toml`` has an unknown key, class or pose.
     """
@@ -76,5 +76,5 @@ def tosca(data_root: Path) -> FolderDataset:
 
 
 def camera(entry: Entry) -> Camera:
-    """Quadrupeds are seen from the side, people and gorillas from the front; z is up."""
+    """Return the side view for quadrupeds, the front view for people and gorillas; z is up."""
     return SIDE if entry.subject in QUADRUPEDS else FRONT

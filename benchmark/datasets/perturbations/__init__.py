@@ -1,1 +1,1 @@
-"""Data sets whose shapes are perturbed on purpose: what a perturbation does to a mesh, at five strengths."""
+"""Data sets with perturbed shapes: perturbations of meshes and views at five strengths."""

@@ -1,4 +1,4 @@
-"""A data set with a perturbation of some strength: ``animals-few[noise=3]``."""
+"""Data sets with a perturbation of a given strength: ``animals-few[noise=3]``."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ STRENGTHS = (1, 2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One way to perturb shapes.
+    """A type of perturbation.
 
     Parameters
     ----------
     title
-        In words.
+        Name in captions.
     unit
-        What the amounts are.
+        Meaning of the amounts.
     amounts
-        One for each strength.
+        Amount at each strength.
     on_mesh
-        Perturbs the mesh; None where the camera is what is perturbed.
+        Function that perturbs the mesh; None for perturbations of the camera.
     inputs
-        Inputs that it is made for.
+        Inputs that the perturbation applies to.
     of_frames
-        Parameter of a set of depth frames that takes the amount; "" for what perturbs meshes or their camera.
+        Parameter of a set of depth frames that receives the amount; "" for perturbations of meshes or their camera.
     """
 
     title: str
@@ -97,12 +97,12 @@ _NAME = re.compile(r"(?P<base>.+)\[(?P<perturbation>[a-z-]+)=(?P<strength>[1-5])
 
 
 def perturbed_name(base: str, perturbation: str, strength: int) -> str:
-    """Name of a data set under a perturbation."""
+    """Return the name of a data set under a perturbation."""
     return f"{base}[{perturbation}={strength}]"
 
 
 def parsed(name: str) -> tuple[str, str, int] | None:
-    """Data set, perturbation and strength of a name; None where it names no perturbed set."""
+    """Return the data set, perturbation and strength in a name; None if it is not the name of a perturbed set."""
     match = _NAME.fullmatch(name)
     if not match or match["perturbation"] not in PERTURBATIONS:
         return None
@@ -111,16 +111,16 @@ def parsed(name: str) -> tuple[str, str, int] | None:
 
 @dataclass(frozen=True)
 class Some:
-    """Some shapes of a data set under a name of their own.
+    """A subset of a data set with a separate name.
 
     Parameters
     ----------
     whole
         The data set.
     part
-        Which of its shapes.
+        The selected shapes.
     name, title
-        What they are called together.
+        Name and title of the subset.
     """
 
     whole: Dataset
@@ -130,25 +130,25 @@ class Some:
 
     @property
     def stand_in_for(self) -> str:
-        """Nothing: it is a set of its own."""
+        """Always empty."""
         return ""
 
     @property
     def half_width(self) -> float | None:
-        """Half the width of the camera's frame, that of the whole set."""
+        """Half the width of the camera's frame, as in the whole set."""
         return self.whole.half_width
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:
-        """The shapes, in the order of the data set."""
+        """Selected shapes, in the order of the data set."""
         return self.part.of(self.whole)
 
     def load(self, entry: Entry) -> Mesh:
-        """Return the mesh as the set gives it."""
+        """Return the unprocessed mesh."""
         return self.whole.load(entry)
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh."""
+        """Return the recipe in the whole set."""
         return self.whole.recipe(entry)
 
     def camera(self, entry: Entry) -> Camera:
@@ -158,14 +158,14 @@ class Some:
 
 @dataclass(frozen=True)
 class Perturbed(ChangedDataset):
-    """All shapes of a data set under one perturbation.
+    """A data set with perturbed shapes.
 
     Parameters
     ----------
     perturbation
         A key of :data:`PERTURBATIONS`.
     strength
-        From 1, the weakest, to 5.
+        Strength from 1 (weakest) to 5.
     """
 
     perturbation: str
@@ -193,17 +193,17 @@ class Perturbed(ChangedDataset):
         Raises
         ------
         UnsupportedShape
-            If the perturbation leaves nothing that can be prepared; the shape then counts as unsupported.
+            If no usable mesh remains after the perturbation; the shape then counts as unsupported.
         """
         on_mesh = PERTURBATIONS[self.perturbation].on_mesh
         return mesh if on_mesh is None else on_mesh(mesh, self.amount, np.random.default_rng(self._seed(entry)))
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh."""
+        """Return the recipe of the clean mesh, the perturbation, the amount and the seed."""
         return f"{self._clean_recipe(entry)} {self.perturbation} {self.amount!r} {self._seed(entry)}"
 
     def camera(self, entry: Entry) -> Camera:
-        """Look as in the clean set, or from beside: turned about the vertical by up to the amount, either way."""
+        """Return the camera of the clean set, for ``view-angle`` rotated about the vertical by up to +- the amount."""
         camera = super().camera(entry)
         if self.perturbation != "view-angle":
             return camera
@@ -212,24 +212,24 @@ class Perturbed(ChangedDataset):
         return Camera(tuple(turned.tolist()), camera.up)
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
-        """Return what the depth camera adds to its image; None for a camera without faults."""
+        """Return the depth sensor; None for an ideal camera."""
         if self.perturbation == "depth-noise":
             return DepthSensor(self.amount, self.amount, self._seed(entry))
         return super().sensor(entry)
 
     def _seed(self, entry: Entry) -> int:
-        """The same at every strength, so that a stronger perturbation is more of the same."""
+        """Return a seed that is the same at every strength, so that strengths differ only in the amount."""
         name = f"{self.perturbation}|{entry.identifier}".encode("utf-8", "surrogatepass")
         return int.from_bytes(hashlib.sha256(name).digest()[:4], "big")
 
 
 def perturbed(clean: Dataset, perturbation: str, strength: int) -> Perturbed:
-    """Put a data set under a perturbation, which of frames is a parameter of the set.
+    """Perturb a data set; perturbations of frames change a parameter of the set.
 
     Raises
     ------
     ConfigurationError
-        If the perturbation is one of frames, and the set has none; or if the camera has depth noise already.
+        If the perturbation requires depth frames and the set has none, or if the camera already has depth noise.
     """
     known = PERTURBATIONS[perturbation]
     if known.of_frames and isinstance(clean, CameraFrames):

@@ -1,4 +1,4 @@
-"""One shape under every perturbation at every strength, as a data set that can be drawn."""
+"""A shape under every perturbation at every strength, as a data set for figures."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ __all__ = ["Overview", "overview"]
 
 @dataclass(frozen=True)
 class Overview:
-    """A class for each perturbation and a pose for each strength.
+    """Data set with a class for each perturbation and a pose for each strength.
 
-    Scale is left out: a picture shows a shape as large as there is room.
+    Scale is omitted, because figures normalise the size of shapes.
 
     Parameters
     ----------
     clean
-        The data set that the shape is of.
+        The data set of the shape.
     shape
-        Which of its shapes.
+        The shape to perturb.
     """
 
     clean: Dataset
@@ -34,7 +34,7 @@ class Overview:
 
     @property
     def name(self) -> str:
-        """Name of its file."""
+        """Name of the output file."""
         return f"{self.clean.name}-perturbations"
 
     @property
@@ -44,12 +44,12 @@ class Overview:
 
     @property
     def half_width(self) -> float | None:
-        """Half the width of the camera's frame, that of the clean set."""
+        """Half the width of the camera's frame, as in the clean set."""
         return self.clean.half_width
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """One for each perturbation and strength."""
+        """Entries for each perturbation and strength."""
         return tuple(
             Entry(f"{perturbation}={strength}", perturbation, f"strength {strength}")
             for perturbation in fitting_perturbations(self.clean.name)
@@ -62,7 +62,7 @@ class Overview:
         return self._set_of(entry).load(self.shape)
 
     def recipe(self, entry: Entry) -> str:
-        """Name what determines the mesh."""
+        """Return the recipe of the perturbed mesh."""
         return self._set_of(entry).recipe(self.shape)
 
     def camera(self, entry: Entry) -> Camera:
@@ -70,7 +70,7 @@ class Overview:
         return self._set_of(entry).camera(self.shape)
 
     def sensor(self, entry: Entry) -> DepthSensor | None:
-        """Return what the depth camera adds to its image."""
+        """Return the depth sensor under the perturbation; None for an ideal camera."""
         return self._set_of(entry).sensor(self.shape)
 
     def _set_of(self, entry: Entry) -> Perturbed:
@@ -79,12 +79,12 @@ class Overview:
 
 
 def overview(dataset: Dataset, identifier: str = "") -> Overview:
-    """One shape of a data set under every perturbation; the first one where none is named.
+    """Return a shape of a data set under every perturbation; by default the first shape.
 
     Raises
     ------
     DatasetError
-        If there is no such shape.
+        If the shape does not exist.
     """
     entries = [entry for entry in dataset.entries if identifier in ("", entry.identifier)]
     if not entries:

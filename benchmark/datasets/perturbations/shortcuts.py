@@ -1,4 +1,4 @@
-"""Topological shortcuts: parts that touch are glued together, as scanners and marching cubes glue a hand to a hip."""
+"""Topological shortcuts: nearby parts are fused, as scanners and marching cubes fuse a hand and a hip."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from benchmark.errors import UnsupportedShape
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
 
-#: Two places are parts of their own where the way along the edges is this share of the longest side of the bounding
-#: box at least, and this many times as long as the straight one.
+#: Minimum distance along the edges between two triangles to be joined, as a fraction of the longest side of the
+#: bounding box, and as a multiple of their Euclidean distance.
 FARTHEST, DETOUR = 0.3, 2.0
 
-#: Places that are tried as one end of a shortcut.
+#: Number of candidate triangles for one end of a shortcut.
 TRIED = 100
 
 
 def shortcuts(mesh: Mesh, amount: float, random: np.random.Generator) -> Mesh:
-    """Join this number of pairs of triangles, near in space and far along the surface, by tubes.
+    """Join the given number of triangle pairs, near in space and far along the surface, by tubes.
 
-    Of the places that are tried, the nearest pairs are glued first: hands to hips, knees to each other. A tube takes
-    the place of its two triangles and has six instead, so the surface stays a manifold and its genus grows by one.
+    Among the candidates, the nearest pairs are joined first: hands to hips, or the knees. A tube replaces its two
+    triangles by six, so the surface stays a manifold and its genus increases by one.
 
     Raises
     ------
     UnsupportedShape
-        If there are not as many such pairs.
+        If there are fewer such pairs.
     """
     starts = random.permutation(mesh.n_faces)[:TRIED]
     middles = mesh.vertices[mesh.faces].mean(axis=1)
@@ -48,7 +48,7 @@ def shortcuts(mesh: Mesh, amount: float, random: np.random.Generator) -> Mesh:
             break
         if used[first].any() or used[second].any():
             continue
-        # No two tubes side by side: they would be one.
+        # Adjacent tubes would act as a single shortcut.
         middle = middles[starts[number]]
         used |= np.linalg.norm(mesh.vertices - middle, axis=1) < FARTHEST / 5 * extent_of(mesh)
         used[first], used[second] = True, True
@@ -63,10 +63,10 @@ def shortcuts(mesh: Mesh, amount: float, random: np.random.Generator) -> Mesh:
 
 
 def _facing(mesh: Mesh, middles: NDArray[np.float64], starts: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Return whether two triangles see each other's outer side, so that a tube lies outside the body, shape (k, m)."""
+    """Return whether the outer sides of two triangles face each other, so that a tube lies outside, shape (k, m)."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
-    if np.einsum("ij,ij", a, normals) < 0:  # six times the volume: of a mesh that is turned inside out
+    if np.einsum("ij,ij", a, normals) < 0:  # six times the volume is negative: the mesh is inside out
         normals = -normals
     own, other = np.einsum("ij,ij->i", middles, normals), middles @ normals[starts].T
     ahead = own[starts][:, None] < other.T
@@ -75,7 +75,7 @@ def _facing(mesh: Mesh, middles: NDArray[np.float64], starts: NDArray[np.integer
 
 
 def _ways(mesh: Mesh, sources: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Lengths of the shortest ways along edges, shape (k, n)."""
+    """Return the shortest path lengths along edges, shape (k, n)."""
     sides = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
     sides = np.unique(np.sort(sides, axis=1), axis=0)
     lengths = np.linalg.norm(mesh.vertices[sides[:, 0]] - mesh.vertices[sides[:, 1]], axis=1)
@@ -84,7 +84,7 @@ def _ways(mesh: Mesh, sources: NDArray[np.integer]) -> NDArray[np.float64]:
 
 
 def _tube(vertices: NDArray[np.float64], first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Six triangles between two triangles that face each other, turned so that the tube is short."""
+    """Return six triangles between two facing triangles, with the rotation that gives the shortest tube."""
     around = second[::-1]
     turns = [np.roll(around, k) for k in range(3)]
     lengths = [np.linalg.norm(vertices[first] - vertices[turn], axis=1).sum() for turn in turns]

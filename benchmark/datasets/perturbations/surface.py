@@ -1,7 +1,7 @@
-"""Perturbations of a surface, each a pure function of the mesh, an amount and random draws.
+"""Perturbations of a surface, as pure functions of the mesh, an amount and a random generator.
 
-What is drawn does not depend on the amount, so that a stronger perturbation is more of the same one. Lengths are shares
-of the longest side of the bounding box.
+Random draws do not depend on the amount, so strengths differ only in the amount. Lengths are fractions of the longest
+side of the bounding box.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ Random = np.random.Generator
 
 #: Radius of a hole.
 HOLE_RADIUS = 0.02
-#: Vertices below which nothing is worth preparing.
+#: Minimum number of vertices of a perturbed shape.
 FEWEST_VERTICES = 50
-#: Rounds of re-meshing.
+#: Re-meshing iterations.
 ROUNDS = 5
 
 
 def noise(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Move every vertex by independent Gaussian noise with this standard deviation in each coordinate."""
+    """Add independent Gaussian noise to every vertex, with the given standard deviation per coordinate."""
     return mesh.with_vertices(mesh.vertices + amount * extent_of(mesh) * random.standard_normal((mesh.n_vertices, 3)))
 
 
 def holes(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Cut this number of round holes, anywhere on the surface; the largest piece stays."""
+    """Cut the given number of round holes at random positions; keep the largest piece."""
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     running = np.cumsum(mesh.face_areas)
     centres = middles[np.searchsorted(running, running[-1] * random.uniform(size=int(amount)) * (1 - 1e-12))]
@@ -39,7 +39,7 @@ def holes(mesh: Mesh, amount: float, random: Random) -> Mesh:
 
 
 def missing_parts(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Cut off the outermost share of the area in a random direction; the largest piece stays."""
+    """Cut off the outermost fraction of the area in a random direction; keep the largest piece."""
     direction = random.standard_normal(3)
     along = mesh.vertices[mesh.faces].mean(axis=1) @ (direction / np.linalg.norm(direction))
     order = np.argsort(along, kind="stable")
@@ -50,24 +50,24 @@ def missing_parts(mesh: Mesh, amount: float, random: Random) -> Mesh:
 
 
 def resolution(mesh: Mesh, amount: float, _: Random) -> Mesh:
-    """Give the surface this number of vertices, by halving all edges where it has fewer and collapsing edges then."""
+    """Change the number of vertices: halve all edges until there are enough, then collapse edges."""
     while mesh.n_vertices < amount:
         mesh = _halved(mesh)
     return decimate(mesh, int(amount))
 
 
 def remeshing(mesh: Mesh, amount: float, _: Random) -> Mesh:
-    """Triangles of one size with edges of this length, in place of the given ones."""
+    """Re-mesh the surface isotropically with the given edge length."""
     return isotropic_remesh(mesh, amount * extent_of(mesh), iterations=ROUNDS, feature_degrees=30.0)
 
 
 def scale(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Scale by a factor between its inverse and this amount, uniform in its logarithm."""
+    """Scale by a log-uniform factor between the inverse of the amount and the amount."""
     return mesh.with_vertices(mesh.vertices * amount ** random.uniform(-1, 1))
 
 
 def _rest(mesh: Mesh, kept: np.ndarray) -> Mesh:
-    """The largest piece of the triangles that are kept."""
+    """Return the largest piece of the kept triangles."""
     rest = compact(mesh.vertices, mesh.faces[kept])
     if rest.n_faces:
         rest = largest_component(rest)
@@ -79,7 +79,7 @@ def _rest(mesh: Mesh, kept: np.ndarray) -> Mesh:
 
 
 def _halved(mesh: Mesh) -> Mesh:
-    """Four triangles for each, with the middles of the edges as new vertices."""
+    """Split each triangle into four at the edge midpoints."""
     edges = edges_of(mesh.faces)
     of_sides = edges.of_sides.reshape(-1, 3) + mesh.n_vertices
     tails = np.empty(len(edges.counts), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Errors of a scanner: misaligned views, noise, outliers and holes."""
+"""Scanner errors: misaligned views, noise, outliers and holes."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh, Points
 
 SHARPNESS = 4.0
-"""Sharpness of the seams between views: weights are exponentials of it times the cosine between view and surface."""
+"""Sharpness of seams between views: weights are exponentials of it times the cosine between view and normal."""
 
 FAR_SHARE, FAR = 0.002, 5.0
-"""Share of the vertices that are far off, and how much farther than the others."""
+"""Fraction of outlier vertices, and their noise relative to the other vertices."""
 
 
 def misaligned(mesh: Mesh, views: int, deviation: float, random: np.random.Generator) -> Mesh:
-    """Surface put together from views each of which has slipped by a vector of its own.
+    """Merge a surface from views that are misaligned by individual translations.
 
     Parameters
     ----------
     mesh
-        A surface that looks outward.
+        A surface with outward normals.
     views
-        How many.
+        Number of views.
     deviation
-        Standard deviation of each coordinate of a slip, in units of the vertices.
+        Standard deviation per coordinate of a translation, in units of the vertices.
     random
-        Source of directions and slips.
+        Random generator for directions and translations.
     """
     directions = random.normal(size=(views, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -39,48 +39,48 @@ def misaligned(mesh: Mesh, views: int, deviation: float, random: np.random.Gener
 
 
 def noisy(mesh: Mesh, deviation: float, random: np.random.Generator) -> Mesh:
-    """Surface whose vertices are moved in all directions, a few of them far.
+    """Add Gaussian noise to the vertices, with a few outliers.
 
     Parameters
     ----------
     mesh
         A surface.
     deviation
-        Standard deviation of each coordinate, in units of the vertices.
+        Standard deviation per coordinate, in units of the vertices.
     random
-        Source of the noise.
+        Random generator.
     """
     far = 1 + (FAR - 1) * (random.random(mesh.n_vertices) < FAR_SHARE)
     return mesh.with_vertices(mesh.vertices + random.normal(scale=deviation, size=(mesh.n_vertices, 3)) * far[:, None])
 
 
 ALONG = 0.7
-"""Least cosine between the normal of a triangle and the direction in which a blind end looks."""
+"""Minimum cosine between the normal of a triangle and the direction of a blind end."""
 
 
 def patched(mesh: Mesh, radii: Points, random: np.random.Generator) -> Mesh:
-    """Surface without a round patch of each radius, in units of the vertices, around vertices that are drawn."""
+    """Remove a round patch of each radius, in units of the vertices, around random triangles."""
     normals, centres = face_normals(mesh), mesh.vertices[mesh.faces].mean(axis=1)
     kept = np.ones(mesh.n_faces, dtype=bool)
     for radius in radii:
         middle = random.integers(mesh.n_faces)
         near = np.linalg.norm(centres - centres[middle], axis=1) < radius
-        # The other side of an arm is as near.
+        # Keep the other side of an arm, which is also near.
         kept &= ~(near & (normals @ normals[middle] > 0))
     return kept_part(mesh, kept)
 
 
 def blind(mesh: Mesh, direction: Points, depth: float) -> Mesh:
-    """Surface without its outermost end in a direction, such as soles or the crown of the head.
+    """Remove the outermost end of a surface in a direction, such as soles or the crown of the head.
 
     Parameters
     ----------
     mesh
-        A surface that looks outward.
+        A surface with outward normals.
     direction
         Unit vector, shape (3,).
     depth
-        How far from the outermost point on, in units of the vertices.
+        Depth of the removed part from the outermost point, in units of the vertices.
     """
     heights = mesh.vertices[mesh.faces].mean(axis=1) @ direction
     return kept_part(mesh, ~((heights > heights.max() - depth) & (face_normals(mesh) @ direction > ALONG)))

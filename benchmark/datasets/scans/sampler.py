@@ -1,4 +1,4 @@
-"""Scans of new bodies; a batch is a function of its number alone."""
+"""Scans of random bodies; each batch depends only on its number."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from benchmark.geometry.preparation import decimate
 
 @dataclass(frozen=True, kw_only=True)
 class WideBodies(WideSampler):
-    """Makes batches; see :class:`benchmark.datasets.varied.wide.WideSampler`, with which it shares no body."""
+    """Sampler of batches; shares no body with :class:`benchmark.datasets.varied.wide.WideSampler`."""
 
     def surfaces(self, number: int, bodies: int) -> Surfaces:
-        """Make one batch; see :class:`benchmark.api.streaming.MakesSurfaces`."""
+        """Generate a batch; see :class:`benchmark.api.streaming.MakesSurfaces`."""
         model, redrawn = coarse_model(self.triangles), Counter[str]()
         names = [f"scanned-{self.seed}-{number}-{place}" for place in range(bodies)]
-        # A number other than those of the two streams of images, so that no body of theirs comes here.
+        # Seeds differ from those of the two image streams, so that no bodies are shared.
         randoms = [np.random.default_rng([self.seed, number, place, 2]) for place in range(bodies)]
         shapes, posed = self._drawn(model, names, randoms, redrawn)
         return Surfaces(
@@ -40,57 +40,57 @@ class WideBodies(WideSampler):
 
 
 PREPARED, SMALL = 2000, 4000
-"""Vertices that a scan is decimated to, as in the preparation of every comparison, and up to which that is left out: it
-costs more than all the rest, and changes little that a thousand points of the surface show."""
+"""Target number of vertices of decimation, as in the preparation of every comparison, and maximum number without
+decimation, which is the most expensive step and hardly changes a thousand points of the surface."""
 
 WELDED, WRAPPED = 0.55, 0.1
-"""Shares of the scans whose parts are welded, and that are wrapped; a wrap costs the most."""
+"""Fractions of scans with welded parts, and of wrapped scans, which are the most expensive."""
 
 GAPS = (0.004, 0.03)
-"""Widths of welded gaps, as shares of the height of the standing body: from a finger's distance to 5 centimetres."""
+"""Widths of welded gaps, as fractions of the height of the standing body: from finger gaps to 5 centimetres."""
 
 BALLS, OFFSETS = (0.018, 0.04), (0.0015, 0.004)
-"""Radii of the ball and distances of the skin of a wrap, as shares of the diagonal of the body's box."""
+"""Ball radii and offsets of a wrap, as fractions of the diagonal of the bounding box."""
 
 FINE, FINEST, COARSE = 0.06, 0.01, 0.4
-"""Shares of the scans that are subdivided once and twice, which cost the most, and that are made coarser."""
+"""Fractions of scans subdivided once, subdivided twice (the most expensive), and coarsened."""
 
 FEWEST = 1000
-"""Vertices of the coarsest scan."""
+"""Minimum number of vertices of a coarsened scan."""
 
 MOST = 50_000
-"""Vertices of the finest scan."""
+"""Maximum number of vertices after two subdivisions."""
 
 WHITE = (5e-5, 2e-3)
-"""Standard deviations of the noise, as shares of the height: from .1 to 3.5 millimetres."""
+"""Standard deviations of the noise, as fractions of the height: from .1 to 3.5 millimetres."""
 
 SLIPPED, VIEWS, SLIPS = 0.5, (3, 9), (3e-4, 3e-3)
-"""Share of the scans of several views, how many, and the deviation of their slips as shares of the height."""
+"""Fraction of scans with misaligned views, number of views, and standard deviations as fractions of the height."""
 
 PATCHED, RADII, MOST_PATCHES = 0.5, (0.006, 0.05), 6
-"""Share of the scans with patches missing, their radii as shares of the height, and how many at most."""
+"""Fraction of scans with missing patches, their radii as fractions of the height, and their maximum number."""
 
 BLIND, DEPTHS = 0.3, (0.005, 0.03)
-"""Share of the scans with a blind end, and how deep it is as a share of the height."""
+"""Fraction of scans with a blind end, and its depth as a fraction of the height."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanSampler:
-    """Makes batches; see :class:`benchmark.api.streaming.MakesScans`.
+    """Sampler of batches; see :class:`benchmark.api.streaming.MakesScans`.
 
     Parameters
     ----------
     seed
-        Seed of the stream; streams of different seeds share no body.
+        Seed of the stream; streams with different seeds share no body.
     poses
-        Poses of each body, each scanned once.
+        Number of poses per body, each scanned once.
     """
 
     seed: int
     poses: int = 2
 
     def __call__(self, number: int, bodies: int) -> Scans:
-        """Make one batch."""
+        """Generate a batch."""
         surfaces = WideBodies(seed=self.seed, poses=self.poses).surfaces(number, bodies)
         scans = []
         for place, (canonical, posed) in enumerate(zip(surfaces.canonical, surfaces.posed, strict=True)):
@@ -106,19 +106,19 @@ class ScanSampler:
 
 
 def scan(body: Mesh, height: float, random: np.random.Generator) -> Scan:
-    """Scan a body: its surface with faults that are drawn, and where each vertex belongs.
+    """Scan a body: add random faults to its surface and map each vertex to the body.
 
-    A vertex belongs to the nearest place of the body that looks the same way. So a skin over a gap is shared between
-    the two parts that it joins, each taking what is nearer, and no wall that a scanner cannot see is asked for.
+    A vertex maps to the nearest position on the body with a similar normal. A skin over a gap is thus divided between
+    the two parts that it joins, and no vertex maps to a wall invisible to a scanner.
 
     Parameters
     ----------
     body
         A closed surface in a pose.
     height
-        Height of the body when it stands, in units of the vertices.
+        Height of the standing body, in units of the vertices.
     random
-        Source of the faults.
+        Random generator for the faults.
     """
     mesh = _retriangulated(_joined(body, height, random), random)
     mesh = _measured(mesh, height, random)
@@ -130,7 +130,7 @@ def scan(body: Mesh, height: float, random: np.random.Generator) -> Scan:
 
 
 def _joined(body: Mesh, height: float, random: np.random.Generator) -> Mesh:
-    """The surface, with parts that nearly touch made one."""
+    """Fuse nearly touching parts."""
     kind = random.random()
     if kind < WELDED:
         return welded(body, height * _log_uniform(GAPS, random))
@@ -140,7 +140,7 @@ def _joined(body: Mesh, height: float, random: np.random.Generator) -> Mesh:
 
 
 def _retriangulated(mesh: Mesh, random: np.random.Generator) -> Mesh:
-    """The same surface of other triangles."""
+    """Change the triangulation."""
     kind = random.random()
     if kind < FINE + FINEST:
         return subdivided(mesh, 1 if kind < FINE or 16 * mesh.n_vertices > MOST else 2)
@@ -151,14 +151,14 @@ def _retriangulated(mesh: Mesh, random: np.random.Generator) -> Mesh:
 
 
 def _measured(mesh: Mesh, height: float, random: np.random.Generator) -> Mesh:
-    """The surface with errors of measurement."""
+    """Add measurement errors."""
     if random.random() < SLIPPED:
         mesh = misaligned(mesh, int(random.integers(*VIEWS)), height * _log_uniform(SLIPS, random), random)
     return noisy(mesh, height * _log_uniform(WHITE, random), random)
 
 
 def _incomplete(mesh: Mesh, height: float, random: np.random.Generator) -> Mesh:
-    """The surface without what was not seen."""
+    """Remove unseen parts."""
     if random.random() < PATCHED:
         count = int(random.integers(1, MOST_PATCHES + 1))
         mesh = patched(mesh, height * np.array([_log_uniform(RADII, random) for _ in range(count)]), random)

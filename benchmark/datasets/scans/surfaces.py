@@ -1,4 +1,4 @@
-"""Changes of a scanned surface: wrapped, re-triangulated, welded where parts nearly touch."""
+"""Modifications of scanned surfaces: wrapping, re-triangulation, and welding of nearly touching parts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.preparation import filtered
 
 LARGEST_LOSS = 0.4
-"""Share of the area beyond which a fault is left out: what remains must show a person."""
+"""Maximum fraction of the area that a fault may remove; larger faults are omitted, so that a person remains visible."""
 
 
 def face_normals(mesh: Mesh) -> Points:
@@ -24,14 +24,14 @@ def face_normals(mesh: Mesh) -> Points:
 
 
 def kept_part(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
-    """Largest component of some triangles, or the mesh as it is if too little were left.
+    """Return the largest component of the kept triangles, or the unchanged mesh if too little would remain.
 
     Parameters
     ----------
     mesh
         A surface.
     kept
-        Which triangles remain, shape (m,).
+        Mask of the kept triangles, shape (m,).
     """
     if not kept.any():
         return mesh
@@ -40,20 +40,20 @@ def kept_part(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
 
 
 SETTLED = 3.0
-"""Multiple of the offset up to which the skin falls back onto the body; farther away it spans a gap."""
+"""Maximum distance for projecting the skin onto the body, as a multiple of the offset; farther away, it spans a gap."""
 
 
 def wrapped(mesh: Mesh, ball: float, offset: float) -> Mesh:
-    """Wrap a surface in a skin that settles on it [Portaneri et al. 2022, "Alpha wrapping with an offset"].
+    """Wrap a surface in a skin and project the skin back [Portaneri et al. 2022, "Alpha wrapping with an offset"].
 
     Parameters
     ----------
     mesh
         A surface.
     ball
-        Radius of the ball that must fit into what the skin enters, as a share of the diagonal of the bounding box.
+        Radius of the ball that must fit into cavities entered by the skin, as a fraction of the bounding box diagonal.
     offset
-        Distance at which the skin is made, as a share of the same.
+        Offset of the skin, as a fraction of the bounding box diagonal.
     """
     skin = filtered(
         mesh,
@@ -67,35 +67,35 @@ def wrapped(mesh: Mesh, ball: float, offset: float) -> Mesh:
 
 
 SIDE = 2.2
-"""Edges of the grid of clusters, in roots of the mean area of a vertex, that leave about as many as asked for."""
+"""Grid cell size for about the target number of vertices, relative to the root of the mean area per vertex."""
 
 
 def subdivided(mesh: Mesh, times: int) -> Mesh:
-    """Surface with each triangle cut into four, several times."""
+    """Split each triangle into four, repeatedly."""
     vertices, faces = igl.upsample(mesh.vertices, mesh.faces.astype(np.int64), times)
     return Mesh(vertices, faces.astype(np.int32))
 
 
 def clustered(mesh: Mesh, n_vertices: int) -> Mesh:
-    """Surface whose vertices are the means of what falls into the cells of a grid [Rossignac and Borrel 1993].
+    """Merge the vertices in each cell of a grid into their mean [Rossignac and Borrel 1993].
 
     Parameters
     ----------
     mesh
         A surface.
     n_vertices
-        Vertices to come near to.
+        Approximate number of vertices.
     """
     cell = SIDE / 2 * (mesh.area / n_vertices) ** 0.5
     clusters = filtered(mesh, "meshing_decimation_clustering", threshold=pymeshlab.PureValue(cell))
-    # The filter gives the triangles in an order that hangs on where they lay in memory.
+    # The order of triangles from the filter depends on memory addresses.
     first = clusters.faces.argmin(axis=1)[:, None]
     faces = np.take_along_axis(clusters.faces, (first + np.arange(3)) % 3, axis=1)
     return Mesh(clusters.vertices, faces[np.lexsort(faces.T[::-1])])
 
 
 def collapsed(mesh: Mesh, n_vertices: int) -> Mesh:
-    """Surface with its shortest edges collapsed onto vertices that it had, until so many are left."""
+    """Decimate a surface by collapsing edges onto existing vertices, to about ``n_vertices``."""
     return filtered(
         mesh,
         "meshing_decimation_quadric_edge_collapse",
@@ -116,24 +116,24 @@ def collapsed(mesh: Mesh, n_vertices: int) -> Mesh:
 
 
 OPPOSED = -0.5
-"""Largest cosine between the normals of two triangles that face each other."""
+"""Maximum cosine between the normals of facing triangles."""
 
 ASIDE = 0.5
-"""Least share of the way between them that lies along the normal of either."""
+"""Minimum cosine between the normals of facing triangles and the line between their centres."""
 
 
 def welded(mesh: Mesh, gap: float) -> Mesh:
-    """Surface without the walls of gaps, whose rims meet halfway.
+    """Close gaps: remove their walls and join the rims halfway.
 
-    A triangle is a wall if another one that faces it is nearer than the gap. What is left of either side ends at the
-    mouth of the gap, where each vertex moves to the middle between itself and the nearest one across.
+    A triangle is a wall if a facing triangle is nearer than the gap width. The remaining surface ends at the mouth of
+    the gap, where each vertex moves to the midpoint between itself and the nearest vertex on the other side.
 
     Parameters
     ----------
     mesh
-        A surface that looks outward.
+        A surface with outward normals.
     gap
-        Width, in units of the vertices.
+        Gap width, in units of the vertices.
     """
     normals, centres = face_normals(mesh), mesh.vertices[mesh.faces].mean(axis=1)
     one, other = cKDTree(centres).query_pairs(gap, output_type="ndarray").T
@@ -152,7 +152,7 @@ def welded(mesh: Mesh, gap: float) -> Mesh:
 
 
 def _met(before: Points, directions: Points, rim: NDArray[np.int32], gap: float) -> Points:
-    """Vertices, those of a rim in the middle between themselves and the nearest across the gap that looks back."""
+    """Move each rim vertex to the midpoint between itself and the nearest facing vertex across the gap."""
     vertices = np.array(before)
     if len(rim) < 2:
         return vertices

@@ -1,6 +1,6 @@
-"""Bodies for training that differ as people do, in poses that joints allow, as depth cameras see them.
+"""Varied training bodies in anatomically possible poses, as seen by depth cameras.
 
-What makes them, in the order to read it: ``poses`` (limits of joints), ``bodies`` (phenotype and local shape),
-``model`` (meshes, many at a time), ``overlap`` (no body through itself), ``camera`` (perturbations), ``sampler``
-(a batch of pairs).
+Suggested reading order: ``poses`` (joint limits), ``bodies`` (phenotype and local shape), ``model`` (batches of
+meshes), ``camera`` (perturbations), ``sampler`` (self-intersections, batches of pairs), ``joints`` and ``coarse``
+(faster posing), ``wide`` (a wider stream).
 """

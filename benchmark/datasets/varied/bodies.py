@@ -1,4 +1,4 @@
-"""Bodies that differ as people do: by their phenotype, and by the proportions and girths of single parts."""
+"""Varied bodies: random phenotypes, and random proportions and girths of single parts."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from benchmark.datasets.human_subjects import CLEARANCE, Subject, clearance
 
 AWAY_FROM = ("humans", "humans-scanlike")
-"""Sets whose subjects the bodies stay away from. With ``humans-random`` among them the streams would not be
-those that networks were trained on and chosen by; so these are not tested on it."""
+"""Sets with the subjects to avoid. Adding ``humans-random`` would change the streams that the networks were trained on
+and selected by, so these networks are not tested on it."""
 
 MOST_DRAWS = 10_000
-"""Draws after which no body can be found; about one in two is far enough from all subjects."""
+"""Maximum number of draws; about one body in two is far enough from all subjects."""
 
 _CHILDREN, _ADULTS = (0.2, 0.5), (0.58, 1.0)
 _LOWEST, _HIGHEST = (0.05, 0.05, 0.05, 0.05), (0.95, 0.98, 0.85, 0.98)
 """Ranges of muscle, weight, height and proportions."""
 
 _BETWEEN_SHARE = 0.2
-"""Share of adults between male and female, who are no test subject's neighbours and real bodies all the same."""
+"""Fraction of adults between male and female: realistic bodies that are not close to any test subject."""
 
 DEVIATION, LARGEST = 0.35, 0.9
-"""Standard deviation and largest value of a local change; 1 is the end of what the body model was drawn for."""
+"""Standard deviation and maximum of a local change; 1 is the limit of the range of the body model."""
 
 PAIRED = (
     "lowerarm-fat-incr", "lowerarm-muscle-incr", "lowerarm-scale-vert-incr",
@@ -32,7 +32,7 @@ PAIRED = (
     "upperleg-fat-incr", "upperleg-muscle-incr", "upperleg-scale-vert-incr",
     "hand-scale-incr", "foot-scale-incr",
 )  # fmt: skip
-"""Local changes of the body model that have a left and a right."""
+"""Local changes of the body model with a left and a right side."""
 
 SINGLE = (
     "head-scale-vert-incr", "head-scale-depth-incr", "head-scale-horiz-incr", "head-fat-incr",
@@ -45,7 +45,7 @@ SINGLE = (
 """Local changes of the trunk and the head."""
 
 LABELS = (*(f"{side}-{name}" for name in PAIRED for side in "lr"), *SINGLE)
-"""All of them, by the names of the body model."""
+"""All local changes, by their names in the body model."""
 
 _ASYMMETRY = 0.05
 """Standard deviation of the difference between left and right."""
@@ -58,9 +58,9 @@ class Body:
     Parameters
     ----------
     subject
-        Its phenotype.
+        Phenotype of the body.
     local
-        A local change for each of :data:`LABELS`, in [-1, 1].
+        Local change for each of :data:`LABELS`, in [-1, 1].
     """
 
     subject: Subject
@@ -68,24 +68,24 @@ class Body:
 
 
 def varied_body(random: np.random.Generator) -> Body:
-    """Draw a body that is none of those that methods are tested on, a child as often as an adult.
+    """Draw a body at a distance from the subjects of :data:`AWAY_FROM`, child or adult with equal probability.
 
     Parameters
     ----------
     random
-        Source of the choice.
+        Random generator.
     """
     return Body(varied_subject(random), local_changes(random))
 
 
 def varied_subject(random: np.random.Generator) -> Subject:
-    """Draw a phenotype at a distance of ``CLEARANCE`` or more from the subjects of :data:`AWAY_FROM`."""
+    """Draw a phenotype at a distance of at least ``CLEARANCE`` from the subjects of :data:`AWAY_FROM`."""
     for _ in range(MOST_DRAWS):
         child = random.random() < 0.5
         between = child or random.random() < _BETWEEN_SHARE
         gender = random.uniform() if between else float(random.integers(2))
         age = random.uniform(*(_CHILDREN if child else _ADULTS))
-        # Rounded, so that a distance is no matter of last bits.
+        # Rounded, so that rounding errors do not affect the comparison of distances.
         values = np.round([gender, age, *random.uniform(_LOWEST, _HIGHEST)], 4).tolist()
         candidate = Subject(*values)
         if clearance(candidate, AWAY_FROM) >= CLEARANCE:
@@ -94,7 +94,7 @@ def varied_subject(random: np.random.Generator) -> Subject:
 
 
 def local_changes(random: np.random.Generator) -> tuple[float, ...]:
-    """Draw a value for each of :data:`LABELS`; left and right differ little."""
+    """Draw a value for each of :data:`LABELS`, with small differences between left and right."""
     shared = np.repeat(random.normal(0, DEVIATION, len(PAIRED)), 2)
     sides = shared + random.normal(0, _ASYMMETRY, len(shared))
     values = np.concatenate([sides, random.normal(0, DEVIATION, len(SINGLE))])

@@ -1,4 +1,4 @@
-"""Views of a body that moves in front of a depth camera: from above or below, with holes, noise and steps."""
+"""Views of a body from a depth camera: tilted, with holes, noise and quantisation."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from benchmark.geometry.mesh import Faces, Points
 from benchmark.geometry.rasterise import NOT_BEHIND, DepthImage, draw_triangles
 
 LARGEST_ELEVATION, LARGEST_ROLL = 25.0, 6.0
-"""Degrees by which a camera looks up or down, and is held askew, at most."""
+"""Maximum elevation and roll of a camera, in degrees."""
 
 _LEAST_DEPTH = 1e-3
-"""Smallest depth that is not background."""
+"""Minimum foreground depth."""
 
 
 @dataclass(frozen=True)
 class Perturbations:
-    """Faults of one image.
+    """Faults of an image.
 
     Parameters
     ----------
     elevation, roll
-        Of the camera, in degrees.
+        Elevation and roll of the camera, in degrees.
     missing
-        Whether the left and the right hand are not seen.
+        Whether the left and the right hand are missing.
     noise
-        Standard deviation of a pixel's depth, as a share of the frame.
+        Standard deviation of a pixel's depth, as a fraction of the frame.
     step
-        Distance of two depths that can be told apart, as a share of the frame; 0 for all.
+        Quantisation step of the depth, as a fraction of the frame; 0 for none.
     dropped
-        Share of the pixels that see nothing.
+        Fraction of missing pixels.
     holes
-        Discs that see nothing.
+        Number of circular holes.
     """
 
     elevation: float = 0.0
@@ -47,12 +47,12 @@ class Perturbations:
 
 
 def drawn_perturbations(random: np.random.Generator) -> Perturbations:
-    """Draw them; about one image in six has none, so that clean views stay familiar.
+    """Draw perturbations; about one image in six has none, so that clean views remain in the distribution.
 
     Parameters
     ----------
     random
-        Source of the choice.
+        Random generator.
     """
     elevated, seen_badly, torn = random.random(3) < (0.5, 0.5, 0.3)
     return Perturbations(
@@ -67,14 +67,14 @@ def drawn_perturbations(random: np.random.Generator) -> Perturbations:
 
 
 def turned(vertices: Points, perturbations: Perturbations) -> Points:
-    """Vertices in coordinates of the camera: right, up, towards it, centred on the bounding box.
+    """Return vertices in camera coordinates: right, up, towards the camera, centred on the bounding box.
 
     Parameters
     ----------
     vertices
         Shape (n, 3), z up, facing -y.
     perturbations
-        Where the camera stands.
+        Elevation and roll of the camera.
     """
     up, askew = np.radians([perturbations.elevation, perturbations.roll])
     seen = np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
@@ -86,17 +86,17 @@ def turned(vertices: Points, perturbations: Perturbations) -> Points:
 
 
 def rendered(points: Points, faces: Faces, half_width: float, size: int) -> DepthImage:
-    """Depth image of points in coordinates of the camera, as :func:`benchmark.geometry.depth.render_depth` has it."""
+    """Render points in camera coordinates with the depths of :func:`benchmark.geometry.depth.render_depth`."""
     return _drawn(points, faces, half_width, size, NOT_BEHIND)
 
 
 def both_sides(points: Points, faces: Faces, half_width: float, size: int) -> tuple[DepthImage, DepthImage]:
-    """Return what is nearest and what is farthest at each pixel, both as depths from the same eye; one mask.
+    """Return the depths of the nearest and farthest surface at each pixel, from the same camera and with the same mask.
 
     Parameters
     ----------
     points, faces
-        A closed surface in coordinates of the camera.
+        A closed surface in camera coordinates.
     half_width
         Half the side of the frame.
     size
@@ -104,7 +104,7 @@ def both_sides(points: Points, faces: Faces, half_width: float, size: int) -> tu
     """
     behind = np.full((size, size), np.inf, dtype=np.float32)
     front = _drawn(points, faces, half_width, size, behind)
-    # The opposite camera sees the columns mirrored and counts from its own eye: its distance is our depth.
+    # The opposite camera has mirrored columns and measures from its own position: its distance is our depth.
     back = behind[:, ::-1]
     return front, np.where(front > 0, back, 0).astype(np.float32)
 
@@ -121,16 +121,16 @@ def _drawn(points: Points, faces: Faces, half_width: float, size: int, behind: D
 
 
 def perturbed(image: DepthImage, perturbations: Perturbations, random: np.random.Generator) -> DepthImage:
-    """The image with noise, steps, holes and pixels that see nothing; at least half of the surface stays.
+    """Return the image with noise, quantisation, holes and missing pixels; at least half of the surface remains.
 
     Parameters
     ----------
     image
         Depth image, shape (size, size).
     perturbations
-        What is wrong with it.
+        Faults to apply.
     random
-        Source of the noise, and of the places of holes.
+        Random generator for noise and missing pixels.
     """
     seen = image > 0
     result = image.astype(np.float64)
@@ -159,10 +159,10 @@ def _lost(seen: NDArray[np.bool_], perturbations: Perturbations, random: np.rand
 
 
 def extents(points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest coordinates, shape (3,) each.
+    """Return the minimum and maximum coordinates, shape (3,) each.
 
-    The same as the extrema along the first axis, which numpy finds fifty times slower: rows of three leave its loops
-    nothing to do at once.
+    Equivalent to the extrema along the first axis, but fifty times faster, because numpy does not vectorise reductions
+    over rows of three.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The body model with fewer triangles and with the bones alone that poses turn: a batch is posed at once."""
+"""Reduced body model with fewer triangles and only the bones that poses rotate, for posing a whole batch at once."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from benchmark.geometry.mesh import Faces, Mesh
 from benchmark.geometry.preparation import filtered
 
 _DECIMALS = 6
-"""Coordinates are rounded to micrometres, far above the rounding errors by which a batch differs."""
+"""Decimals of coordinates in metres: micrometres, far above the rounding differences between batches."""
 
 
 @dataclass(frozen=True, eq=False)
 class Resting:
-    """A body with its bones as the pose without angles has them: vertices, shape (n, 3), and joints, shape (k, 3)."""
+    """A body in the pose without angles: vertices, shape (n, 3), and joints, shape (k, 3)."""
 
     vertices: NDArray[np.float64]
     joints: NDArray[np.float64]
@@ -32,20 +32,20 @@ class Resting:
 
 @dataclass(frozen=True, eq=False)
 class CoarseModel:
-    """The body model on a subset of its vertices; its vertices are .3 mm from those of the full one in the mean.
+    """The body model on a subset of its vertices; the mean deviation of vertices from the full model is .3 mm.
 
     Parameters
     ----------
     faces
         Triangles of every body, shape (m, 3); a closed surface.
     hands
-        Which of them belong to the left and to the right hand, each of shape (m,).
+        Masks of the triangles of the left and the right hand, each of shape (m,).
     full
         The body model on these vertices, with all bones.
     names, places, parents
-        Of the k bones that poses turn, parents first: name, place in the body model, place of the parent among them.
+        Name, index in the body model and parent index of the k bones that poses rotate, parents first.
     bones, weights
-        Which of them each vertex follows, and how much, shape (n, j) each.
+        Indices and weights of these bones for each vertex, shape (n, j) each.
     """
 
     faces: Faces
@@ -58,7 +58,7 @@ class CoarseModel:
     weights: NDArray[np.float64]
 
     def shaped(self, bodies: Sequence[Body]) -> list[Resting]:
-        """Return bodies ready to be posed."""
+        """Return bodies ready for posing."""
         import torch
 
         with one_thread(), torch.inference_mode():
@@ -69,16 +69,16 @@ class CoarseModel:
         return list(map(Resting, vertices, poses.numpy()[:, self.places][:, :, :3, 3]))
 
     def posed(self, bodies: Sequence[Resting], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vertices of each body in one pose, shape (b, n, 3); metres, z up, facing -y.
+        """Return the vertices of each body in a pose, shape (b, n, 3); metres, z up, facing -y.
 
-        A bone turns what hangs on it about its joint, in axes of the world, before its parents do.
+        The rotation of a bone about its joint, in world axes, precedes those of its parents.
 
         Parameters
         ----------
         bodies
-            The bodies, b of them.
+            The b bodies.
         angles
-            Their poses as :meth:`benchmark.datasets.human_poses.Pose.angles` has them, shape (b, 27).
+            Pose of each body in the order of :meth:`benchmark.datasets.human_poses.Pose.angles`, shape (b, 27).
         """
         rotations, joints = batch_rotations(angles), np.stack([body.joints for body in bodies])[..., None]
         moved = np.zeros((len(bodies), len(self.names), 4, 4))
@@ -95,24 +95,24 @@ class CoarseModel:
 
 @functools.cache
 def coarse_model(triangles: int) -> CoarseModel:
-    """Return the model on a subset of its vertices: the template, decimated by quadric errors without moving a vertex.
+    """Return the model on a subset of its vertices, from quadric decimation of the template without moving vertices.
 
     Parameters
     ----------
     triangles
-        Triangles of a body.
+        Number of triangles of a body.
 
     Raises
     ------
     DatasetError
-        If the packages that make bodies are missing.
+        If the packages for generating bodies are missing.
 
     References
     ----------
     Garland and Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997.
     """
     fine = body_model()
-    # The last bits depend on the processor, and would decide which of two equal errors is the smaller one.
+    # The last bits depend on the processor and would decide between equal errors.
     template = np.round(fine.model.template_vertices.numpy()[fine.rows], _DECIMALS)
     coarse = filtered(
         Mesh(template, fine.faces),
@@ -140,7 +140,7 @@ def coarse_model(triangles: int) -> CoarseModel:
     full = BodyModel(faces, (left, right), model, np.arange(len(rows)), fine.bones[kept], fine.weights[kept])
     turning = batch_rotations(np.zeros((1, 27)))
     places = np.array([place for place, name in enumerate(model.bone_labels) if name in turning])
-    # A bone that never turns goes where the nearest one above it goes that does.
+    # A bone that never rotates follows its nearest rotating ancestor.
     follows = np.full(len(model.bone_labels) + 1, -1)
     for place, parent in enumerate(model.bone_parents):
         follows[place] = np.flatnonzero(places == place)[0] if place in places else follows[parent]

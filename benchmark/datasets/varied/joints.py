@@ -1,4 +1,4 @@
-"""Rotations of the bones of many poses at once: :func:`benchmark.datasets.human_poses.bone_rotations` for arrays."""
+"""Bone rotations of many poses at once: :func:`benchmark.datasets.human_poses.bone_rotations` for arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
 def batch_rotations(angles: Floats) -> dict[str, Floats]:
-    """Return the rotation matrices of every bone that moves, shape (n, 3, 3) each, by its name.
+    """Return the rotation matrices of every moving bone by name, shape (n, 3, 3) each.
 
     Parameters
     ----------
@@ -28,17 +28,17 @@ def batch_rotations(angles: Floats) -> dict[str, Floats]:
     rotations |= dict.fromkeys(single._NECK, _column(head / len(single._NECK)))
     for side, arm, leg in (("L", left_arm, left_leg), ("R", right_arm, right_leg)):
         for bone, matrices in (_arm(arm) | _leg(leg)).items():
-            # A reflection of space turns a rotation into that of the other side.
+            # Conjugation by a reflection converts a rotation to the other side.
             rotations[f"{bone}.{side}"] = matrices if side == "L" else _MIRROR @ matrices @ _MIRROR
     return rotations
 
 
 _STARTS = (4, 8, 13, 18, 21, 24)
-"""Where the angles of the parts of a pose begin, after those of the first."""
+"""Offsets of the second and later parts of a pose in its angles."""
 
 
 def _column(angles: Floats) -> Floats:
-    """Rotation by (bend, lean, turn) as in ``Rotation.from_euler("ZXY", [turn, bend, lean])``, intrinsic."""
+    """Return rotations by (bend, lean, turn) as in ``Rotation.from_euler("ZXY", [turn, bend, lean])``, intrinsic."""
     bend, lean, turn = angles.T
     return _about(turn, 2) @ _about(bend, 0) @ _about(lean, 1)
 
@@ -74,14 +74,14 @@ def _leg(angles: Floats) -> dict[str, Floats]:
 
 
 def _about(angle: Floats, axis: int) -> Floats:
-    """Rotation matrices about an axis of coordinates, shape (n, 3, 3)."""
+    """Return rotation matrices about a coordinate axis, shape (n, 3, 3)."""
     vectors = np.zeros((len(angle), 3))
     vectors[:, axis] = angle
     return _rotation(vectors)
 
 
 def _rotation(vectors: Floats) -> Floats:
-    """Rotation matrices of rotation vectors, shape (n, 3), by the formula of Rodrigues."""
+    """Return the rotation matrices of rotation vectors, shape (n, 3), by Rodrigues' formula."""
     angle = np.linalg.norm(vectors, axis=1)
     x, y, z = (vectors / np.maximum(angle, 1e-12)[:, None]).T
     zero = np.zeros_like(x)

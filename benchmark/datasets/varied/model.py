@@ -1,4 +1,4 @@
-"""Meshes of bodies with local changes, many at a time: each body is shaped once and then posed as often as wanted."""
+"""Batches of body meshes with local changes: each body is shaped once and can then be posed repeatedly."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.mesh import Faces, Mesh
 
 CANONICAL: Pose = POSES[CANONICAL_POSE]
-"""The pose that is predicted."""
+"""Pose to predict."""
 
 _DECIMALS = 6
-"""Coordinates are rounded to micrometres, far above the rounding errors by which a batch differs."""
+"""Decimals of coordinates in metres: micrometres, far above the rounding differences between batches."""
 
 _HANDS = ("wrist", "metacarpal", "finger")
-"""What the names of the bones of a hand begin with."""
+"""Prefixes of the names of hand bones."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shaped:
-    """A body at rest: its vertices, shape (n, 3), and where its bones are, a tensor of shape (bones, 4, 4)."""
+    """A body at rest: vertices, shape (n, 3), and bone transforms, a tensor of shape (bones, 4, 4)."""
 
     vertices: NDArray[np.float64]
     bones: Any
@@ -46,13 +46,13 @@ class BodyModel:
     faces
         Triangles of every body, shape (m, 3).
     hands
-        Which of them belong to the left and to the right hand, each of shape (m,).
+        Masks of the triangles of the left and the right hand, each of shape (m,).
     model
         The model of the package ``anny``.
     rows
-        Its vertices that a body has, n of them.
+        Indices of the n vertices of a body in the model.
     bones, weights
-        Bones that each vertex follows, and how much, shape (n, k) each.
+        Bones of each vertex and their weights, shape (n, k) each.
     """
 
     faces: Faces
@@ -63,7 +63,7 @@ class BodyModel:
     weights: NDArray[np.float64]
 
     def shaped(self, bodies: Sequence[Body]) -> list[Shaped]:
-        """Bodies at rest, ready to be posed."""
+        """Return bodies at rest, ready for posing."""
         import torch
 
         with one_thread(), torch.inference_mode():
@@ -72,14 +72,14 @@ class BodyModel:
             return [Shaped(shape, bones) for shape, bones in zip(shapes, rest["rest_bone_poses"], strict=True)]
 
     def posed(self, bodies: Sequence[Shaped], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
-        """Vertices of each body in its poses, one array of shape (poses, n, 3) for each; metres, z up, facing -y.
+        """Return the vertices of each body in its poses, shape (poses, n, 3) per body; metres, z up, facing -y.
 
         Parameters
         ----------
         bodies
             The bodies.
         poses
-            The poses of each; all bodies have as many.
+            The poses of each body, the same number for all.
         """
         import torch
 
@@ -96,7 +96,7 @@ class BodyModel:
         return posed
 
     def vertices(self, bodies: Sequence[Body], poses: Sequence[Sequence[Pose]]) -> list[NDArray[np.float64]]:
-        """Vertices of bodies that are posed once; see :meth:`posed`."""
+        """Return the vertices of unshaped bodies in their poses; see :meth:`posed`."""
         return self.posed(self.shaped(bodies), poses)
 
     def _coefficients(self, bodies: Sequence[Body]) -> Any:
@@ -112,12 +112,12 @@ class BodyModel:
 
 @functools.cache
 def body_model() -> BodyModel:
-    """The model, loaded once.
+    """Return the model, loaded once.
 
     Raises
     ------
     DatasetError
-        If the packages that make bodies are missing.
+        If the packages for generating bodies are missing.
     """
     try:
         import anny
@@ -127,7 +127,7 @@ def body_model() -> BodyModel:
     model = anny.Anny(local_changes=list(LABELS), skinning_method="lbs", pose_parameterization="local-ref")
     faces = model.get_triangular_faces().numpy().astype(np.int32)
     labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
-    # Eyes and tongue are components of their own, inside the head.
+    # Eyes and tongue are separate components inside the head.
     keep = labels == np.bincount(labels).argmax()
     renumbered = np.cumsum(keep, dtype=np.int32) - 1
     kept_faces = renumbered[faces[keep[faces[:, 0]]]]
@@ -145,7 +145,7 @@ def body_model() -> BodyModel:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch compute on one thread, so that the same bits come out wherever it runs."""
+    """Limit torch to one thread, for bitwise identical results on all machines."""
     import torch
 
     threads = torch.get_num_threads()
@@ -157,7 +157,7 @@ def one_thread() -> Iterator[None]:
 
 
 def _rotations(poses: Sequence[Sequence[Pose]]) -> dict[str, Any]:
-    """Transforms of the bones of all poses in a row, each of shape (bodies * poses, 4, 4)."""
+    """Return the bone transforms of all poses, concatenated, each of shape (bodies * poses, 4, 4)."""
     import torch
 
     of_poses = [bone_rotations(pose) for of_body in poses for pose in of_body]

@@ -1,4 +1,4 @@
-"""Poses whose angles are drawn independently of each other, within what human joints allow."""
+"""Random poses with independent angles within human joint limits."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from benchmark.datasets.human_poses import POSES, Arm, Column, Leg, Pose, pertur
 Angles = NDArray[np.float64]
 
 AUTHORED_SHARE = 0.25
-"""Share of the poses that lie between two authored ones, as in the older sample: what people do on purpose."""
+"""Fraction of poses mixed from two authored poses, as in the older sample: purposeful movements."""
 
 FRONTAL_SHARE, FRONTAL, LARGEST_TURN = 0.5, 20.0, 130.0
-"""Half of the bodies face the camera to within 20 degrees; the others turn by up to 130 degrees to either side."""
+"""Fraction of bodies that face the camera within 20 degrees; the others turn by up to 130 degrees to either side."""
 
 
 @dataclass(frozen=True)
 class _Limits:
-    """A pose at either end of every range."""
+    """Poses with the lower and upper limits of all ranges."""
 
     lower: Pose
     upper: Pose
@@ -43,20 +43,20 @@ _MOTION = _Limits(
         body=Column(bend=40, lean=20),
     ),
 )
-"""Normal ranges of motion in degrees [American Academy of Orthopaedic Surgeons, "Joint Motion: Method of Measuring and
-Recording", 1965], of the left limbs.
+"""Normal ranges of motion of the left limbs in degrees [American Academy of Orthopaedic Surgeons, "Joint Motion: Method
+of Measuring and Recording", 1965].
 
-Two are narrower: an arm is raised to 170 degrees instead of 180, where its direction seen from above has no meaning,
-and a leg is adducted by 10 degrees instead of 30, beyond which it needs the other one out of its way. The body against
-the ground has no anatomical limit; 20 to 40 degrees is what balance leaves.
+Two ranges are narrower: an arm is raised to 170 degrees instead of 180, which has no direction seen from above, and a
+leg is adducted by 10 degrees instead of 30, since it would collide with the other leg. The body has no anatomical limit
+relative to the ground; balance permits 20 to 40 degrees.
 """
 
 
 @functools.cache
 def joint_limits() -> tuple[Angles, Angles]:
-    """Smallest and largest angle of every joint in the order of :meth:`Pose.angles`, each of shape (27,).
+    """Return the minimum and maximum of every angle in the order of :meth:`Pose.angles`, each of shape (27,).
 
-    They are normal ranges of motion, wider where an authored pose or its mirror image needs it.
+    They are normal ranges of motion, extended to include all authored poses and their mirror images.
     """
     ends = [end.angles() for pose in POSES.values() for end in (pose, pose.mirrored())]
     lower, upper = range_of_motion()
@@ -64,34 +64,34 @@ def joint_limits() -> tuple[Angles, Angles]:
 
 
 def range_of_motion() -> tuple[Angles, Angles]:
-    """Return the smallest and largest angle of every joint by the normal ranges of motion alone, shape (27,) each."""
+    """Return the minimum and maximum of every angle by the normal ranges of motion only, shape (27,) each."""
     return _both_sides(_MOTION.lower).angles(), _both_sides(_MOTION.upper).angles()
 
 
 def free_pose(random: np.random.Generator) -> Pose:
-    """Draw every angle by itself, uniformly within its limits; the body faces the front.
+    """Draw every angle independently and uniformly within its limits; the body faces the front.
 
     Parameters
     ----------
     random
-        Source of the choice.
+        Random generator.
     """
     lower, upper = joint_limits()
     return Pose.from_angles(random.uniform(lower, upper))
 
 
 def varied_pose(random: np.random.Generator) -> Pose:
-    """Draw a pose, three times in four by independent angles, else between two authored ones, and turn the body.
+    """Draw a pose, three in four from independent angles, otherwise a mixture of authored poses, and turn the body.
 
     Parameters
     ----------
     random
-        Source of the choice.
+        Random generator.
 
     Returns
     -------
     Pose
-        Within :func:`joint_limits` but for ``body.turn``, the turn about the vertical axis, which is at most
+        Within :func:`joint_limits` except for ``body.turn``, the rotation about the vertical axis, which is at most
         ``LARGEST_TURN`` to either side.
     """
     pose = perturbed_pose(random) if random.random() < AUTHORED_SHARE else free_pose(random)
@@ -102,7 +102,7 @@ def varied_pose(random: np.random.Generator) -> Pose:
 
 
 def _both_sides(pose: Pose) -> Pose:
-    """The pose with the right limbs like the left ones."""
+    """Return the pose with the angles of the left limbs on both sides."""
     return Pose(
         left_arm=pose.left_arm,
         right_arm=pose.left_arm,

@@ -1,4 +1,4 @@
-"""New bodies in new poses as depth images, without self-intersections; a batch is a function of its number alone."""
+"""Random bodies in random poses as depth images, without self-intersections; each batch depends only on its number."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ from benchmark.errors import DatasetError
 from benchmark.geometry.mesh import Faces, Points
 
 CELL = 0.02
-"""Distance of the sampled lines and of the samples along them, as a share of the height of the standing body."""
+"""Spacing of the sampled lines and of samples along them, as a fraction of the height of the standing body."""
 
 _MARGIN = 2
-"""Empty samples around the body."""
+"""Number of empty samples around the body."""
 
 
 def doubled_share(vertices: Points, faces: Faces, height: float) -> float:
-    """Share of a solid that lies inside of it twice: its winding number there is two or more.
+    """Return the fraction of a solid that overlaps itself, with a winding number of two or more.
 
-    Lines along the vertical axis are followed through the solid on a grid. Small triangles, open seams of a part and
-    the creases of a knee move this share by little, an arm in a chest moves it by the volume of the arm.
+    The solid is sampled by a grid of vertical lines. Small triangles, open seams of a part and the creases of a knee
+    hardly change this fraction; an arm in a chest changes it by the volume of the arm.
 
     Parameters
     ----------
     vertices, faces
         A closed surface.
     height
-        Height of the body when it stands, in units of the vertices.
+        Height of the standing body, in units of the vertices.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def doubled_share(vertices: Points, faces: Faces, height: float) -> float:
         In [0, 1].
     """
     points = vertices / (CELL * height)
-    # An irrational fraction of a step, so that no line runs along an edge of a symmetric body.
+    # Offset by an irrational fraction of a step, so that no line coincides with an edge of a symmetric body.
     points = points - extents(points)[0] + _MARGIN + np.sqrt([0.02, 0.03, 0.05])
     size = np.ceil(extents(points)[1]).astype(np.int64) + _MARGIN
     crossings: NDArray[np.int8] = np.zeros(tuple(size), dtype=np.int8)
@@ -67,37 +67,37 @@ def doubled_share(vertices: Points, faces: Faces, height: float) -> float:
 S = TypeVar("S")
 
 LARGEST_DOUBLED = 0.004
-"""Share of a body that may lie inside of it twice.
+"""Maximum fraction of a body that overlaps itself.
 
-Of the 300 authored shapes 99 in 100 have less, all but the most squatting ones; above it more than 1.5 per cent of the
-triangles cut others, which no authored shape does.
+Of the 300 authored shapes, 99 % are below it, all but the deepest squats; above it, more than 1.5 % of the triangles
+intersect others, unlike in any authored shape.
 """
 
 SHORTEST, TALLEST = 0.6, 2.4
-"""Heights in metres between which a standing body is one."""
+"""Minimum and maximum height of a standing body, in metres."""
 
 MOST_DRAWS = 60
-"""Draws of a body, or of one of its poses, after which the batch fails; one in 10^8 needs more."""
+"""Maximum number of draws of a body or a pose before the batch fails; one in 10^8 needs more."""
 
 SHARES = (0.6, 0.95)
-"""Share of the frame that the larger of a body's two images fills: a folder's frame is that of its largest shape."""
+"""Range of the fraction of the frame filled by a body's largest image; a folder's frame fits its largest shape."""
 
 BODIES_LEAVE, POSES_OVERLAP = "bodies of no human height", "poses through the body itself"
-"""Reasons for drawing again."""
+"""Reasons for redrawing."""
 
 
 @dataclass(frozen=True)
 class Sampler:
-    """Makes batches; see :class:`benchmark.api.streaming.MakesFresh`.
+    """Sampler of batches; see :class:`benchmark.api.streaming.MakesFresh`.
 
     Parameters
     ----------
     seed
-        Seed of the stream; streams of different seeds share no body.
+        Seed of the stream; streams with different seeds share no body.
     poses
-        Poses of each body.
+        Number of poses per body.
     perturbations
-        Whether the images have the faults of a camera.
+        Whether the images have camera faults.
     """
 
     seed: int
@@ -105,7 +105,7 @@ class Sampler:
     perturbations: bool = True
 
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
-        """Make one batch."""
+        """Generate a batch."""
         model, redrawn = body_model(), Counter[str]()
         names, randoms, shapes, posed = self._drawn(number, bodies, redrawn)
         images = np.zeros((bodies, self.poses, size, size), dtype=np.float32)
@@ -124,7 +124,7 @@ class Sampler:
         return Fresh(identifiers=tuple(names), images=images, fronts=fronts, backs=backs, drawn_again=dict(redrawn))
 
     def surfaces(self, number: int, bodies: int) -> Surfaces:
-        """Make the bodies of one batch without images; see :class:`benchmark.api.streaming.MakesSurfaces`."""
+        """Generate the bodies of a batch without images; see :class:`benchmark.api.streaming.MakesSurfaces`."""
         redrawn = Counter[str]()
         names, _, shapes, posed = self._drawn(number, bodies, redrawn)
         return Surfaces(
@@ -138,7 +138,7 @@ class Sampler:
     def _drawn(
         self, number: int, bodies: int, redrawn: Counter[str]
     ) -> tuple[list[str], list[np.random.Generator], list[Points], list[list[Points]]]:
-        """Names of the bodies, their sources of chance, their vertices in the canonical pose and in their poses."""
+        """Return names, random generators, and vertices in the canonical pose and in the drawn poses of the bodies."""
         model = body_model()
         names = [f"varied-{self.seed}-{number}-{place}" for place in range(bodies)]
         randoms = [np.random.default_rng([self.seed, number, place]) for place in range(bodies)]
@@ -158,7 +158,7 @@ class Sampler:
         randoms: list[np.random.Generator],
         redrawn: Counter[str],
     ) -> list[list[Points]]:
-        """Vertices of each body in its poses, none of which pushes it through itself."""
+        """Return the vertices of each body in poses without self-intersections."""
         accepted: list[list[Points]] = [[] for _ in names]
         for _ in range(MOST_DRAWS):
             missing = [place for place, vertices in enumerate(accepted) if len(vertices) < self.poses]
@@ -186,25 +186,25 @@ def drawn_bodies(
     randoms: Sequence[np.random.Generator],
     redrawn: Counter[str],
 ) -> tuple[list[S], list[Points]]:
-    """Draw bodies of human height that are not pushed through themselves when they stand.
+    """Draw bodies of human height without self-intersections in the canonical pose.
 
     Parameters
     ----------
     shaped
-        Makes bodies at rest of drawn ones.
+        Function from drawn bodies to bodies at rest.
     standing
-        Makes their vertices in the canonical pose.
+        Function from bodies at rest to their vertices in the canonical pose.
     faces
         Triangles of the vertices.
     names, randoms
-        Of each body, its name and its source of chance.
+        Name and random generator of each body.
     redrawn
-        Counts what was drawn again, by reason.
+        Counter of redraws by reason, updated in place.
 
     Returns
     -------
     bodies, vertices
-        Each body at rest, and its vertices in the canonical pose.
+        Bodies at rest, and their vertices in the canonical pose.
     """
     drawn: dict[int, S] = {}
     shapes: dict[int, Points] = {}
@@ -231,7 +231,7 @@ def height_of(vertices: Points) -> float:
 
 
 def hopeless(name: str) -> DatasetError:
-    """Return the error of a body for which nothing fits."""
+    """Return the error for a body without a valid draw."""
     return DatasetError(
         f"{name} has no pose that does not push it through itself in {MOST_DRAWS} draws", "take another seed"
     )

@@ -1,4 +1,4 @@
-"""A wider stream of bodies at a third of the cost: harder poses, several views of each, no authored pose at all."""
+"""A wider stream of bodies at a third of the cost: harder poses, several views per pose, no authored poses."""
 
 from __future__ import annotations
 
@@ -35,45 +35,45 @@ from benchmark.geometry.rasterise import DepthImage
 Limits = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 FRONTAL_SHARE, FRONTAL = 0.5, 25.0
-"""Half of the views are from the front to within 25 degrees; the others from any side, the back as well."""
+"""Fraction of views within 25 degrees of the front; the others are from any side, including the back."""
 
 NEAREST, FARTHEST = 1.2, 4.0
-"""Distances of a camera with perspective, as multiples of the height of the standing body."""
+"""Range of distances of a perspective camera, as multiples of the height of the standing body."""
 
 AVERAGED = 256
-"""Bodies whose average the points of a body are told relative to."""
+"""Number of bodies for the average used to standardise the points of a body."""
 
 AGAIN = 4
-"""Poses that are tried at once in place of one that pushes a body through itself."""
+"""Number of poses drawn at once to replace a pose with self-intersections."""
 
 _BEHIND = 0.01
-"""Share of the frame by which a hidden point is farther away than what its pixel shows."""
+"""Minimum depth of a hidden point behind the surface at its pixel, as a fraction of the frame."""
 
 _LEAST_DEPTH = 1e-3
-"""Smallest depth that is not background."""
+"""Minimum foreground depth."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WideSampler:
-    """Makes batches; see :class:`benchmark.api.streaming.MakesFresh`.
+    """Sampler of batches; see :class:`benchmark.api.streaming.MakesFresh`.
 
     Parameters
     ----------
     seed
-        Seed of the stream; streams of different seeds share no body.
+        Seed of the stream; streams with different seeds share no body.
     poses
-        Poses of each body.
+        Number of poses per body.
     views
-        Images of each pose, each from another side with faults of its own.
+        Number of images per pose, with individual views and faults.
     triangles
-        Of a body as it is rendered.
+        Number of triangles of a rendered body.
     everyday, crouched, reaching
-        Shares of the poses near to standing, with both hips and knees bent, and with the arms before the body. In all
-        others every angle is drawn by itself within the range of motion.
+        Fractions of poses near standing, with bent hips and knees, and with the arms in front of the body. In all other
+        poses, every angle is drawn independently within the range of motion.
     perspective
-        Share of the images of a camera with perspective.
+        Fraction of images from a perspective camera.
     held
-        Share of the images in which a hand holds something.
+        Fraction of images with an object in a hand.
     """
 
     seed: int
@@ -87,10 +87,10 @@ class WideSampler:
     held: float = 0.1
 
     def __call__(self, number: int, bodies: int, size: int) -> Fresh:
-        """Make one batch; the images of a body are its poses, each in all its views."""
+        """Generate a batch; the images of a body are ordered by pose, then by view."""
         model, redrawn = coarse_model(self.triangles), Counter[str]()
         names = [f"wide-{self.seed}-{number}-{place}" for place in range(bodies)]
-        # A number more than those of `Sampler`, so that no body of it comes here.
+        # One more seed value than in `Sampler`, so that no bodies are shared.
         randoms = [np.random.default_rng([self.seed, number, place, 1]) for place in range(bodies)]
         shapes, posed = self._drawn(model, names, randoms, redrawn)
         images = np.zeros((bodies, self.poses * self.views, size, size), dtype=np.float32)
@@ -115,7 +115,7 @@ class WideSampler:
     def _drawn(
         self, model: CoarseModel, names: list[str], randoms: list[np.random.Generator], redrawn: Counter[str]
     ) -> tuple[list[Points], NDArray[np.float64]]:
-        """Draw bodies: their vertices in the canonical pose, and in their poses; see :meth:`_posed`."""
+        """Draw bodies; returns their vertices in the canonical pose and in the drawn poses, see :meth:`_posed`."""
 
         def standing(candidates: Sequence[Resting]) -> Iterable[Points]:
             return model.posed(candidates, np.tile(CANONICAL.angles(), (len(candidates), 1)))
@@ -132,11 +132,11 @@ class WideSampler:
         randoms: list[np.random.Generator],
         redrawn: Counter[str],
     ) -> NDArray[np.float64]:
-        """Vertices of each body in its poses, none of which pushes it through itself, shape (bodies, poses, n, 3)."""
+        """Return the vertices of each body in poses without self-intersections, shape (bodies, poses, n, 3)."""
         accepted = np.empty((len(names), self.poses, *shapes[0].shape))
         missing = [(place, pose) for place in range(len(names)) for pose in range(self.poses)]
         for round_number in range(MOST_DRAWS):
-            # One pose in three is drawn again: later rounds draw several, so that there are few of them.
+            # One pose in three is redrawn: later rounds draw several at once, so that few rounds suffice.
             slots = [slot for slot in missing for _ in range(AGAIN if round_number else 1)]
             angles = np.stack([self.angles(randoms[place]) for place, _ in slots])
             posed = model.posed([bodies[place] for place, _ in slots], angles)
@@ -153,7 +153,7 @@ class WideSampler:
         raise hopeless(names[missing[0][0]])
 
     def angles(self, random: np.random.Generator) -> NDArray[np.float64]:
-        """Angles of a pose that faces the front, shape (27,)."""
+        """Draw the angles of a pose that faces the front, shape (27,)."""
         shares = (self.everyday, self.crouched, self.reaching)
         kind = int(np.searchsorted(np.cumsum(shares), random.random(), side="right"))
         lower, upper = (*kinds(), range_of_motion())[kind]
@@ -162,7 +162,7 @@ class WideSampler:
     def _view(
         self, model: CoarseModel, vertices: Points, height: float, size: int, random: np.random.Generator
     ) -> tuple[DepthImage, NDArray[np.float32]]:
-        """Depth image of a posed body from a side that is drawn, with faults that are drawn; where its vertices are."""
+        """Render a posed body from a random view with random faults; returns the image and the pixels of vertices."""
         count, wrong = len(vertices), drawn_perturbations(random)
         hidden = [hand for hand, is_missing in zip(model.hands, wrong.missing, strict=True) if is_missing]
         faces = model.faces[~np.any(hidden, axis=0)] if hidden else model.faces
@@ -183,7 +183,7 @@ class WideSampler:
 def _holding(
     vertices: Points, faces: Faces, palm: NDArray[np.float64], height: float, random: np.random.Generator
 ) -> tuple[Points, Faces]:
-    """A body that holds an ellipsoid of a random size and direction, with half axes of .01 to .12 of its height."""
+    """Add an ellipsoid in a hand, with random orientation and semi-axes of .01 to .12 of the body height."""
     ball = _ball()
     axes = height * np.exp(random.uniform(np.log(0.01), np.log(0.12), 3))
     directions = np.linalg.qr(random.normal(size=(3, 3)))[0]
@@ -202,7 +202,7 @@ def _some(places: NDArray[Any]) -> NDArray[Any]:
 
 @functools.cache
 def _average(triangles: int) -> tuple[NDArray[np.float64], float]:
-    """Places of the points of the average of some bodies, shape (N_POINTS, 3), and their root mean square around it."""
+    """Return the mean points of random bodies, shape (N_POINTS, 3), and the root mean square deviation from them."""
     model, random = coarse_model(triangles), np.random.default_rng(AVERAGED)
     standing = model.posed(
         model.shaped([varied_body(random) for _ in range(AVERAGED)]), np.tile(CANONICAL.angles(), (AVERAGED, 1))
@@ -213,7 +213,7 @@ def _average(triangles: int) -> tuple[NDArray[np.float64], float]:
 
 
 def _seen_at(points: Points, image: DepthImage, half_width: float) -> NDArray[np.float32]:
-    """Row and column of each point, shape (n, 2), NaN where the image shows something nearer."""
+    """Return the row and column of each point, shape (n, 2), NaN for occluded points."""
     shares = (points / half_width + 1) / 2
     pixels = np.stack([1 - shares[:, 1], shares[:, 0]], axis=1) * len(image)
     row, column = np.clip(pixels.astype(np.int64), 0, len(image) - 1).T
@@ -223,14 +223,14 @@ def _seen_at(points: Points, image: DepthImage, half_width: float) -> NDArray[np
 
 
 def _facing(points: Points, faces: Faces) -> Faces:
-    """Triangles whose outside the camera sees: of a closed surface no other one is in front."""
+    """Return the triangles facing the camera; on a closed surface, no other triangle can be in front."""
     corners = faces.T
     (x, x1, x2), (y, y1, y2) = (np.take(np.ascontiguousarray(points[:, axis]), corners) for axis in range(2))
     return np.asarray(faces[(x1 - x) * (y2 - y) > (y1 - y) * (x2 - x)])
 
 
 def _perturbed(image: DepthImage, wrong: Perturbations, random: np.random.Generator) -> DepthImage:
-    """The image with noise, steps, holes and lost pixels, drawn for the pixels that see the body alone."""
+    """Return the image with noise, quantisation, holes and missing pixels, drawn for foreground pixels only."""
     rows, columns = np.nonzero(image)
     depths = image[rows, columns].astype(np.float64)
     if wrong.noise:
@@ -251,7 +251,7 @@ def _perturbed(image: DepthImage, wrong: Perturbations, random: np.random.Genera
 
 @functools.cache
 def kinds() -> tuple[Limits, ...]:
-    """Smallest and largest angles of poses near to standing, with hips and knees bent, with arms before the body."""
+    """Return the angle limits of poses near standing, with bent hips and knees, and with arms in front of the body."""
     lower, upper = (Pose.from_angles(end) for end in range_of_motion())
 
     def limits(arms: tuple[Arm, Arm], legs: tuple[Leg, Leg], trunk: tuple[Column, Column] | None = None) -> Limits:

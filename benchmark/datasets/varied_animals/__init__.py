@@ -1,7 +1,7 @@
-"""Animals of random proportions in poses between the authored ones: data to train on, none of them of a data set.
+"""Training animals with random proportions in mixtures of authored poses, none of them in a data set.
 
-A species of :mod:`benchmark.datasets.animals` is redrawn (:mod:`.proportions`), its bones go somewhere between two
-authored poses (:mod:`.motion`), and body and skin are made as those of the set are (:mod:`.sampler`).
+The proportions of a species of :mod:`benchmark.datasets.animals` are randomised (:mod:`.proportions`), its bones take a
+mixture of two authored poses (:mod:`.motion`), and body and skin are generated as in the data set (:mod:`.sampler`).
 """
 
 from benchmark.datasets.varied_animals.sampler import SPECIES_IN_TURN, AnimalSampler

@@ -1,4 +1,4 @@
-"""Random poses of an animal: between two authored poses of its kind, each chain for itself, and shaken."""
+"""Random poses of an animal: mixtures of two authored poses of its species per chain, with random perturbations."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from benchmark.datasets.animals.poses import POSES
 from benchmark.datasets.animals.skeleton import Pose, Skeleton
 
 JITTER = 7.0
-"""Standard deviation, in degrees and about each axis, of what a joint turns beyond its mixed pose."""
+"""Standard deviation of the random rotation of a joint about each axis, in degrees."""
 
 APART = 0.25
-"""Standard deviation of how far along a chain is, against the others: legs are out of step."""
+"""Standard deviation of the mixing weight between chains, which puts legs out of step."""
 
 _SHARED = ("trunk", "fore", "hind", "tail")
-"""Chains that a horse and the lower body of a centaur have alike."""
+"""Chains shared by a horse and the lower body of a centaur."""
 
 _UPRIGHT: Pose = {"torso": None, "neck": None, "head": None}
 
 
 def _of_the_other(poses: Mapping[str, Pose], rest: Pose) -> list[Pose]:
-    """Poses of the horse for the centaur and the other way around: the four-legged part of them alone."""
+    """Return the four-legged part of horse poses for the centaur, or of centaur poses for the horse."""
     shared = [
         {name: aims for name, aims in pose.items() if name.partition(".")[0] in _SHARED} for pose in poses.values()
     ]
@@ -39,7 +39,7 @@ LIBRARY: Mapping[str, tuple[Pose, ...]] = {
     "centaur": (*POSES["centaur"].values(), *_of_the_other(POSES["horse"], _UPRIGHT)),
     "gorilla": tuple(POSES["gorilla"].values()),
 }
-"""Authored poses that each species can take: those of all with the same bones."""
+"""Authored poses available to each species: those of all species with the same bones."""
 
 
 def drawn_motion(skeleton: Skeleton, species: str, random: np.random.Generator) -> tuple[Rotation, NDArray[np.float64]]:
@@ -50,9 +50,9 @@ def drawn_motion(skeleton: Skeleton, species: str, random: np.random.Generator) 
     skeleton
         The bones in the rest pose.
     species
-        Whose poses to mix.
+        Species with the poses to mix.
     random
-        Source of chance.
+        Random generator.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def drawn_motion(skeleton: Skeleton, species: str, random: np.random.Generator) 
 
 
 def _joint_turns(skeleton: Skeleton, pose: Pose) -> Rotation:
-    """Rotation of each bone against its parent."""
+    """Return the rotation of each bone relative to its parent."""
     rotations, _ = skeleton.transforms(pose)
     parents = [bone.parent for bone in skeleton.bones]
     of_parents = Rotation.from_matrix(
@@ -81,7 +81,7 @@ def _joint_turns(skeleton: Skeleton, pose: Pose) -> Rotation:
 
 
 def _carried(skeleton: Skeleton, turns: Rotation) -> tuple[Rotation, NDArray[np.float64]]:
-    """Rotations and translations in the world of bones that turn against their parents."""
+    """Return world rotations and translations of bones from rotations relative to their parents."""
     local = turns.as_matrix()
     rotations, translations = np.empty_like(local), np.zeros((len(local), 3))
     for k, bone in enumerate(skeleton.bones):

@@ -1,4 +1,4 @@
-"""A species redrawn with other proportions: longer legs, a shorter neck, a thicker tail, a larger head."""
+"""Random proportions of a species: longer legs, a shorter neck, a thicker tail, a larger head."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 from benchmark.datasets.animals.anatomy import Section, Species, Tube
 
 SIZE, LENGTH, GIRTH = 0.08, 0.10, 0.10
-"""Standard deviations of the logarithms of factors: of the whole body, of the length of a part, and of its girth.
+"""Standard deviations of the log factors of the whole body, the length of a part, and its girth.
 
-Set by eye: wider ones give animals that nobody has seen, or bodies with holes.
+Set by eye: larger values yield unnatural animals, or bodies with holes.
 """
 
 LARGEST = 2.0
-"""Standard deviations beyond which a factor is not drawn."""
+"""Truncation of the log factors, in standard deviations."""
 
 SHOULDER = 0.7
-"""Height of the joints of the trunk, as a share of the pelvis's, below which a body is legs."""
+"""Height below which the body consists of legs, as a fraction of the height of the pelvis."""
 
 ON_THE_GROUND = frozenset({"fore", "hind", "leg"})
-"""Chains that stand on the ground: they grow with the height of the body, not from their joint."""
+"""Chains on the ground, which scale with the height of the body instead of about their joint."""
 
 
 @dataclass(frozen=True)
 class _Similarity:
-    """Takes a point p to scale (p - origin) + target."""
+    """Similarity from a point p to scale (p - origin) + target."""
 
     scale: float
     origin: NDArray[np.float64]
@@ -37,23 +37,23 @@ class _Similarity:
         return self.scale * (point - self.origin) + self.target
 
     def grown(self, about: NDArray[np.float64], factor: float) -> _Similarity:
-        """The same, with everything around a point larger by a factor; that point goes where it went."""
+        """Return the similarity scaled by a factor about a point; the image of that point is unchanged."""
         return _Similarity(factor * self.scale, about, self(about))
 
 
 def drawn_species(species: Species, random: np.random.Generator) -> Species:
-    """Redraw a species.
+    """Randomise the proportions of a species.
 
-    The whole body is stretched along each axis, and the legs by themselves. Each other part with bones (neck, head,
-    tail, arms, trunk of a centaur) is then scaled about its first joint and carries along what hangs on it. Girths vary
-    by body and by part; paired parts stay alike.
+    The whole body is stretched along each axis, and the legs separately. Each other part with bones (neck, head, tail,
+    arms, trunk of a centaur) is then scaled about its first joint, together with its attached parts. Girths vary by
+    body and by part; paired parts stay symmetric.
 
     Parameters
     ----------
     species
-        The animal as it is written down.
+        The original species.
     random
-        Source of chance.
+        Random generator.
     """
     size = _factor(random, SIZE)
     forward, side = size * _factor(random, LENGTH), size * _factor(random, GIRTH)
@@ -92,5 +92,5 @@ def _carried(tube: Tube, sections: list[Section], carrier: _Similarity, thicknes
 
 
 def _factor(random: np.random.Generator, deviation: float) -> float:
-    """A factor around 1, no further off than some deviations."""
+    """Draw a factor around 1 with truncated deviation."""
     return float(np.exp(deviation * np.clip(random.normal(), -LARGEST, LARGEST)))

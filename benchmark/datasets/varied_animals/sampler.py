@@ -1,4 +1,4 @@
-"""Fresh animals, each in its rest pose and in poses of its own; an animal is a function of its number alone."""
+"""Random animals, each in its rest pose and in random poses; an animal depends only on its number."""
 
 from __future__ import annotations
 
@@ -18,52 +18,52 @@ from benchmark.errors import DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
 
 SPECIES_IN_TURN = tuple(SPECIES)
-"""Animal number n is of species n modulo their number."""
+"""Species by number: animal n has species n modulo their count."""
 
 N_VERTICES = 3500
-"""Vertices of a fresh animal, about: enough for a depth image, and made in a second."""
+"""Approximate number of vertices: enough for a depth image, and generated in a second."""
 
 RELAXATIONS = 25
-"""Steps of the relaxation; fifty, as in the set, move a vertex by one or two centimetres more, half a pixel of 128."""
+"""Relaxation steps; 50, as in the data set, move vertices by one or two centimetres more, half a pixel of 128."""
 
 MOST_DRAWS = 30
-"""Draws of a body after which the sample fails; about one body in twenty has a handle or a loose piece."""
+"""Maximum number of draws of a body; about one body in twenty has a handle or a loose piece."""
 
 
 @dataclass(frozen=True)
 class AnimalSampler:
-    """Makes animals, in centimetres, z up, facing -y.
+    """Sampler of animals, in centimetres, z up, facing -y.
 
     Parameters
     ----------
     seed
         Seed of the sample.
     poses
-        Poses of each animal, beside the rest pose.
+        Number of poses per animal, in addition to the rest pose.
     """
 
     seed: int
     poses: int
 
     def __call__(self, number: int, draw: int = 0) -> tuple[str, list[Mesh]]:
-        """Make one animal.
+        """Generate an animal.
 
         Parameters
         ----------
         number
-            Place in the sample.
+            Index in the sample.
         draw
-            How often this place was drawn before; each draw gives another animal of the same species.
+            Number of previous draws at this index; each draw yields another animal of the same species.
 
         Returns
         -------
         str, list of Mesh
-            Its species, and the animal in its rest pose, then in the others, with the same triangles.
+            The species, and the animal in its rest pose, then in the other poses, with the same triangles.
 
         Raises
         ------
         DatasetError
-            If no closed body was found in :data:`MOST_DRAWS` draws.
+            If :data:`MOST_DRAWS` draws yield no closed body.
         """
         name = SPECIES_IN_TURN[number % len(SPECIES_IN_TURN)]
         random = np.random.default_rng([self.seed, number, draw])

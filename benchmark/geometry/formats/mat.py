@@ -1,7 +1,7 @@
-"""MATLAB files of level 5 (versions 5 to 7.2), as far as the struct ``surface`` of TOSCA needs them.
+"""Minimal reader of level 5 MATLAB files (versions 5 to 7.2) for the TOSCA struct ``surface``.
 
-A reader of its own, because a general one trusts what a file says of itself: a few kilobytes may expand to gigabytes,
-or announce an array that no memory holds.
+General readers trust the sizes in a file, although a few kilobytes may expand to gigabytes or declare an array that
+exceeds the memory.
 
 References
 ----------
@@ -24,11 +24,11 @@ _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _FIRST_NUMERIC, _LAST_NUMERIC = 2, 6, 15
 _COMPLEX = 0x0800
 
-#: Types of numbers on disk.
+#: Number types on disk.
 _KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
-#: The file may expand to this many times its size. Coordinates shrink to a half, triangles to a tenth; only what holds
-#: no information, such as a million equal numbers, shrinks to a thousandth.
+#: Maximum decompressed size relative to the file size. Coordinates compress to a half, triangles to a tenth; only data
+#: without information, such as a million equal numbers, compresses to a thousandth.
 LARGEST_EXPANSION = 100
 
 
@@ -50,7 +50,7 @@ def read_mat(data: bytes) -> Arrays:
 
 
 def _surface(data: bytes, order: str) -> Mapping[str, memoryview]:
-    """Fields of the struct, each the content of a matrix."""
+    """Return the fields of the struct, each the content of a matrix."""
     budget = LARGEST_EXPANSION * len(data)
     for kind, content in _elements(memoryview(data)[_HEADER:], order):
         inner_kind, inner = kind, content
@@ -83,7 +83,7 @@ def _fields(parts: Iterator[tuple[int, memoryview]], order: str) -> Mapping[str,
 
 
 def _numbers(fields: Mapping[str, memoryview], name: str, order: str) -> FloatArray:
-    """A real matrix of any numeric class, in the layout of MATLAB."""
+    """Return a field as a real matrix of any numeric class, read in column-major order."""
     if name not in fields:
         raise ValueError(f"'surface' has no field {name}")
     (_, flags), (_, size), _, (kind, content) = _first(_elements(fields[name], order), 4)
@@ -116,7 +116,7 @@ def _first(parts: Iterator[tuple[int, memoryview]], count: int) -> list[tuple[in
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Type and content of each data element; a small one keeps its content in its tag."""
+    """Yield type and content of each data element; a small element stores its content in its tag."""
     at = 0
     while at + 8 <= len(data):
         kind, size = (int(word) for word in np.frombuffer(data[at : at + 8], f"{order}u4"))
@@ -128,5 +128,5 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
         if begins + size > len(data):
             raise ValueError("it is cut off")
         yield kind, data[begins : begins + size]
-        # Elements begin at multiples of eight bytes, but for those behind compressed ones.
+        # Elements begin at multiples of eight bytes, except after compressed elements.
         at = begins + size if kind == _COMPRESSED else at + 8 * math.ceil((begins - at + size) / 8)

@@ -1,7 +1,7 @@
-"""Helpers of the readers: numbers out of text, whole numbers, and polygons cut into triangles.
+"""Helpers of the readers: parsing of numbers and whole numbers, and triangulation of polygons.
 
-The converters of Python take more for a number than a mesh file can mean (``1_0``, digits of other scripts), so none is
-used on what a file holds.
+Python's converters accept numbers that are invalid in mesh files (``1_0``, digits of other scripts), so numbers are
+parsed by numpy, and counts are validated before conversion.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ IntArray = NDArray[np.int64]
 Arrays = tuple[FloatArray, IntArray]
 
 _MOST_DIGITS = 18
-"""Digits of a whole number that surely fits 64 bits."""
+"""Number of digits that always fit in 64 bits."""
 
 
 def content_lines(data: bytes) -> list[bytes]:
-    """Lines that hold more than white space, without that at their ends."""
+    """Return the nonblank lines, stripped of white space."""
     return [line for line in map(bytes.strip, data.splitlines()) if line]
 
 
 def counted_lines(data: bytes) -> list[bytes]:
-    """Return :func:`content_lines` of a text whose header counts them; a cut last number looks like a whole one."""
+    """Return :func:`content_lines`, but reject an unterminated last line, whose last number may be truncated."""
     if data[-1:].strip():
         raise ValueError("its last line does not end, so it may be cut off (if it is whole, add a line break)")
     return content_lines(data)
 
 
 def whole_number(token: bytes) -> int:
-    """A count or an index as ascii digits; raises ``ValueError`` for anything else."""
+    """Parse a count or an index in ASCII digits; raises ``ValueError`` for anything else."""
     if not token.isdigit() or len(token) > _MOST_DIGITS:
         raise ValueError(f"{shown(token)} is not a whole number")
     return int(token)
 
 
 def shown(token: bytes) -> str:
-    """The beginning of a token as it may stand in a message."""
+    """Return the beginning of a token, escaped for error messages."""
     return repr(token[:20].decode("ascii", errors="backslashreplace"))
 
 
 def parsed(lines: Sequence[bytes], count: int) -> FloatArray:
-    """Parse the numbers of some lines; raises ``ValueError`` unless there are ``count``, and nothing else."""
+    """Parse the numbers of some lines; raises ``ValueError`` unless there are exactly ``count`` numbers."""
     if not count:
         return np.empty(0)
     with warnings.catch_warnings():
@@ -60,7 +60,7 @@ def parsed(lines: Sequence[bytes], count: int) -> FloatArray:
 
 
 def table(lines: Sequence[bytes], least: int = 3) -> FloatArray:
-    """Parse lines of equally many numbers each, at least ``least``; none of the lines is blank."""
+    """Parse nonblank lines with the same number of values each, at least ``least``."""
     if not lines:
         return np.empty((0, least))
     widths = {len(line.split()) for line in lines}
@@ -71,7 +71,7 @@ def table(lines: Sequence[bytes], least: int = 3) -> FloatArray:
 
 
 def whole(numbers: NDArray[np.number]) -> IntArray:
-    """Vertex indices; raises ``ValueError`` where one is not a whole number."""
+    """Convert numbers to vertex indices; raises ``ValueError`` if one is not a whole number."""
     if numbers.dtype.kind in "iu":
         return numbers.astype(np.int64)
     with np.errstate(invalid="ignore"):
@@ -82,7 +82,7 @@ def whole(numbers: NDArray[np.number]) -> IntArray:
 
 
 def counted_polygons(lines: Sequence[bytes]) -> IntArray:
-    """Parse lines that hold the number of corners, the corners, and perhaps a colour; returns triangles."""
+    """Parse lines with the number of corners, the corners, and optionally a colour; returns triangles."""
     if all(line[:2] in (b"3 ", b"3\t") for line in lines):
         try:
             return whole(table(lines, least=4)[:, 1:4])
@@ -100,21 +100,21 @@ def counted_polygons(lines: Sequence[bytes]) -> IntArray:
 
 
 def corner_count(size: int) -> int:
-    """The number of corners of a face; raises ``ValueError`` for fewer than three."""
+    """Return the number of corners of a face; raises ``ValueError`` for fewer than three."""
     if size < 3:
         raise ValueError("a face has fewer than three corners")
     return size
 
 
 def fans(corners: IntArray, sizes: Sequence[int]) -> IntArray:
-    """Cut polygons into fans of triangles around their first corner.
+    """Split polygons into triangle fans around their first corner.
 
     Parameters
     ----------
     corners
-        Vertices of all polygons, one polygon after the other.
+        Concatenated vertices of all polygons.
     sizes
-        Corners of each polygon, at least three.
+        Number of corners of each polygon, at least three.
     """
     of_polygon = np.asarray(sizes, dtype=np.int64)
     starts = np.cumsum(of_polygon) - of_polygon

@@ -1,4 +1,4 @@
-"""The Stanford polygon format, ascii or binary of either byte order."""
+"""The Stanford polygon format, ASCII or binary with either byte order."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _TYPES = {
 }
 _ORDERS = {b"binary_little_endian": "<", b"binary_big_endian": ">", b"ascii": ""}
 
-#: Names that the list of corners goes by.
+#: Names of the list of corners.
 _CORNERS = (b"vertex_indices", b"vertex_index")
 
 
 class _Property(NamedTuple):
-    """One value of a row, or a list of them: ``length`` is the type of the number in front of a list, else empty."""
+    """A value or list in a row; ``length`` is the type of the count before a list, empty for a single value."""
 
     name: bytes
     kind: str
@@ -50,13 +50,13 @@ class _Element(NamedTuple):
 
     @property
     def corners(self) -> int | None:
-        """Place of the list of corners among the properties."""
+        """Index of the list of corners among the properties."""
         lists = [at for at, column in enumerate(self.properties) if column.name in _CORNERS and column.length]
         return lists[0] if lists else None
 
 
 def read_ply(data: bytes) -> Arrays:
-    """Read vertices and faces; what else the file holds is passed over."""
+    """Read vertices and faces; other elements are ignored."""
     ends = data.find(b"end_header")
     begins = data.find(b"\n", ends) + 1
     if not data.startswith(b"ply") or ends < 0 or not begins:
@@ -123,7 +123,7 @@ def _vertices(element: _Element, rows: _Ascii | _Binary) -> FloatArray:
 
 
 class _Ascii:
-    """The rows of an ascii file, one line each, element by element."""
+    """Rows of an ASCII file, one line each, element by element."""
 
     def __init__(self, lines: Sequence[bytes]) -> None:
         self._lines = lines
@@ -131,12 +131,12 @@ class _Ascii:
 
     @property
     def most(self) -> int:
-        """Rows that there can still be."""
+        """Maximum number of remaining rows."""
         return len(self._lines) - self._at
 
     @property
     def is_left(self) -> bool:
-        """Whether anything follows."""
+        """Whether any lines remain."""
         return self.most > 0
 
     def skip(self, element: _Element) -> None:
@@ -177,7 +177,7 @@ class _Ascii:
 
 
 class _Binary:
-    """The rows of a binary file, element by element."""
+    """Rows of a binary file, element by element."""
 
     def __init__(self, data: bytes, begins: int, order: str) -> None:
         self._data = data
@@ -186,12 +186,12 @@ class _Binary:
 
     @property
     def most(self) -> int:
-        """Rows that there can still be: none is empty."""
+        """Maximum number of remaining rows; each has at least one byte."""
         return len(self._data) - self._at
 
     @property
     def is_left(self) -> bool:
-        """Whether anything but a line break follows."""
+        """Whether anything but white space remains."""
         return bool(self._data[self._at :].strip())
 
     def skip(self, element: _Element) -> None:
@@ -209,7 +209,7 @@ class _Binary:
         return {column.name: rows[str(at)] for at, column in enumerate(element.properties)}
 
     def polygons(self, element: _Element, corners_at: int) -> IntArray:
-        # Most files hold triangles alone: read every list as if it had three items and check.
+        # Most files contain only triangles: read every list as if it had three items, then check.
         fields: list[tuple[str, str] | tuple[str, str, int]] = []
         for at, column in enumerate(element.properties):
             item = self._order + column.kind
@@ -227,13 +227,13 @@ class _Binary:
         return self._walk(element, corners_at)
 
     def _records(self, record: np.dtype[np.void], count: int) -> NDArray[np.void] | None:
-        """The next rows where they all have one size; None where the file ends before."""
+        """Return the next rows of a fixed size; None if the file is too short."""
         if len(self._data) - self._at < count * record.itemsize:
             return None
         return np.frombuffer(self._data, record, count, self._at) if count else np.empty(0, record)
 
     def _walk(self, element: _Element, corners_at: int | None) -> IntArray:
-        """Go from list to list; returns the triangles of the list at ``corners_at``, none for None."""
+        """Read row by row; returns the triangles of the list at ``corners_at``, none for None."""
         steps = [
             (
                 np.dtype(column.kind).itemsize,

@@ -21,7 +21,7 @@ from benchmark.geometry.formats.parsing import (
 
 
 def read_off(data: bytes) -> Arrays:
-    """Read the Object File Format of Geomview: comments, counts on the first or the next line, polygons, colours."""
+    """Read Geomview OFF, with comments, counts on the first or the next line, polygons and colours."""
     if b"#" in data:
         data = re.sub(rb"#[^\n]*", b" ", data)
     header = re.match(rb"\s*(?:ST)?(?:C?N?|N?C?)OFF\s+([0-9]+)\s+([0-9]+)(?:[ \t]+[0-9]+)?\s*", data)
@@ -36,7 +36,7 @@ def read_off(data: bytes) -> Arrays:
 
 
 def read_obj(data: bytes) -> Arrays:
-    """Read the vertices and faces of Wavefront OBJ; texture, normals, groups and materials are passed over."""
+    """Read the vertices and faces of Wavefront OBJ; textures, normals, groups and materials are ignored."""
     lines = content_lines(data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" "))
     is_vertex = [line.startswith((b"v ", b"v\t")) for line in lines]
     is_face = [line.startswith((b"f ", b"f\t")) for line in lines]
@@ -47,13 +47,13 @@ def read_obj(data: bytes) -> Arrays:
     corners = re.sub(rb"/\S*", b"", b"\n".join(faces)).split(b"\n") if faces else []
     sizes = [corner_count(len(polygon.split())) for polygon in corners]
     indices = whole(parsed(corners, sum(sizes)))
-    # Negative indices count back from the last vertex before the face; 0 names none.
+    # Negative indices count back from the last vertex before the face; 0 is invalid.
     before = np.repeat(np.cumsum(is_vertex)[np.asarray(is_face, dtype=bool)], sizes)
     return vertices, fans(np.where(indices < 0, indices + before, indices - 1), sizes)
 
 
 def read_vert_tri(vert: bytes, tri: bytes) -> Arrays:
-    """Read the ascii pair of TOSCA; triangles count from 1, as published, unless one of them names vertex 0."""
+    """Read the TOSCA ASCII pair; triangles are 1-based, as published, unless one of them contains vertex 0."""
     vertices = table(content_lines(vert))
     faces = whole(table(content_lines(tri)))
     if vertices.shape[1] != 3 or faces.shape[1] != 3:
@@ -65,7 +65,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 
 def read_stl(data: bytes) -> Arrays:
-    """Read STL, ascii or binary; corners at exactly the same position become one vertex."""
+    """Read ASCII or binary STL; corners at exactly the same position become a single vertex."""
     count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
     if len(data) == 84 + _FACET.itemsize * count:
         corners = np.frombuffer(data, _FACET, offset=84)["corners"].reshape(-1, 3).astype(np.float64)
@@ -80,7 +80,7 @@ def read_stl(data: bytes) -> Arrays:
             raise ValueError("a vertex has not three coordinates")
     else:
         raise ValueError(f"{len(data)} bytes are neither an ascii STL nor a binary one of {count} triangles")
-    corners = corners + 0.0  # -0.0 and 0.0 are one position
+    corners = corners + 0.0  # -0.0 equals 0.0
     _, first, inverse = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))
     return corners[np.sort(first)], rank[inverse.reshape(-1)].reshape(-1, 3).astype(np.int64)
