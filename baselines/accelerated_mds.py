@@ -59,7 +59,7 @@ class AcceleratedMDS(CheckedParameters):
         cite="shamai2015accelerated",
         family="extended",
         summary="classic scaling from interpolated geodesic distances of a few samples",
-        departs="Signs of axes and the side of the mirror follow a rule of ours.",
+        departs="Signs of axes, the side of the mirror and the variant `interpolated` follow rules of ours.",
     )
 
     variant: Literal["samples", "interpolated"] = "samples"

@@ -62,8 +62,9 @@ class ClassicMDS(CheckedParameters):
         family="paper",
         summary="top three eigenvectors of the doubly centred squared geodesic distances",
         departs=(
-            "Geodesic distances are shortest paths in a graph of edges and unfolded triangles, where the source "
-            "marches over the surface. Signs of axes and the side of the mirror follow a rule of ours."
+            "Geodesic distances, the default, are shortest paths in a graph of edges and unfolded triangles, where the "
+            "source marches over the surface; other metrics are sums over eigenfunctions. Signs of axes and the side "
+            "of the mirror follow a rule of ours."
         ),
     )
 

@@ -192,7 +192,7 @@ class MeanWKS(CheckedParameters):
         cite="aubry2011wks",
         family="control",
         summary="quadratic mean of the wave kernel signature over the surface",
-        departs="The source describes points; the quadratic mean over the surface is ours.",
+        departs="The source describes points; the quadratic mean over the surface and 100 eigenpairs are ours.",
         scale="invariant",
     )
 

@@ -64,8 +64,9 @@ class LeastSquaresMDS(CheckedParameters):
         family="paper",
         summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
         departs=(
-            "By default, a quasi-Newton method over the Guttman transforms starts from a few spread vertices, "
-            "where the source takes plain steps of majorisation; it ends at a lower stress."
+            "Distances are those of Classic MDS here. By default, a quasi-Newton method over the Guttman transforms "
+            "starts from a few spread vertices, where the source takes plain steps of majorisation; it ends at a lower "
+            "stress."
         ),
     )
 

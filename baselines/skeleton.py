@@ -65,9 +65,9 @@ class Skeleton(CheckedParameters):
         summary="curve skeleton scaled by its path lengths, surface transferred",
         departs=(
             "Against the released code: sampling weight .1, not 1 (`sampling=1`), summed quadrics, joints centred "
-            "by displacement instead of loop centroids and merged after centring, pockets absorbed; contraction goes "
-            "on where that code stops. On open views joints are level sets of the geodesic distance, which is another "
-            "method."
+            "by displacement instead of loop centroids and merged after centring, pockets absorbed, triangles across a "
+            "border assigned to the bone between; contraction goes on where that code stops. On open views joints are "
+            "level sets of the geodesic distance, which is another method."
         ),
     )
 

@@ -38,8 +38,8 @@ class SubspaceMDS(CheckedParameters):
     which moves the samples to the point of the span nearest to the transform and never raises their stress
     (:math:`J = I - 11^\top / q` removes translations). Few functions and samples determine the pose first; each finer
     level starts from the previous form. Details finer than the last eigenfunction remain those of the input. With all
-    functions and samples it is :class:`baselines.least_squares_mds.LeastSquaresMDS` from the mesh. "Subspace least
-    squares multidimensional scaling", SSVM 2017.
+    functions and samples it is plain majorisation from the mesh, ``least-squares-mds[algorithm=majorization]``.
+    "Subspace least squares multidimensional scaling", SSVM 2017.
 
     Parameters
     ----------

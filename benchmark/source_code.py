@@ -30,7 +30,7 @@ def text_of(folder: str) -> str:
 
 def digest_of_source(source: bytes) -> str:
     """Return the digest of the code of a module; raise ``SyntaxError`` if it is not Python."""
-    tree = _skeleton(_without_docstrings(ast.parse(source)))
+    tree = _skeleton(ast.parse(source))
     return digest_of_bytes(json.dumps(tree, separators=(",", ":")).encode())
 
 
@@ -43,7 +43,7 @@ def suite_texts() -> dict[str, str]:
 @cache
 def code_of(folder: str) -> str:
     """Return the digest of the code in a folder, without docstrings, comments and layout."""
-    trees = [(path.name, _skeleton(_without_docstrings(ast.parse(path.read_bytes())))) for path in _modules(folder)]
+    trees = [(path.name, _skeleton(ast.parse(path.read_bytes()))) for path in _modules(folder)]
     return digest_of_bytes(json.dumps(trees, separators=(",", ":")).encode())
 
 
@@ -57,20 +57,17 @@ def _modules(folder: str) -> list[Path]:
     return sorted((ROOT / folder).glob("*.py"))
 
 
-def _without_docstrings(tree: ast.Module) -> ast.Module:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and (
-            ast.get_docstring(node, clean=False) is not None
-        ):
-            node.body = node.body[1:]
-    return tree
-
-
 def _skeleton(node: Any) -> Any:
-    """Return a syntax tree as lists, without empty fields, which depend on the version of Python."""
+    """Return a syntax tree as lists, without docstrings, and without empty fields, which depend on Python's version."""
     if isinstance(node, ast.AST):
         fields = ((name, value) for name, value in ast.iter_fields(node) if name not in ("kind", "type_comment"))
-        return [type(node).__name__, *([n, _skeleton(v)] for n, v in fields if v is not None and v != [])]
+        parts = ((name, _skeleton(value)) for name, value in fields if value is not None)
+        return [type(node).__name__, *([name, part] for name, part in parts if part != [])]
     if isinstance(node, list):
-        return [_skeleton(part) for part in node]
+        return [_skeleton(part) for part in node if not _is_docstring(part)]
     return [type(node).__name__, repr(node)]
+
+
+def _is_docstring(node: Any) -> bool:
+    """Return whether a node is a text alone: the docstring of a module, class, function or attribute."""
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)

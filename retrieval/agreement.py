@@ -68,18 +68,19 @@ def agreement(first: Sequence[float], second: Sequence[float]) -> Agreement:
     signs = np.sign(x[before] - x[after])
     # All orders of the second side have the same number of ties, hence the same normalisation for ties.
     untied = np.sqrt(np.count_nonzero(signs) * np.count_nonzero(y[before] != y[after]))
+    tau = np.sign(y[before] - y[after]) @ signs / untied
 
-    def tau(of_second: np.ndarray, axis: int = -1) -> np.ndarray:
+    def distance(of_second: np.ndarray, axis: int = -1) -> np.ndarray:
         values = np.moveaxis(of_second, axis, -1)
-        return np.asarray(np.sign(values[..., before] - values[..., after]) @ signs / untied)
+        return np.asarray(np.abs(np.sign(values[..., before] - values[..., after]) @ signs))
 
     tested = permutation_test(
         (y,),
-        tau,
+        distance,
         permutation_type="pairings",
         vectorized=True,
         n_resamples=N_PERMUTATIONS,
-        alternative="two-sided",
+        alternative="greater",
         rng=np.random.default_rng(0),
     )
-    return Agreement(float(tau(y)), float(tested.pvalue), len(x))
+    return Agreement(float(tau), float(tested.pvalue), len(x))

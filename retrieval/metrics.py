@@ -123,7 +123,7 @@ def evaluate_rows(
     count = len(classes)
     places = np.arange(count) if answered is None else np.asarray(answered, dtype=np.intp)
     alone = classes[places]
-    is_partial = answered is not None and 1 < len(set(alone.tolist())) < len(alone)
+    is_partial = answered is not None and 1 < len(set(alone.tolist())) < len(alone) < count
     values = [
         _of_query(Query(np.zeros(count - 1), _relevant(classes, k), is_answered=False), ties) for k in range(count)
     ]

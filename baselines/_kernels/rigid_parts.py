@@ -80,7 +80,7 @@ def refit_parts(
     """Shift the seams, vertex by vertex, so that the parts fit the targets better.
 
     In each round every vertex at a seam joins the part of a neighbour whose rigid motion brings it nearest to its
-    target. No vertex leaves a part that would keep fewer than half of its initial vertices.
+    target. Vertices of a part that would keep fewer than half of its initial vertices stay, and no part becomes empty.
     """
     graph = surface.weights
     start = np.repeat(np.arange(len(parts)), np.diff(graph.indptr))
@@ -96,8 +96,10 @@ def refit_parts(
         best = offered.min(axis=0)
         nearest = (offered <= best + threshold).argmax(axis=0)
         changed = np.where(best < own - threshold, nearest, parts)
-        depleted = np.bincount(changed, minlength=len(least)) < least
-        changed = np.where(depleted[parts], parts, changed)
+        losing = np.bincount(changed, minlength=len(least)) < least
+        while losing.any():  # returning vertices may empty the parts that they had joined
+            changed = np.where(losing[parts], parts, changed)
+            losing = np.bincount(changed, minlength=len(least)) == 0
         if (changed == parts).all():
             break
         parts = changed

@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 _Edge = tuple[int, int]
 
 
-def bridge_components(mesh: Mesh, *, min_faces: int = 1) -> tuple[Mesh, int]:
+def bridge_components(mesh: Mesh) -> tuple[Mesh, int]:
     """Join all components into one along their minimum spanning tree.
 
     The distance between two components is the shortest Euclidean distance between their vertices (boundary vertices
@@ -29,9 +29,7 @@ def bridge_components(mesh: Mesh, *, min_faces: int = 1) -> tuple[Mesh, int]:
     Parameters
     ----------
     mesh
-        A manifold mesh with any number of components.
-    min_faces
-        Drop components with fewer faces, except the one with the most faces; isolated vertices are always dropped.
+        A manifold mesh with any number of components; isolated vertices are dropped.
 
     Returns
     -------
@@ -47,11 +45,7 @@ def bridge_components(mesh: Mesh, *, min_faces: int = 1) -> tuple[Mesh, int]:
     """
     if not mesh.n_faces:
         raise InvalidMesh("a mesh without faces cannot be bridged", "pass a surface")
-    labels = connected_components(mesh)
-    faces_of = np.bincount(labels[mesh.faces[:, 0]], minlength=int(labels.max()) + 1)
-    kept = faces_of >= max(min_faces, 1)
-    kept[np.argmax(faces_of)] = True
-    work = compact(mesh.vertices, mesh.faces[kept[labels[mesh.faces[:, 0]]]])
+    work = compact(mesh.vertices, mesh.faces)
     labels = connected_components(work)
     links = _spanning_tree(work, labels)
     if not links:

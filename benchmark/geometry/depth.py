@@ -132,8 +132,8 @@ def camera_coordinates(mesh: Mesh, camera: Camera) -> Points:
     return np.asarray(points - centre)
 
 
-def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -> float:
-    """Return the half width of the frame in which the largest bounding box of a data set fills the given fraction.
+def fit_half_width(meshes: Iterable[Mesh], camera: Camera) -> float:
+    """Return the half width of the frame in which the largest bounding box of a data set fills :data:`FILL`.
 
     Depth counts in the same way as width and height, so that no shape reaches the near or far plane.
 
@@ -143,8 +143,6 @@ def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -
         The shapes that share the frame; consumed one at a time.
     camera
         The viewing direction.
-    fill
-        Fraction of the frame, in (0, 1).
 
     Returns
     -------
@@ -153,18 +151,14 @@ def fit_half_width(meshes: Iterable[Mesh], camera: Camera, fill: float = FILL) -
 
     Raises
     ------
-    ConfigurationError
-        If ``fill`` leaves no margin.
     DatasetError
         If there is no mesh, or no mesh has an extent.
     """
-    if not 0 < fill < 1:
-        raise ConfigurationError(f"a share of {fill} of the frame leaves no margin", "choose one between 0 and 1")
     extents = (np.abs(camera_coordinates(mesh, camera)).max() for mesh in meshes if mesh.n_vertices)
     extent = float(max(extents, default=0.0))
     if extent == 0:
         raise DatasetError("no shape has an extent, so no frame fits", "check that the meshes are not empty")
-    return extent / fill
+    return extent / FILL
 
 
 def common_half_width(half_widths: Sequence[float]) -> float:

@@ -17,7 +17,7 @@ import torch
 
 from benchmark.arrays import Arrays
 from benchmark.errors import TrainingError, one_line
-from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, Requester
+from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, Tell
 
 AHEAD = 3
 """Batches in memory per worker process."""
@@ -122,7 +122,7 @@ def _ahead(
 
 
 def _serve(
-    make: Callable[[int], object], asked: Mapping[str, Any], arrays: Arrays, requester: Requester
+    make: Callable[[int], object], asked: Mapping[str, Any], arrays: Arrays, tell: Tell
 ) -> tuple[Mapping[str, Any], Arrays]:
     """Make the batch of a number, in a worker process."""
     _use_one_thread()

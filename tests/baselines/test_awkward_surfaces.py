@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 from trimesh.creation import torus
 
 from benchmark.api.contracts import Mesh, Shape
@@ -25,22 +24,6 @@ FORMS = (
     "euclidean-distance[points=local]",
     *(f"{name}[metric={metric}]" for name in ("classic-mds", "least-squares-mds") for metric in METRICS),
 )
-
-
-def cube(steps: int = 6) -> Mesh:
-    """Surface of a cube with all its symmetries but for the diagonals: eigenvalues come in twos and threes."""
-    axis = np.linspace(-1, 1, steps)
-    points = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
-    points = points[np.abs(points).max(axis=1) == 1]
-    # Blown up to a ball, all vertices are on the hull, which then has the faces of the cube's grid.
-    ball = points / np.linalg.norm(points, axis=1, keepdims=True)
-    faces = ConvexHull(ball).simplices
-    corners = ball[faces]
-    turned = np.einsum(
-        "ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]
-    )
-    faces[turned < 0] = faces[turned < 0][:, ::-1]
-    return Mesh(points, faces)
 
 
 def ring() -> Mesh:

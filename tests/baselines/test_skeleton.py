@@ -28,29 +28,28 @@ def y_shape() -> Mesh:
     return implicit_surface(lambda p: np.min([capsule(p, [0, 0, 0], tip, 0.2) for tip in TIPS], axis=0))
 
 
-class TestTransfer:
-    def test_it_agrees_with_the_simplices_of_sumner_and_popovic(self):
-        """Dense least squares over vertices and one extra vertex per triangle (Yan et al. 2008)."""
-        mesh = tube(1.0, rings=5, sides=5)
-        rotations = Rotation.random(mesh.n_faces, rng=3).as_matrix()
-        n, m = mesh.n_vertices, mesh.n_faces
-        rows, right = [], []
-        for f, (i, j, k) in enumerate(mesh.faces):
-            a, b, c = mesh.vertices[[i, j, k]]
-            normal = np.cross(b - a, c - a)
-            fourth = (a + b + c) / 3 + normal / np.sqrt(np.linalg.norm(normal))
-            inverse = np.linalg.inv(np.stack([b - a, c - a, fourth - a], axis=1))
-            weight = np.sqrt(mesh.face_areas[f])
-            for column in range(3):
-                row = np.zeros(n + m)
-                for vertex, coefficient in zip((j, k, n + f), inverse[:, column], strict=True):
-                    row[vertex] += coefficient
-                    row[i] -= coefficient
-                rows.append(weight * row)
-                right.append(weight * rotations[f][:, column])
-        solution = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0][:n]
-        moved = follow_rotations(mesh, rotations)
-        np.testing.assert_allclose(moved - moved.mean(axis=0), solution - solution.mean(axis=0), atol=1e-9)
+def test_it_agrees_with_the_simplices_of_sumner_and_popovic():
+    """Dense least squares over vertices and one extra vertex per triangle (Yan et al. 2008)."""
+    mesh = tube(1.0, rings=5, sides=5)
+    rotations = Rotation.random(mesh.n_faces, rng=3).as_matrix()
+    n, m = mesh.n_vertices, mesh.n_faces
+    rows, right = [], []
+    for f, (i, j, k) in enumerate(mesh.faces):
+        a, b, c = mesh.vertices[[i, j, k]]
+        normal = np.cross(b - a, c - a)
+        fourth = (a + b + c) / 3 + normal / np.sqrt(np.linalg.norm(normal))
+        inverse = np.linalg.inv(np.stack([b - a, c - a, fourth - a], axis=1))
+        weight = np.sqrt(mesh.face_areas[f])
+        for column in range(3):
+            row = np.zeros(n + m)
+            for vertex, coefficient in zip((j, k, n + f), inverse[:, column], strict=True):
+                row[vertex] += coefficient
+                row[i] -= coefficient
+            rows.append(weight * row)
+            right.append(weight * rotations[f][:, column])
+    solution = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0][:n]
+    moved = follow_rotations(mesh, rotations)
+    np.testing.assert_allclose(moved - moved.mean(axis=0), solution - solution.mean(axis=0), atol=1e-9)
 
 
 def scaled_tips(mesh):
@@ -60,59 +59,60 @@ def scaled_tips(mesh):
     return TIPS * factor, factor
 
 
-class TestSampling:
-    def test_a_larger_weight_spaces_joints_more_evenly(self, y_shape):
-        contracted = contract(y_shape)
-        spreads = []
-        for sampling in (0.01, 0.1, 1.0):
-            skeleton = contraction_skeleton(y_shape, contracted, sampling)
-            lengths = np.linalg.norm(np.diff(skeleton.joints[skeleton.bones], axis=1)[:, 0], axis=1)
-            spreads.append(lengths.std() / lengths.mean())
-        assert spreads[2] < spreads[0]
+def test_a_larger_weight_spaces_joints_more_evenly(y_shape):
+    contracted = contract(y_shape)
+    spreads = []
+    for sampling in (0.01, 0.1, 1.0):
+        skeleton = contraction_skeleton(y_shape, contracted, sampling)
+        lengths = np.linalg.norm(np.diff(skeleton.joints[skeleton.bones], axis=1)[:, 0], axis=1)
+        spreads.append(lengths.std() / lengths.mean())
+    assert spreads[2] < spreads[0]
 
 
-class TestCurveSkeleton:
-    def test_of_a_y_has_three_branches(self, y_shape):
-        skeleton = contraction_skeleton(y_shape, contract(y_shape))
-        assert sorted(skeleton.degrees[skeleton.degrees != 2].tolist()) == [1, 1, 1, 3]
-        tips, factor = scaled_tips(y_shape)
-        leaves = skeleton.joints[skeleton.degrees == 1]
-        assert np.linalg.norm(leaves[:, None] - tips, axis=2).min(axis=0).max() < 0.35 * factor
-        junction = skeleton.joints[skeleton.degrees == 3][0]
-        assert np.linalg.norm(junction) < 0.15 * factor
+def test_of_a_y_has_three_branches(y_shape):
+    skeleton = contraction_skeleton(y_shape, contract(y_shape))
+    assert sorted(skeleton.degrees[skeleton.degrees != 2].tolist()) == [1, 1, 1, 3]
+    tips, factor = scaled_tips(y_shape)
+    leaves = skeleton.joints[skeleton.degrees == 1]
+    assert np.linalg.norm(leaves[:, None] - tips, axis=2).min(axis=0).max() < 0.35 * factor
+    junction = skeleton.joints[skeleton.degrees == 3][0]
+    assert np.linalg.norm(junction) < 0.15 * factor
 
 
-class TestForm:
-    @pytest.mark.kernels
-    def test_a_bent_tube_becomes_straight(self, bend=2.4):
-        mesh = tube(bend)
-        form = Skeleton().canonicalise(shape_of(mesh))
-        assert form.notes["skeleton"] == "contraction"
-        assert straightness(centre_line(form.vertices)) > 0.95 > straightness(centre_line(mesh.vertices))
+@pytest.mark.kernels
+def test_a_bent_tube_becomes_straight(bend=2.4):
+    mesh = tube(bend)
+    form = Skeleton().canonicalise(shape_of(mesh))
+    assert form.notes["skeleton"] == "contraction"
+    assert straightness(centre_line(form.vertices)) > 0.95 > straightness(centre_line(mesh.vertices))
 
-    def test_an_open_surface_gets_a_level_set_skeleton(self):
-        form = Skeleton().canonicalise(shape_of(sheet(bend=2.0)))
-        assert form.notes["skeleton"] == "level-set"
-        assert form.notes["skeleton_reason"] == "open surface"
-        assert form.notes["leaves"] == 2
 
-    def test_a_pinhole_does_not_make_a_surface_open(self):
-        mesh = tube(1.0)
-        form = Skeleton().canonicalise(shape_of(Mesh(mesh.vertices, np.delete(mesh.faces, 300, axis=0))))
-        assert form.notes["skeleton"] == "contraction"
+def test_an_open_surface_gets_a_level_set_skeleton():
+    form = Skeleton().canonicalise(shape_of(sheet(bend=2.0)))
+    assert form.notes["skeleton"] == "level-set"
+    assert form.notes["skeleton_reason"] == "open surface"
+    assert form.notes["leaves"] == 2
 
-    def test_a_failed_contraction_falls_back_and_says_so(self, monkeypatch):
-        monkeypatch.setattr(contraction_module, "_contraction_step", lambda mesh, *_: mesh.vertices * np.nan)
-        form = Skeleton().canonicalise(shape_of(tube(2.4)))
-        assert form.notes["skeleton"] == "level-set"
-        assert str(form.notes["skeleton_reason"]).startswith("contraction failed: 100%")
-        assert straightness(centre_line(form.vertices)) > 0.93
 
-    def test_the_numbering_of_the_vertices_changes_no_bit(self, y_shape):
-        order = np.random.default_rng(0).permutation(y_shape.n_vertices)
-        renumbered = Mesh(y_shape.vertices[order], np.argsort(order)[y_shape.faces][::-1])
-        first = Skeleton().canonicalise(shape_of(y_shape)).vertices
-        np.testing.assert_array_equal(Skeleton().canonicalise(shape_of(renumbered)).vertices, first[order])
+def test_a_pinhole_does_not_make_a_surface_open():
+    mesh = tube(1.0)
+    form = Skeleton().canonicalise(shape_of(Mesh(mesh.vertices, np.delete(mesh.faces, 300, axis=0))))
+    assert form.notes["skeleton"] == "contraction"
+
+
+def test_a_failed_contraction_falls_back_and_says_so(monkeypatch):
+    monkeypatch.setattr(contraction_module, "_contraction_step", lambda mesh, *_: mesh.vertices * np.nan)
+    form = Skeleton().canonicalise(shape_of(tube(2.4)))
+    assert form.notes["skeleton"] == "level-set"
+    assert str(form.notes["skeleton_reason"]).startswith("contraction failed: 100%")
+    assert straightness(centre_line(form.vertices)) > 0.93
+
+
+def test_the_numbering_of_the_vertices_changes_no_bit(y_shape):
+    order = np.random.default_rng(0).permutation(y_shape.n_vertices)
+    renumbered = Mesh(y_shape.vertices[order], np.argsort(order)[y_shape.faces][::-1])
+    first = Skeleton().canonicalise(shape_of(y_shape)).vertices
+    np.testing.assert_array_equal(Skeleton().canonicalise(shape_of(renumbered)).vertices, first[order])
 
 
 @pytest.mark.data

@@ -10,13 +10,12 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.spatial.distance import pdist
 
 from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Column
 from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, SUBJECTS, adults
-from benchmark.datasets.humans import Humans, human_mesh, human_meshes, recipe, sample_humans
+from benchmark.datasets.humans import Humans, human_meshes, recipe, sample_humans
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import depth_surface, fit_half_width
@@ -26,21 +25,6 @@ from benchmark.geometry.mesh import Mesh
 def made(*subjects: str) -> list[Mesh]:
     """The subjects in every pose."""
     return list(human_meshes((SUBJECTS[name], pose) for name in subjects for pose in POSES.values()))
-
-
-def shape(subject: str, pose: str) -> Mesh:
-    return human_mesh(SUBJECTS[subject], POSES[pose])
-
-
-def test_a_body_is_one_closed_surface_of_genus_zero() -> None:
-    mesh = shape("woman-2", "sitting")
-    assert (mesh.n_vertices, mesh.n_faces) == (13348, 26692)
-    solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    assert solid.is_watertight
-    assert solid.is_winding_consistent
-    assert solid.euler_number == 2
-    assert solid.body_count == 1
-    assert 0.02 < solid.volume < 0.2
 
 
 @pytest.mark.slow

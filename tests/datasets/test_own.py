@@ -158,7 +158,6 @@ def test_a_file_that_hangs_while_it_lists_its_shapes_is_refused_from_outside(plu
     ],
 )
 def test_a_fault_is_found_by_its_check(plugin, changes, check, message):
-    original = ENTRIES.removeprefix("return ").replace("self.bends", "(1, 2)") + " * 4"
     original = "[Entry(f'{s}{n}', s, str(n)) for s in ('thin', 'thick') for n in range(9)]"
     changes = {name: text.replace("ORIGINAL", repr(original)) for name, text in changes.items()}
     report = conformance.check_target(str(plugin(**changes)))

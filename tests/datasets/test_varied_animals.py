@@ -8,6 +8,8 @@ from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.varied_animals import SPECIES_IN_TURN, AnimalSampler, sampler
 from benchmark.errors import DatasetError, InvalidMesh
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.fixture(scope="module", autouse=True)
 def coarse():

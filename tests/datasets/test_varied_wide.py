@@ -7,15 +7,12 @@ import pytest
 
 from benchmark.datasets.human_poses import POSES, bone_rotations
 from benchmark.datasets.human_subjects import CLEARANCE, clearance
-from benchmark.datasets.scans.surfaces import collapsed
 from benchmark.datasets.varied import wide
 from benchmark.datasets.varied.bodies import AWAY_FROM, Body, varied_body
-from benchmark.datasets.varied.coarse import coarse_model
 from benchmark.datasets.varied.joints import batch_rotations
 from benchmark.datasets.varied.poses import free_pose, range_of_motion
 from benchmark.datasets.varied.wide import WideSampler
 from learned.streamed.configuration import STREAMED
-from tests.geometry.surfaces import sphere
 
 #: The body model with all local changes has a cache of its own, .9 GB that take a minute to build.
 needs_the_full_body = pytest.mark.exhaustive
@@ -62,12 +59,3 @@ def test_no_subject_of_a_set_enters_training(monkeypatch: pytest.MonkeyPatch) ->
     WideSampler(seed=11)(0, 8, 64)
     assert len(drawn) >= 8
     assert min(clearance(body.subject, AWAY_FROM) for body in drawn) >= CLEARANCE
-
-
-@needs_the_full_body
-def test_a_coarse_body_does_not_depend_on_the_decimations_before_it() -> None:
-    first = coarse_model.__wrapped__(1500)
-    collapsed(sphere(3), 100)
-    again = coarse_model.__wrapped__(1500)
-    np.testing.assert_array_equal(first.faces, again.faces)
-    np.testing.assert_array_equal(first.bones, again.bones)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, InvalidMask, NoObject
 from benchmark.depth.frame import observe
@@ -28,10 +29,8 @@ def test_the_rule_finds_the_figure(given):
 
 def test_the_nearest_of_the_large_pieces_is_the_object():
     def box(x, y, width):
-        corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)], dtype=float)
-        faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
-                          [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]], dtype=np.int32)  # fmt: skip
-        return Mesh(corners * [width, 0.4, width] + [x, y, 0.0], faces)
+        made = trimesh.creation.box((width, 0.4, width))
+        return Mesh(made.vertices - made.bounds[0] + [x, y, 0.0], made.faces.astype(np.int32))
 
     for others in ((box(-1.3, 0.5, 0.7),), (box(0.9, -0.8, 0.1),)):  # a chest behind, and a small thing in front
         depths, mask = scene(others=others).drawn(KINECT)

@@ -104,14 +104,6 @@ def test_touching_components_are_welded():
     assert_one_manifold(along_edge)
 
 
-def test_specks_are_dropped_but_never_everything():
-    mesh = joined(flat_grid(3), moved(flat_grid(2), 5, 0, 0), moved(flat_grid(4), 9, 0, 0))
-    bridged, count = bridge_components(mesh, min_faces=3)
-    assert (count, bridged.n_vertices) == (1, 25)
-    alone, count = bridge_components(mesh, min_faces=1000)
-    assert (count, alone.n_vertices) == (0, 16)
-
-
 def test_vertices_without_faces_go():
     grid = flat_grid(3)
     bridged, count = bridge_components(Mesh([*grid.vertices, [0, 0, 9]], grid.faces))

@@ -5,9 +5,8 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from retrieval.pose import normalise, rectilinearity_rotation
+from retrieval.pose import rectilinearity_rotation
 from tests.retrieval.figures import figure, turned
 
 pytestmark = pytest.mark.kernels
@@ -38,15 +37,3 @@ def test_the_rotation_is_the_minimiser(seed: int = 1) -> None:
         for _ in range(30)
     ]
     assert reached <= min(references) * (1 + 1e-6)
-
-
-@pytest.mark.parametrize(
-    ("mesh", "message"),
-    [
-        (Mesh(np.zeros((3, 3)), np.zeros((0, 3))), "no triangles"),
-        (Mesh(np.full((3, 3), 7.3), [[0, 1, 2]]), "zero extent"),
-    ],
-)
-def test_faults_are_named(mesh: Mesh, message: str) -> None:
-    with pytest.raises(InvalidMesh, match=message):
-        normalise(mesh, ("pca", "rectilinearity"), 64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import comb, log2
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -37,18 +37,6 @@ def test_each_split_scores_as_its_own_matrix_does(ties: bool, missing: list[int]
         single = evaluate(distances[np.ix_(rows, rows)], [labels[place] for place in inside], answered=places).means
         assert {name: scores[name][row] for name in PRINTED} == pytest.approx({name: single[name] for name in PRINTED})
     assert missing or ties == (evaluate(distances, labels).tied_queries > 0)
-
-
-def test_a_gallery_by_hand() -> None:
-    # On a line: a at 0 and 3, b at 1 and 7, c at 3.5 and 3.9.
-    places = np.array([0, 3, 1, 7, 3.5, 3.9])
-    distances, labels = np.abs(places[:, None] - places), list("aabbcc")
-    scores = scores_of_splits(distances, labels, [("a", "b"), ("c", "b")])
-    # In a + b, the shape at 1 has its own class at the last of three ranks, the others at the second one.
-    assert (scores["NN"][0], scores["FT"][0], scores["ST"][0]) == (0, 0, 3 / 4)
-    assert scores["DCG"][0] == pytest.approx((1 + 1 + 1 / log2(3) + 1) / 4)
-    # In c + b the two of c find each other, b finds its own last.
-    assert scores["NN"][1] == 1 / 2
 
 
 def test_all_ways_to_take_five_of_fifteen() -> None:
