@@ -200,7 +200,7 @@ class ResultsFolder:
     @cached_property
     def _results(self) -> dict[str, Result]:
         known = Results(self._store, methods(self.plugins), self.data_root, scorers(self.plugins))
-        places = by_place(known.records())
+        places = by_place(self._store.all_records())
         seen = sorted({(place.seed, place.scorer) for place in places})
         chosen = (known.all(seed, scorer=scorer, places=places) for seed, scorer in seen)
         return {result.record["key"]: result for results in chosen for result in results}

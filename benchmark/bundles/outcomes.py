@@ -127,17 +127,19 @@ def worst(statuses: Iterable[Status]) -> Status:
 # Reports -------------------------------------------------------------------------------------------------------------
 
 
-def keep(outcome: Outcome, results: Path) -> None:
-    """Store the outcome of a bundle in a results folder; reports of this folder then show its rows.
+def keep(outcome: Outcome, results: Path) -> bool:
+    """Store the outcome of a bundle in a results folder, so that reports of this folder show its rows.
 
-    Raises
-    ------
-    ConfigurationError
-        If the bundle is false or cannot be read.
+    Returns
+    -------
+    bool
+        Whether it was stored: not if the bundle is false or cannot be read.
     """
-    if outcome.status not in ("verified", "claimed"):
-        raise ConfigurationError(f"the bundle is {outcome.status}, so reports do not show it", "omit --into")
-    write_text(results / "bundles" / f"{outcome.digest}.json", json.dumps(outcome.to_plain(), sort_keys=True) + "\n")
+    is_shown = outcome.status in ("verified", "claimed")
+    if is_shown:
+        text = json.dumps(outcome.to_plain(), sort_keys=True) + "\n"
+        write_text(results / "bundles" / f"{outcome.digest}.json", text)
+    return is_shown
 
 
 def boards(results: Path) -> list[tuple[str, list[list[object]]]]:

@@ -114,6 +114,8 @@ def _packed(record: Record, artefacts: ArtefactReader, *, with_forms: bool) -> t
     """Return the entry of a record and its files; raise ``BenchmarkError`` if something is missing."""
     if record["status"] != "ok":
         raise StorageError(f"it has no scores ({record['status']})", "only finished jobs can be shared")
+    if "-" in record["key"]:
+        raise StorageError("it was made by edited code", "run make golden, or undo the edit and run again")
     scorer = scorer_of(scorer_name(record) or DEFAULT, scorers())
     if scorer.base_name not in BUILT_IN:
         raise ConfigurationError(f"scorer '{scorer.name}' is not in the suite", "others could not compare its scores")

@@ -20,7 +20,7 @@ from benchmark.bundles.remaking import remake
 from benchmark.datasets.catalogue import catalogued, is_present
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.execution.plan import data_recipe
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.calls import call_apart
 from benchmark.pipeline.recipes import scorer_recipe
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage.keys import digest, plain
@@ -84,8 +84,7 @@ class Request:
     @cached_property
     def records(self) -> list[Record]:
         """Local records with scores."""
-        store = Store(self.results / "runs")
-        return [record for part in (store.published, store.records) for record in part if record["status"] == "ok"]
+        return [record for record in Store(self.results / "runs").all_records() if record["status"] == "ok"]
 
 
 @dataclass
@@ -339,14 +338,14 @@ class RowCheck:
         self._say(f"making {len(chosen)} forms again")
         content = self.archive.read(self.entry.files[1])  # not in a file, which the plugin could read
         hint = "ask its author, or pass a longer --timeout"
-        guard = Guard(f"method '{self.record['method']}'", hint, request.limit, quiet=True)
         with TemporaryDirectory(prefix="canonical-forms-") as folder:
             target = f"{self._unpack(self.plugin, Path(folder))}:{self.plugin.attribute}" if self.plugin else ""
             data = (self.gallery.source if self.gallery else "", request.data_root)
             folders = (Path(folder) / "results", request.results / "models")
             arguments = (self.record, self.entry, content, chosen, target, data, folders)
             try:
-                remade = call_apart(remake, *arguments, guard=guard)
+                what = f"method '{self.record['method']}'"
+                remade = call_apart(remake, *arguments, what=what, hint=hint, limit=request.limit, quiet=True)
             except BenchmarkError as error:
                 self._claim("not-made-again", error.problem, error.hint)
                 return None

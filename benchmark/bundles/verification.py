@@ -15,7 +15,7 @@ from benchmark.bundles.archive import LONGEST, Archive, BundleError, Entry, Faul
 from benchmark.bundles.outcomes import Outcome
 from benchmark.bundles.rows import Request, RowCheck
 from benchmark.errors import BenchmarkError
-from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.execution.processes.calls import BrokenCall, call_apart
 from benchmark.pipeline.storage.record_schema import fault_of
 from benchmark.pipeline.storage.records import Record
 from benchmark.plugins.parameters import split_name
@@ -37,9 +37,10 @@ def verify(request: Request, say: Callable[[str], None] = lambda line: None) -> 
     if not request.path.is_file():
         raise BenchmarkError(f"{request.path} is not a file", "name a bundle that 'submit' wrote")
     patience = request.limit and 2 * request.limit  # recomputing forms has a shorter limit
-    guard = Guard(f"bundle {request.path.name}", "treat it as damaged or hostile", patience, quiet=True)
+    what, hint = f"bundle {request.path.name}", "treat it as damaged or hostile"
     try:
-        return msgspec.convert(call_apart(verified, request, guard=guard, say=say), Outcome)
+        outcome = call_apart(verified, request, what=what, hint=hint, limit=patience, quiet=True, say=say)
+        return msgspec.convert(outcome, Outcome)
     except BrokenCall as error:
         fault = Fault("crash", error.problem, error.hint, "unreadable")
         return Outcome(digest=_digest_of_file(request.path), faults=(fault,))

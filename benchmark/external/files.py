@@ -277,6 +277,8 @@ def _read_text(path: Path) -> DistanceMatrix:
     if any(len(line.split(delimiter)) != len(last) for line in lines):
         raise ConfigurationError(f"{path}: its lines have different numbers of columns", _HINT)
     queries = tuple(line.split(delimiter, 1)[0].strip().strip('"') for line in lines) if is_named else ()
+    if gallery and not gallery[-1]:
+        gallery = gallery[:-1]  # a line may end with a delimiter
     if len(gallery) == values.shape[1] + 1:
         gallery = gallery[1:]  # the cell above the names
     return DistanceMatrix(_matrix(values, str(path)), queries, gallery)

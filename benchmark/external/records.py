@@ -13,6 +13,7 @@ from typing import Any
 from benchmark.api.contracts import Input
 from benchmark.arrays import Arrays, digest_of
 from benchmark.datasets.base import Entry, Watched
+from benchmark.datasets.catalogue import is_known
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import EXTENSIONS
 from benchmark.errors import ConfigurationError
@@ -36,7 +37,11 @@ from retrieval.chance import chance_levels
 
 def method_name(title: str) -> str:
     """Return the method name of an external row; no method of the suite can have it."""
-    return f"{EXTERNAL}-{re.sub('[^a-z0-9]+', '-', title.lower()).strip('-')}"[:LONGEST_NAME]
+    plain = title.lower().replace(" ", "-")
+    name = f"{EXTERNAL}-{re.sub('[^a-z0-9]+', '-', plain).strip('-')}"
+    if name == f"{EXTERNAL}-{plain}" and len(name) <= LONGEST_NAME:
+        return name
+    return f"{name[: LONGEST_NAME - 7].rstrip('-')}-{digest(title)[:6]}"  # titles may differ in other characters only
 
 
 def _record(
@@ -94,7 +99,11 @@ def keep_distances(store: Store, task: Task, title: str, dataset: str, input_: I
         raise ConfigurationError(
             "rows of tables rank shapes with one label against each other", "omit --results to score this matrix"
         )
-    beside = _beside(store, dataset, input_)
+    beside = _beside(store, dataset, input_, method_name(title))
+    if beside is None and is_known(dataset):
+        raise ConfigurationError(
+            f"no row of '{dataset}' is here, so its shapes are unknown", "run a method on it first, or omit --dataset"
+        )
     labels = [classes[0] for classes in task.queries.classes]
     names = _names(beside, task.queries, labels)
     gallery, data = (beside["gallery"], beside["data"]) if beside else (dataset, own_data(dataset, labels))
@@ -131,13 +140,13 @@ def own_data(dataset: str, labels: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _beside(store: Store, dataset: str, input_: Input) -> Record | None:
+def _beside(store: Store, dataset: str, input_: Input, method: str) -> Record | None:
     """Return the newest of the records next to which an external row is shown; None if there is none."""
     records = [
         record
-        for record in (*store.published, *store.records)
+        for record in store.all_records()
         if record["status"] == "ok" and record["input"] == input_ and not record["data"]["quick"]
-        and dataset in (record["gallery"], record["data"]["name"]) and record["family"] != EXTERNAL
+        and dataset in (record["gallery"], record["data"]["name"]) and record["method"] != method
     ]  # fmt: skip
     # A gallery of this name is preferred to others of its data set, such as a held-out part.
     records = [record for record in records if record["gallery"] == dataset] or records
@@ -161,7 +170,8 @@ def _names(beside: Record | None, shapes: Labels, labels: Sequence[str]) -> list
     if dict(zip(names, labels, strict=False)) != known:
         other = [name for name, label in zip(names, labels, strict=False) if known.get(name) != label]
         what = f"the first that differs is '{other[0]}'" if other else f"they are {len(labels)}, not {len(known)}"
-        hint = f"name them with their labels as there: {beside['shapes'][0]} {beside['labels'][0]}, ..."
+        example = f"{beside['shapes'][0]} {beside['labels'][0]}"
+        hint = f"name them with their labels as there ({example}, ...), or name another --dataset"
         raise ConfigurationError(f"the shapes are not those of '{beside['gallery']}': {what}", hint)
     return names
 

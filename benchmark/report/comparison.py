@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -113,10 +112,11 @@ def _newest(records: Iterable[Record]) -> dict[Place, Record]:
 
 
 def _compare(first: Mapping[str, Record], second: Mapping[str, Record]) -> Comparison:
+    both = [where for where in first if where in second and {*first[where]["shapes"]} & {*second[where]["shapes"]}]
     return Comparison(
-        tuple(_difference(where, first[where], second[where]) for where in first if where in second),
-        tuple(where for where in first if where not in second),
-        tuple(where for where in second if where not in first),
+        tuple(_difference(where, first[where], second[where]) for where in both),
+        tuple(where for where in first if where not in both),
+        tuple(where for where in second if where not in both),
     )
 
 
@@ -259,7 +259,7 @@ def _scores(table: TableContent, input_: Input) -> dict[str, dict[str, float]]:
 
 
 def _tau(of_order: Agreement) -> str:
-    return BLANK if math.isnan(of_order.tau) else f"{number(of_order.tau)} ({number(of_order.p_value, 4)})"
+    return BLANK if of_order.tau != of_order.tau else f"{number(of_order.tau)} ({number(of_order.p_value, 4)})"
 
 
 def agreement_markdown(rows: Sequence[Sequence[str]], first: str, second: str) -> str:

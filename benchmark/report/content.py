@@ -20,7 +20,7 @@ from benchmark.reference import paper
 from benchmark.report.escaping import number
 from benchmark.report.results import MISSING, Figures, Result, line_of, tables_of
 from benchmark.report.significance import CONTROL, TableSignificance, table_significance
-from benchmark.text import brief
+from benchmark.text import LONGEST_NAME, brief
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -41,9 +41,6 @@ OUTDATED = "†"
 
 #: Mark of rows with ties for the first rank.
 TIED = "‡"
-
-#: Maximum number of characters of a file name, which is limited to 255 bytes.
-_LONGEST_NAME = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +197,7 @@ def stem(*parts: str) -> str:
     A modified name ends with a digest, so that two tables never share a file.
     """
     whole = "-".join(filter(None, parts))
-    name = re.sub(r"[^\w.-]", "-", whole)[:_LONGEST_NAME]
+    name = re.sub(r"[^\w.-]", "-", whole)[:LONGEST_NAME]
     return name if name == whole else f"{name}-{digest(whole)[:8]}"
 
 
@@ -283,7 +280,7 @@ def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool
         inputs,
         DataFrame(lines, dtype=object),
         {measure: statistics.fmean(levels[measure] for levels in chance) for measure in min(chance, key=len)},
-        len(samples),
+        max(len(samples), n_folds),
         scored["scorer"] if scored is not None else "",
         brief(scored["scorer_title"]) if scored is not None else "",
         int(results[0].record["recipe"].get("seed", 0)),
@@ -332,10 +329,14 @@ def departs_of(method: str) -> str:
 
 def _others(by_row: Mapping[str, Mapping[Input, Sequence[Result]]], printed: Iterable[str]) -> list[str]:
     """Return the methods without a row in the paper: variants and others in the usual order, controls last."""
-    order = list(BUILT_IN)
 
-    def place(method: str) -> tuple[bool, int, str]:
-        record, base = next(iter(by_row[method].values()))[0].record, method.partition("[")[0]
-        return record["family"] == CONTROL, order.index(base) if base in BUILT_IN else len(order), method
+    def place(method: str) -> tuple[bool, tuple[int, str]]:
+        return next(iter(by_row[method].values()))[0].record["family"] == CONTROL, usual_place(method)
 
     return sorted(by_row.keys() - set(printed), key=place)
+
+
+def usual_place(method: str) -> tuple[int, str]:
+    """Return a sort key: built-in methods in their order, then all others by name."""
+    base = method.partition("[")[0]
+    return list(BUILT_IN).index(base) if base in BUILT_IN else len(BUILT_IN), method

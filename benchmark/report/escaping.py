@@ -24,8 +24,8 @@ def millionths(value: float) -> float:
 
 
 def number(value: float | None, decimals: int = 2) -> str:
-    """Format a value with a number of decimals: round it to 1e-6, then half up."""
-    if value is None:
+    """Format a value with a number of decimals: round it to 1e-6, then half up; NaN is missing."""
+    if value is None or value != value:
         return BLANK
     rounded = Decimal(repr(millionths(value))).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP)
     return str(rounded + 0)  # no minus sign before zero

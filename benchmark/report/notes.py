@@ -25,6 +25,7 @@ _MARKS = (
 _OF_PREPARATIONS = "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}."
 
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
+_OF_TRAININGS = "Mean ± standard deviation (n - 1) over the trainings."
 
 
 def notes(table: TableContent, *, reasons: bool = True, most: int | None = None) -> list[str]:
@@ -40,7 +41,8 @@ def notes(table: TableContent, *, reasons: bool = True, most: int | None = None)
         Maximum number of notes, the last of which counts the omitted ones; None for all.
     """
     lines = ["Quick run: some poses of each subject were omitted."] if table.quick else []
-    lines += [_OF_MEANS] if table.n_galleries > 1 else []
+    if table.n_galleries > 1 or any(line.deviation for line in table.lines):
+        lines.append(_OF_MEANS if table.n_galleries > 1 else _OF_TRAININGS)
     lines += [_MARKS] if any(judged.is_inseparable for judged in table.significance.values()) else []
     lines += [*_tied(table), *_preparations(table), *_refused(table), *_trainings(table), *_area(table)]
     lines += [line for of_line in table.lines for line in _of_jobs(of_line)]

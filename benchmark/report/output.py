@@ -112,7 +112,9 @@ class Folder:
         return {
             name: [digest for digest in digests if isinstance(digest, str)]
             for name, digests in (listed.items() if isinstance(listed, dict) else ())
-            if isinstance(digests, list) and (self.root / name).resolve().is_relative_to(self.root.resolve())
+            if isinstance(digests, list)
+            and "\0" not in name
+            and (self.root / name).resolve().is_relative_to(self.root.resolve())
         }
 
     def _read(self, name: str) -> bytes:

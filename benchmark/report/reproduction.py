@@ -111,7 +111,7 @@ def _ours(content: TableContent | None, method: str, input_: Input, measure: str
         return {}
     chance: dict[str, float | str] = {"chance": content.chance[measure]}
     line = content.line(method, input_)
-    if line is None or not line.scores:
+    if line is None or not line.scores or line.n_averaged != line.n_wanted:  # a missing fold counts as 0
         return chance
     differs = "other data" if content.data["stand_in_for"] else "other training" if line.models else "unexplained"
     return chance | {"ours": line.scores[measure], "differs": differs}
@@ -167,7 +167,7 @@ class AssessedClaim:
     certain
         Number of comparisons whose sign is significant for other subjects.
     missing
-        Rows without scores.
+        Rows without scores, or with a gallery or training missing.
     """
 
     claim: Claim
@@ -192,7 +192,8 @@ def assess_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] 
 
 
 def _assess(claim: Claim, lines: Iterable[Any]) -> AssessedClaim:
-    records = {line.method: line.records for line in lines if line.input == claim.input and line.records}
+    complete = (line for line in lines if line.input == claim.input and line.n_averaged == line.n_wanted)
+    records = {line.method: line.records for line in complete if line.records}
     names = (claim.better, *claim.others)
     if missing := tuple(name for name in names if name not in records):
         return AssessedClaim(claim, "not comparable", missing=missing)
@@ -295,10 +296,6 @@ def _figures(of_table: DataFrame) -> Markup:
     body = []
     for (_, title, input_), of_row in of_table.groupby(["method", "title", "input"], sort=False):
         cells = zip(of_row["paper"], of_row["ours"], of_row["outcome"], strict=True)
-        texts = [f"{number(theirs)} {_number(ours)} {_MARKS[outcome]}".rstrip() for theirs, ours, outcome in cells]
+        texts = [f"{number(theirs)} {number(ours)} {_MARKS[outcome]}".rstrip() for theirs, ours, outcome in cells]
         body.append([markdown_text(title), str(input_), *texts])
     return markdown_table(["Method", "input", *MEASURES], body, 2)
-
-
-def _number(value: float) -> str:
-    return BLANK if np.isnan(value) else number(value)

@@ -16,9 +16,10 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.execution.plan import data_recipe, difference
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.environment import changed_packages
-from benchmark.pipeline.storage.lock import edited, key_of, read_lock, words_of_edit
+from benchmark.pipeline.storage.lock import edited, read_lock, words_of_edit
 from benchmark.pipeline.storage.records import (
     EXTERNAL,
+    OTHER_SHAPES,
     Place,
     Record,
     by_place,
@@ -107,17 +108,11 @@ class Results:
         """
         wanted = [
             rivals
-            for place, rivals in sorted((by_place(self.records()) if places is None else places).items())
+            for place, rivals in sorted((by_place(self.store.all_records()) if places is None else places).items())
             if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals)))
         ]
-        results = [self._best(rivals) for rivals in wanted]
+        results = _of_same_shapes([self._best(rivals) for rivals in wanted])
         return with_repeats(result for result in results if not (fresh and result.outdated))
-
-    def records(self) -> list[Record]:
-        """Return all records except those of undone edits; local records replace published ones of the same job."""
-        folders = (self.store.published, self.store.records)
-        records = {record["key"]: record for folder in folders for record in folder}
-        return [record for key, record in records.items() if "-" not in key or key_of(record["recipe"]) == key]
 
     def _best(self, records: Iterable[Record]) -> Result:
         own = self.store.records
@@ -207,6 +202,20 @@ def galleries_of(source: str, data_root: Path | None, *, quick: bool) -> dict[st
     """Return the galleries of a data set in all tables, by name; raise ``BenchmarkError`` without its data."""
     tables = [table.identifier for table in TABLES if source in table.datasets and not (quick and table.ablation)]
     return {gallery.name: gallery for gallery in galleries(tables, [source], data_root, quick)}
+
+
+def _of_same_shapes(results: list[Result]) -> list[Result]:
+    """Return the results; those on other shapes than the newest one of their gallery and input are outdated."""
+    shapes = {}
+    for record in sorted((result.record for result in results), key=lambda record: str(record.get("finished", ""))):
+        if record["status"] == "ok":
+            shapes[record["gallery"], record["input"]] = record["shapes"], record["labels"]
+
+    def is_other(record: Record) -> bool:
+        newest = shapes.get((record["gallery"], record["input"]))
+        return record["status"] == "ok" and newest != (record["shapes"], record["labels"])
+
+    return [replace(r, outdated=OTHER_SHAPES) if not r.outdated and is_other(r.record) else r for r in results]
 
 
 def with_repeats(results: Iterable[Result]) -> list[Result]:

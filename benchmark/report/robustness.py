@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
 from benchmark.pipeline.storage.records import Record, chance_of, coverage_of
-from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import INPUTS
-from benchmark.report.content import stem
+from benchmark.report.content import OUTDATED, stem, usual_place
 from benchmark.report.escaping import (
     BLANK,
     csv_text,
@@ -36,7 +35,7 @@ _LEGEND = (
 #: Columns of the files.
 _COLUMNS = (
     "dataset", "input", "scorer", "method", "title", "perturbation", "strength", "amount", "clean_NN", "NN",
-    "unsupported", "half_at",
+    "unsupported", "half_at", "outdated",
 )  # fmt: skip
 
 
@@ -81,37 +80,40 @@ def robustness(results: Iterable[Result]) -> list[DataFrame]:
         One for each set and input, with a row for each perturbation, method and strength: ``dataset``, ``n_shapes``,
         ``input``, ``scorer`` ("" for the default one), ``method``, ``title``, ``chance``, ``perturbation``,
         ``strength``, ``amount``, ``clean_NN``, ``NN`` (None without a result; destroyed shapes count as failed
-        queries), ``unsupported`` (destroyed shapes), ``half`` as printed, and ``half_at``.
+        queries), ``unsupported`` (destroyed shapes), ``half`` as printed, ``half_at``, and ``outdated``.
     """
     from pandas import DataFrame
 
-    clean: dict[tuple[str, str, str], Record] = {}
-    perturbed: dict[tuple[str, str, str, str], dict[int, Record]] = {}
-    for record in (result.record for result in results):
+    clean: dict[tuple[str, str, str], Result] = {}
+    perturbed: dict[tuple[str, str, str, str], dict[int, Result]] = {}
+    for result in results:
+        record = result.record
         if place := parsed(record["data"]["name"]):
             base = f"{place[0]} (quick)" if record["data"]["quick"] else place[0]
             by_strength = perturbed.setdefault((base, record["input"], place[1], record["method"]), {})
-            by_strength[place[2]] = record
+            by_strength[place[2]] = result
         elif record["status"] == "ok":
-            clean[record["gallery"], record["input"], record["method"]] = record
+            clean[record["gallery"], record["input"], record["method"]] = result
 
     def order(place: tuple[str, str, str, str]) -> tuple[Any, ...]:
-        return place[0], INPUTS.index(place[1]), [*PERTURBATIONS].index(place[2]), _table_order(place[3])
+        return place[0], INPUTS.index(place[1]), [*PERTURBATIONS].index(place[2]), usual_place(place[3])
 
     rows = []
     for base, input_, perturbation, method in sorted(perturbed, key=order):
         if whole := clean.get((base, input_, method)):
-            records = [perturbed[base, input_, perturbation, method].get(strength) for strength in STRENGTHS]
+            curve = [perturbed[base, input_, perturbation, method].get(strength) for strength in STRENGTHS]
             same = {"dataset": base, "input": input_, "method": method, "perturbation": perturbation}
-            rows += [same | row for row in _curve(whole, records, PERTURBATIONS[perturbation].amounts)]
+            rows += [same | row for row in _curve(whole, curve, PERTURBATIONS[perturbation].amounts)]
     if not rows:
         return []
     frames = [frame for _, frame in DataFrame(rows, dtype=object).groupby(["dataset", "input"], sort=False)]
     return [frame.assign(n_shapes=frame["n_shapes"].max(), scorer=frame["scorer"].max()) for frame in frames]
 
 
-def _curve(clean: Record, records: Sequence[Record | None], amounts: Sequence[float]) -> list[dict[str, Any]]:
+def _curve(whole: Result, results: Sequence[Result | None], amounts: Sequence[float]) -> list[dict[str, Any]]:
     """Return the rows of one method for one perturbation, by strength."""
+    clean, records = whole.record, [result.record if result else None for result in results]
+    outdated = dict.fromkeys(result.outdated for result in (whole, *results) if result and result.outdated)
     nn, values = _counted(clean) or 0.0, [_counted(record) for record in records]
     chance = chance_of(clean)["NN"]
     half = half_at(nn, values, chance, amounts)
@@ -123,6 +125,7 @@ def _curve(clean: Record, records: Sequence[Record | None], amounts: Sequence[fl
         "clean_NN": nn,
         "half_at": None if isinstance(half, str) else half,
         "half": half if isinstance(half, str) else f"{half:g}",
+        "outdated": "; ".join(outdated) or None,
     }
     refused = [len(record.get("unsupported", ())) if record else None for record in records]
     columns = zip(STRENGTHS, amounts, values, refused, strict=True)
@@ -147,13 +150,9 @@ def file_stem(frame: DataFrame) -> str:
 def titles(frame: DataFrame) -> dict[str, str]:
     """Return titles by method, in the order of the tables."""
     by_name = dict(zip(frame["method"], frame["title"], strict=True))
-    return {name: by_name[name] for name in sorted(by_name, key=_table_order)}
-
-
-def _table_order(method: str) -> tuple[int, str]:
-    """Return a sort key: built-in methods in the order of the tables, then all others by name."""
-    base = method.partition("[")[0]
-    return list(BUILT_IN).index(base) if base in BUILT_IN else len(BUILT_IN), method
+    outdated = set(frame.loc[frame["outdated"].notna(), "method"])
+    marked = {name: f"{title} {OUTDATED}" if name in outdated else title for name, title in by_name.items()}
+    return {name: marked[name] for name in sorted(marked, key=usual_place)}
 
 
 def rendered(frames: Sequence[DataFrame], formats: Iterable[str]) -> dict[str, str]:
@@ -187,7 +186,7 @@ def markdown(frame: DataFrame) -> str:
         head = ["Method", "clean", *(f"{amount:g}" for amount in known.amounts)]
         parts.append((known, markdown_table(head, body)))
     shown = markdown_table(["Method", *halves], map(list, rows))
-    return markdown_document("robustness", title=_title(frame), legend=_LEGEND, halves=shown, parts=parts)
+    return markdown_document("robustness", title=_title(frame), legend=_legend(frame), halves=shown, parts=parts)
 
 
 def latex(frame: DataFrame) -> str:
@@ -196,7 +195,7 @@ def latex(frame: DataFrame) -> str:
     for head, cells in _halves(frame).items():
         words = r"\\".join(map(latex_text, head.split()))  # one line for each word of a heading
         columns.append(Columns("", (rf"\shortstack[r]{{{words}}}",), [latex_text(cell) for cell in cells], 2))
-    caption = latex_text(f"What breaks the methods: {_title(frame)}. {_LEGEND}")
+    caption = latex_text(f"What breaks the methods: {_title(frame)}. {_legend(frame)}")
     return float_of(file_stem(frame), caption, [latex_text(title) for title in titles(frame).values()], columns)
 
 
@@ -221,6 +220,10 @@ def _halves(frame: DataFrame) -> dict[str, list[str]]:
         half = dict(zip(part["method"], part["half"], strict=True))
         columns[PERTURBATIONS[str(perturbation)].title] = [half.get(name, BLANK) for name in names]
     return columns
+
+
+def _legend(frame: DataFrame) -> str:
+    return f"{_LEGEND} {OUTDATED}: made before the last change." if frame["outdated"].notna().any() else _LEGEND
 
 
 def _title(frame: DataFrame) -> str:

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.api.contracts import Input
+from benchmark.pipeline.storage.records import OTHER_SHAPES
 from benchmark.report.escaping import millionths
 from retrieval.measures import PRINTED
 
@@ -245,10 +246,13 @@ TableSignificance = dict[tuple[str, Input, str], FigureSignificance]
 
 
 def table_significance(lines: Iterable[Any]) -> TableSignificance:
-    """Return the significance of our scores in a table; see :attr:`.TableContent.lines`."""
+    """Return the significance of our scores in a table; see :attr:`.TableContent.lines`.
+
+    Rows in which a gallery or a training is missing, and count as 0, have none.
+    """
     by_input: dict[Input, list[Any]] = {}
     for line in lines:
-        if line.records:
+        if line.records and line.n_averaged == line.n_wanted:
             by_input.setdefault(line.input, []).append(line)
     return {place: judged for of_input in by_input.values() for place, judged in _of_input(of_input).items()}
 
@@ -257,7 +261,11 @@ def _of_input(lines: Sequence[Any]) -> TableSignificance:
     queries = queries_of([line.records for line in lines])
     values = queries.values
     ends = intervals(values.reshape(len(values), -1), queries.labels).reshape(*values.shape[1:], 2)
-    contest = [k for k, line in enumerate(lines) if line.family != CONTROL and line.coverage >= 1]
+    contest = [
+        k
+        for k, line in enumerate(lines)
+        if line.family != CONTROL and line.coverage >= 1 and OTHER_SHAPES not in line.outdated
+    ]
     scores = [[millionths(line.scores[name]) for line in lines] for name in PRINTED]
     best = [max(contest, key=lambda k: (of_lines[k], -k), default=None) for of_lines in scores]
     others = [[k for k in contest if k != first] for first in best]

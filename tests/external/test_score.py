@@ -11,9 +11,10 @@ from scipy.io import savemat
 import benchmark
 from benchmark.errors import ConfigurationError
 from benchmark.external.files import as_distances, read_labels
-from benchmark.external.records import keep_distances
+from benchmark.external.records import keep_distances, method_name
 from benchmark.external.scoring import Task
 from benchmark.pipeline.storage.store import Store
+from benchmark.text import is_name
 from tests.records import record
 from tests.toy import write_rods
 from tests.verbs import call
@@ -266,3 +267,15 @@ def test_rows_of_other_shapes_are_refused_with_a_name(beside, files, tmp_path):
     with pytest.raises(ConfigurationError, match="the first that differs is 'xa0'"):
         keep_distances(Store.open(beside), task, "Theirs", "line", "mesh")
     call("score", files / "m.txt", "--labels", files / "labels.txt", *kept)  # those with its names are taken
+    with pytest.raises(ConfigurationError, match="no row of 'tosca' is here"):
+        keep_distances(Store.open(tmp_path / "empty"), task, "Theirs", "tosca", "mesh")
+    keep_distances(Store.open(tmp_path / "empty"), task, "Theirs", "mine", "mesh")
+    other = Task.of(as_distances(D), read_labels(files / "labels.txt"))
+    with pytest.raises(ConfigurationError, match="or name another --dataset"):
+        keep_distances(Store.open(tmp_path / "empty"), other, "Ours", "mine", "mesh")
+
+
+def test_titles_that_differ_in_signs_alone_have_rows_of_their_own():
+    names = [method_name(title) for title in ("A", "A+", "A-", "論文", "他", "x" * 70, "x" * 71, "Our method")]
+    assert len(set(names)) == len(names) and all(is_name(name) for name in names)
+    assert (names[0], names[-1]) == ("external-a", "external-our-method")

@@ -39,6 +39,12 @@ def test_changed_queries_are_counted():
     assert "resampled classes" in legend
 
 
+def test_galleries_of_one_name_without_a_common_shape_are_not_compared():
+    other = scored([1.0] * 4, [1.0] * 4, shapes=("cat8", "cat9", "dog8", "dog9"))
+    found = compare_folders([FIRST], [other])
+    assert (found.differences, found.only_first, found.only_second) == ((), *[("rods mesh classic-mds",)] * 2)
+
+
 def test_a_record_equals_itself_and_its_like():
     again = compare_folders([FIRST], [{**FIRST, "finished": LATER}])
     assert lines(again, "a", "b") == ["1 of 1 pairs are equal"]

@@ -7,6 +7,7 @@ from typing import Any
 
 from pandas import DataFrame
 
+from benchmark.pipeline.storage.records import scorer_name
 from benchmark.reference import paper
 from benchmark.reference.paper import CLAIMS, Claim
 from benchmark.report.content import TableContent, contents
@@ -22,7 +23,7 @@ from benchmark.report.reproduction import (
     reproduction_markdown,
 )
 from benchmark.report.results import Result
-from tests.records import MEASURES, record
+from tests.records import MEASURES, published, record
 
 TOSCA = {"name": "tosca", "title": "TOSCA"}
 N = 40
@@ -106,6 +107,24 @@ def test_the_official_set_comes_before_its_stand_in_and_quick_runs_are_not_judge
     quick = contents([scored("gps", exact, data=TOSCA | {"quick": True})])
     assert quick
     assert not paper_tables(quick)
+
+
+def of_folds(*methods: str) -> list[Result]:
+    """Published results of Table I on complete surfaces."""
+    chosen = (r for r in published() if r["gallery"].startswith("humans fold") and r["input"] == "mesh")
+    return [Result(r) for r in chosen if r["method"] in methods and scorer_name(r) == "cm-bof"]
+
+
+def test_a_row_without_one_of_its_folds_is_neither_compared_nor_given_an_interval() -> None:
+    results = of_folds("classic-mds", "gps")
+    partial = [r for r in results if (r.record["method"], r.record["gallery"]) != ("gps", "humans fold 2")]
+    table = next(table for table in contents(partial) if table.identifier == "I")
+    assert {method for method, _, _ in table.significance} == {"classic-mds"}
+    assert set(of(reproduced_figures([table]), "gps", table="I").values()) == {"not comparable"}
+    claim = Claim("", "I", "classic-mds", ("gps",), "mesh", MEASURES)
+    assert assess_claims({"I": table}, [claim])[0].missing == ("gps",)
+    first = next(t for t in contents(r for r in results if r.record["gallery"] == "humans fold 0") if len(t.lines))
+    assert first.size == "3 x 100 shapes, 5 classes"  # folds that are missing count as 0
 
 
 # Claims --------------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
 from benchmark.execution.plan import make_plan
 from benchmark.pipeline.storage import keys, lock
+from benchmark.pipeline.storage.merging import publish, records_under
 from benchmark.pipeline.storage.records import as_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select
@@ -108,6 +109,19 @@ def test_what_edited_code_made_is_marked_and_counts_while_the_edit_lasts(rods, s
         assert jobs(rods, store, ["identity"])[0].state == "cached"
     (result,) = chosen(store).values()
     assert (result.record["scores"]["NN"], result.outdated) == (0.25, "")
+    assert [record["scores"]["NN"] for record in records_under(store)] == [0.25]
+    assert "NN 0.250" in call("why", job.key, "--results", store.root.parent)
+    made_here = {**of_job(job), "key": edited.key, "finished": LATER}
+    assert publish([{**made_here, "data": {**made_here["data"], "source": "rods"}}], store.published).added == []
+
+
+def test_a_row_on_other_shapes_than_the_newest_is_marked_and_not_compared(rods, store):
+    for method, name, finished in (("identity", "horse0", EARLIER), ("pca", "dog0", LATER)):
+        (job,) = jobs(rods, store, [method])
+        store.write_record(of_job(job, shapes=["cat0", "cat1", name, "dog1"], finished=finished))
+    assert {name: result.outdated for name, result in chosen(store).items()} == {"identity": "other shapes", "pca": ""}
+    (table,) = contents(Results(store, methods()).all())
+    assert table.significance["identity", "mesh", "NN"].probability is None
 
 
 def test_the_newest_of_this_code_counts_else_the_newest_with_scores(rods, store):

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, perturbed_name
 from benchmark.pipeline.storage.records import as_text
@@ -74,8 +75,9 @@ def test_tables_write_the_curves_beside_the_other_tables_and_perturbed_sets_have
     (tmp_path / "out" / "robustness-rods-mesh.png").unlink()
     told = call(*whole, "--check", code=1)
     assert "stale: robustness-rods-mesh.png\nleft over: table-old.md;" in told
+    assert json.loads(call(*whole[:3], "-d", "rods", "--format", "json"))[0]["table"] == "rods"  # one document
     alone = call(*whole[:3], "-d", "rods", "-t", "robustness")
-    assert "| Pca | 1.00 | 0.004 |" in alone
+    assert "| Pca † | 1.00 | 0.004 |" in alone and "†: made before the last change." in alone
     assert "Table rods" not in alone
 
 

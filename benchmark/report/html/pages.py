@@ -106,11 +106,11 @@ class TablePages:
 
     @property
     def best(self) -> list[tuple[str, str, float]]:
-        """Input, method and score of the highest DCG for each input, without controls."""
+        """Input, method and score of the highest DCG for each input, without controls and incomplete rows."""
         contest = [
             (cell.line.input, cell.line.label, cell.line.scores["DCG"])
             for cell in self.cells
-            if cell.line.family != CONTROL
+            if cell.line.family != CONTROL and cell.line.coverage >= 1
         ]
         of_inputs = ([one for one in contest if one[0] == input_] for input_ in self.table.inputs)
         return [max(rows, key=lambda one: millionths(one[2])) for rows in of_inputs if rows]

@@ -155,8 +155,8 @@ def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
     """
     leaders = []
     for input_ in table.inputs:
-        lines = [line for line in table.lines if line.input == input_ and line.scores]
-        judged = [(line, table.significance[line.method, input_, measure]) for line in lines]
+        lines = [line for line in table.lines if line.input == input_]
+        judged = [(row, one) for row in lines if (one := table.significance.get((row.method, input_, measure)))]
         others = [(row, one) for row, one in judged if one.probability is not None and not one.is_tied]
         for row, best in [(row, one) for row, one in judged if one.is_best][:1]:
             leaders.append(
@@ -198,7 +198,7 @@ def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
         "suite": __version__,
         "outdated": sum(bool(line.outdated) for line in lines),
         "draws": DRAWS,
-        "resamples": RESAMPLES,
+        "resamples": RESAMPLES + 1,
         "tolerance": TOLERANCE,
         "agreeing": AGREEING,
     }

@@ -12,7 +12,7 @@ import numpy as np
 from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.execution.job_specs import Job, to_json
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.calls import call_apart
 from benchmark.execution.runner import make_forms
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.storage.records import Record
@@ -246,8 +246,8 @@ def _make(
         elif missing:
             reasons[name] = "it cannot be stored"
             try:
-                guard = Guard(job.name, "run it to see more", limit)
-                call_apart(make_forms, to_json(job), missing, guard=guard, say=lambda _: None)
+                conditions: Any = {"what": job.name, "hint": "run it to see more", "limit": limit}
+                call_apart(make_forms, to_json(job), missing, **conditions, say=lambda _: None)
             except BenchmarkError as error:
                 reasons[name] = str(error)
     return reasons
