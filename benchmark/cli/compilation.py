@@ -18,7 +18,7 @@ from benchmark.cli.options import Compile
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.errors import BenchmarkError, ShapeError
 from benchmark.execution.processes.channel import Facts, wait_for
-from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Requester
+from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Tell
 from benchmark.geometry.io import write_mesh
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import available_cores
@@ -61,7 +61,7 @@ def compile_(options: Compile) -> bool:
     return ok
 
 
-def _compile(facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
+def _compile(facts: Facts, arrays: Arrays, tell: Tell) -> tuple[Facts, Arrays]:
     """Compile one part in a child process; missing packages are left for the run to report."""
     with suppress(BenchmarkError):
         PARTS[facts["part"]]()

@@ -18,7 +18,7 @@ from benchmark.datasets.export import export_frames
 from benchmark.datasets.own import is_own
 from benchmark.datasets.perturbations.overview import overview
 from benchmark.errors import ConfigurationError
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.calls import call_apart
 from benchmark.text import say
 
 
@@ -59,8 +59,8 @@ def _on_data(work: Callable[..., Any], options: DataOptions, *arguments: Any) ->
         (source,) = sources([options.name], options.plugins)
     if not is_own(source):
         return work(source, options.data_root, *arguments)
-    guard = Guard(f"data set '{options.name}'", "correct the file: 'check' says more")
-    return call_apart(work, source, options.data_root, *arguments, guard=guard)
+    what, hint = f"data set '{options.name}'", "correct the file: 'check' says more"
+    return call_apart(work, source, options.data_root, *arguments, what=what, hint=hint)
 
 
 def _checked(source: str, data_root: Path | None, name: str) -> tuple[list[str], bool]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import READERS, is_depth_file
 from benchmark.depth_forms import form_of_object, form_with_fit, method_of_depth
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.calls import call_apart
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
@@ -80,17 +81,18 @@ def canonicalise(options: Canonicalise) -> bool:
     target = _mesh_target(options.output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    guard = _guard(options, str(paths[0]), "shape")
-    points, faces, notes = call_apart(plain_form, paths[0], options, guard=guard)
+    conditions = _conditions(options, str(paths[0]), "shape")
+    points, faces, notes = call_apart(plain_form, paths[0], options, **conditions)
     # Written here, so that the file exists only if the method succeeded.
     write_form(target, Mesh(np.array(points), np.array(faces)))
     say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
     return True
 
 
-def _guard(options: Canonicalise | Retrieve, shape: str, hint: str) -> Guard:
+def _conditions(options: Canonicalise | Retrieve, shape: str, kind: str) -> dict[str, Any]:
     """Return the conditions under which the method is called."""
-    return Guard(f"method '{options.method}' on {shape}", f"try another {hint}, or correct the method", options.timeout)
+    what, hint = f"method '{options.method}' on {shape}", f"try another {kind}, or correct the method"
+    return {"what": what, "hint": hint, "limit": options.timeout}
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
@@ -239,8 +241,8 @@ def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
 def _canonicalise_frames(jobs: Sequence[FrameJob], options: Canonicalise) -> bool:
     """Write the forms of depth images, computed in one child process; return whether all have one."""
     others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
-    guard = _guard(options, f"{jobs[0].files.image}{others}", "image")
-    failures: int = call_apart(write_forms, jobs, options, guard=guard, say=say)
+    conditions = _conditions(options, f"{jobs[0].files.image}{others}", "image")
+    failures: int = call_apart(write_forms, jobs, options, **conditions, say=say)
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
     return not failures
@@ -277,8 +279,8 @@ def retrieve(options: Retrieve) -> None:
     """Print the nearest shapes."""
     with explained(options.gallery, "data set"):
         (source,) = sources([options.gallery], options.plugins)
-    guard = _guard(options, str(options.query), "shape")
-    for line in call_apart(_retrieved, source, options, guard=guard):
+    conditions = _conditions(options, str(options.query), "shape")
+    for line in call_apart(_retrieved, source, options, **conditions):
         say(line)
 
 

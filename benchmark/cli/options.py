@@ -594,9 +594,10 @@ def name_skipped(*stores: Store) -> None:
 
 def name_unusable(kind: str = "methods") -> None:
     """Print on stderr which installed packages with methods or scorers cannot be used."""
-    from benchmark.plugins import registry, scorers
+    from benchmark.plugins.registry import methods
+    from benchmark.plugins.scorers import scorers
 
-    for line in {"methods": registry.unusable, "scorers": scorers.unusable}[kind]():
+    for line in (methods() if kind == "methods" else scorers()).news:
         say(line, err=True)
 
 

@@ -77,7 +77,7 @@ def _method_names(options: RunOptions, store: Store) -> tuple[str, ...]:
     if FINISHED not in options.methods:
         return options.methods
     known, finished = methods(options.plugins), []
-    for record in (*store.published, *store.records):
+    for record in store.all_records():
         with suppress(ConfigurationError):  # from a plugin that was not passed, or with outdated parameters
             finished += [spec.name for spec in variants(record["method"], known) if record["status"] == "ok"]
     if not finished:
@@ -156,11 +156,13 @@ def _record_of_key(start: str, store: Store) -> Record | None:
     """Return the record whose key has this prefix; raise ``ConfigurationError`` if several have."""
     if len(start) < _SHORTEST_KEY or not set(start) <= set("0123456789abcdef"):
         return None
-    records = {record["key"]: record for place in (store.published, store.records) for record in place}
-    keys = [key for key in records if bare_key(key).startswith(start)]
+    # Records of edited code have the same keys as those of unedited code, and replace them.
+    by_edit = sorted(store.all_records(), key=lambda record: "-" in record["key"])
+    records = {bare_key(record["key"]): record for record in by_edit}
+    keys = [key for key in records if key.startswith(start)]
     name_skipped(store)
     if len(keys) > 1:
-        listed = ", ".join(bare_key(key)[: len(start) + _FURTHER] for key in keys)
+        listed = ", ".join(key[: len(start) + _FURTHER] for key in keys)
         raise ConfigurationError(
             f"{len(keys)} jobs have keys that begin with {start}: {listed}", "write more characters of the key"
         )
@@ -198,10 +200,10 @@ def _explain(key: str, record: Record | None) -> None:
         say_lines("  " + trace.rstrip().replace("\n", "\n  "))
 
 
-def scores_in_words(record: Record) -> str:
+def scores_in_words(record: Record, decimals: int = 3) -> str:
     """Return the scores of a record on one line, or ""."""
     scores = record.get("scores")
-    return " ".join(f"{name} {number(scores[name], 3)}" for name in PRINTED) if scores else ""
+    return " ".join(f"{name} {number(scores[name], decimals)}" for name in PRINTED) if scores else ""
 
 
 def _listed(values: Mapping[str, Any] | None) -> str:

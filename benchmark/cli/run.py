@@ -19,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from benchmark.api.contracts import Input
 from benchmark.cli.options import Run, RunOptions, name_skipped
-from benchmark.cli.plan import planned_jobs, scorer_spec
+from benchmark.cli.plan import planned_jobs, scorer_spec, scores_in_words
 from benchmark.cli.selection import results_of
 from benchmark.cli.terminal import counting, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present, sources
@@ -29,7 +29,8 @@ from benchmark.execution.claims import Claims
 from benchmark.execution.job_specs import Job
 from benchmark.execution.plan import unavailable_record
 from benchmark.execution.pools import LocalPool, Pool, PoolHere
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.calls import call_apart
+from benchmark.execution.processes.opened_files import changed_files
 from benchmark.execution.scheduler import Scheduler
 from benchmark.kernels import VARIABLE, compiled_files, drop_stale_kernels
 from benchmark.machine import available_cores
@@ -39,14 +40,12 @@ from benchmark.pipeline.storage.store import Store, sweep_leftovers
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.report.content import contents
-from benchmark.report.escaping import number
 from benchmark.report.results import Result
 from benchmark.report.robustness import markdown as robustness_markdown
 from benchmark.report.robustness import robustness
 from benchmark.results import frame_of
 from benchmark.source_code import ROOT
 from benchmark.text import brief, clean, say, say_lines
-from retrieval.measures import PRINTED
 
 #: Seconds between lines of progress without a terminal.
 _SILENCE = 15.0
@@ -87,7 +86,7 @@ def run(options: Run) -> bool:
 def _results(jobs: Sequence[Job], options: RunOptions, store: Store) -> list[Result]:
     """Return the results of a plan, including those of the same shapes in a folder with another name."""
     known = results_of(options, store)
-    places = by_place(known.records())
+    places = by_place(store.all_records())
     results: dict[object, Result] = {}
     for result in known.all(options.seed, scorer=scorer_spec(options).name, places=places):
         record = result.record
@@ -138,7 +137,6 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
         if job.state == "unavailable":
             environment = {"environment": environment_text(), "artefacts": 0}
             store.write_record({**unavailable_record(job), "environments": [environment]})
-    sweep_leftovers(store)
     passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
     _check_executor(options)
@@ -156,8 +154,10 @@ def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: C
     if VARIABLE not in os.environ and next(compiled_files(ROOT), None) is None:
         _say("the first run compiles kernels, which takes minutes; 'compile' does so in advance")
     for job in jobs:
-        if claims.take(job.key):
-            store.remove_record(job.key)  # retry: workers must not find the record of the old failure
+        if claims.take(job.key):  # workers must not find an old failure, but another run may have finished the job
+            record = store.records.read(job.key)
+            if record and (record["status"] != "ok" or changed_files(record.get("files", {}))):
+                store.remove_record(job.key)
             claims.release(job.key)
     fine = True
     with _Display(jobs) as display, make_pool(options, jobs) as pool:
@@ -182,9 +182,7 @@ def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
 
 
 def _check_executor(options: RunOptions) -> None:
-    """Raise ``ConfigurationError`` if the executor is unknown, not installed, or has no scheduler."""
-    if options.executor not in ("serial", "processes", "dask"):
-        raise ConfigurationError(f"unknown executor '{options.executor}'", "choose serial, processes or dask")
+    """Raise ``ConfigurationError`` if the executor is not installed or has no scheduler."""
     if options.executor != "dask" and options.scheduler:
         raise ConfigurationError("--scheduler needs dask", "pass --executor dask")
     if options.executor == "dask" and not options.scheduler:
@@ -204,7 +202,9 @@ class _Display:
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (jobs and sys.stderr.isatty()),
         )  # fmt: skip
-        self._total = len({(job.dataset, job.input, job.package, shape) for job in jobs for shape in job.identifiers})
+        processed = [job for job in jobs if not job.ranks_again]
+        shapes = {(job.dataset, job.input, job.package, shape) for job in processed for shape in job.identifiers}
+        self._total = len(shapes)
         self._task = self._bar.add_task("starting", total=self._total)
         self._start = self._shown = self._moved = time.monotonic()
         self._done = 0
@@ -234,7 +234,7 @@ class _Display:
         """Print the line of a finished job."""
         text = brief(record.get("reason", ""))
         if record["status"] == "ok":
-            scores = " ".join(f"{name} {number(record['scores'][name])}" for name in PRINTED)
+            scores = scores_in_words(record, 2)
             seconds = sum(record["cost"]["seconds_per_shape"].values())
             differ = "; two runs on one shape differ, see check" if "runs_differ" in record.get("notes", {}) else ""
             text = f"{scores}  ({seconds:.2f} s a shape{differ})"
@@ -253,22 +253,28 @@ def _say(text: str) -> None:
 
 def _score_forms(options: Run, store: Store) -> tuple[list[Result], set[str]]:
     """Score forms of other programs; return the rows of their galleries and the tables of these."""
-    folders = dict(form.split("=", 1) for form in options.forms if form.partition("=")[0] and "=" in form)
-    if len(folders) < len(options.forms) or not options.datasets or options.methods:
+    pairs = [form.split("=", 1) for form in options.forms if form.partition("=")[0] and "=" in form]
+    folders = dict(pairs)
+    if len(folders) < len(pairs):
+        raise ConfigurationError("two --forms have the same name", "name each folder differently")
+    if len(pairs) < len(options.forms) or not options.datasets or options.methods:
         raise ConfigurationError(
             "--forms scores the meshes of a folder as forms of a data set",
             "pass -d FOLDER --forms NAME=DIR, without -m",
         )
-    inputs = cast("tuple[Input, ...]", options.inputs or ("mesh",))
     datasets = sources(options.datasets, options.plugins)
     chosen = galleries(options.tables, datasets, options.data_root, options.quick)
-    for gallery, input_, (title, folder) in product(chosen, inputs, folders.items()):
+    named = cast("tuple[Input, ...]", options.inputs)
+    jobs = [(gallery, input_) for gallery in chosen for input_ in named or gallery.inputs[:1]]
+    for (gallery, input_), (title, folder) in product(jobs, folders.items()):
         gallery.check_input(input_)
-        guard = Guard(f"scoring {title}", "simplify its meshes, or raise --timeout", options.timeout)
-        call_apart(_score_folder, gallery, input_, title, Path(folder), scorer_spec(options), store, guard=guard)
-    names = {gallery.name for gallery in chosen}
+        call_apart(
+            _score_folder, gallery, input_, title, Path(folder), scorer_spec(options), store,
+            what=f"scoring {title}", hint="simplify its meshes, or raise --timeout", limit=options.timeout,
+        )  # fmt: skip
+    places = {(gallery.name, input_) for gallery, input_ in jobs}
     results = results_of(options, store).all(options.seed, scorer=scorer_spec(options).name)
-    rows = [result for result in results if result.record["gallery"] in names and result.record["input"] in inputs]
+    rows = [result for result in results if (result.record["gallery"], result.record["input"]) in places]
     return rows, {gallery.table.identifier for gallery in chosen}
 
 

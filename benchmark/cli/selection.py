@@ -118,11 +118,11 @@ def _check_names(options: RunOptions, results: list[Result]) -> None:
     places = set().union(*(_names(result.record["data"]) for result in results))
     for name in options.datasets:
         if results and not {name, os.path.realpath(name)} & places and not (is_known(name) or is_path(name)):
-            raise did_you_mean("data set", name, recorded_sets)
+            raise did_you_mean("data set", name, {known for known in recorded_sets if not parsed(known)})
     tables = {table.identifier for table in TABLES} | recorded_sets
     for name in options.tables:
         if name not in tables:
-            raise did_you_mean("table", name, tables)
+            raise did_you_mean("table", name, {known for known in tables if not parsed(known)})
 
 
 def _names(data: Mapping[str, str]) -> set[str]:

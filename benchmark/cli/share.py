@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -41,11 +42,12 @@ def merge(options: Merge) -> bool:
         records = [record for source in stores for record in records_under(source)]
     finally:
         name_skipped(*stores)
-    sweep_leftovers(store)
     with Claims.of(store) as claims:
         merged = publish(records, store.published) if published else merge_records(records, store.records)
-        if not published and claims.is_last():
-            store.records.gather()
+        if claims.is_last():
+            sweep_leftovers(store)
+            if not published:
+                store.records.gather()
     name_skipped(store)
     for existing, other in merged.conflicts:
         scores = f"{scores_in_words(existing)} here, {scores_in_words(other)} there"
@@ -60,7 +62,9 @@ def prune(options: Prune) -> None:
     store = Store.open(results)
     with Claims.of(store) as claims:
         if not (dry_run or claims.is_last()):
-            raise ConfigurationError(f"a run in {results} is using these files", "wait for it to end")
+            raise ConfigurationError(
+                f"a run in {results} is using these files", "wait for it to end, or prune where file locks work"
+            )
         paths = list(unneeded(store))
         size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
     name_skipped(store)
@@ -105,8 +109,8 @@ def verify(options: Verify) -> None:
         for line in _outcome_lines(outcome):
             say(line)
         say(f"{bundle}: {outcome.status} (SHA-256 {outcome.digest[:16]}...)")
-    if options.into is not None:
-        keep(outcome, options.into)
+    if options.into is not None and not keep(outcome, options.into):
+        say(f"not stored in {options.into}: the bundle is {outcome.status}", err=True)
     sys.exit(EXIT[outcome.status])
 
 
@@ -143,5 +147,5 @@ def score(options: Score) -> None:
         dataset = options.dataset or options.labels.resolve().stem
         record = keep_distances(store, task, title, dataset, options.input)
         name_skipped(store)
-        name = record["data"]["name"]
-        say(f"kept as {record['method']}: 'tables -d {name}' and 'report -d {name}' show it", err=True)
+        chosen = shlex.join(["-d", record["data"]["name"], "--results", str(options.folder)])
+        say(f"kept as {record['method']}: 'tables {chosen}' and 'report {chosen}' show it", err=True)

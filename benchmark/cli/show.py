@@ -66,7 +66,8 @@ def tables(options: Tables) -> bool:
                 rows_only=options.rows_only,
                 has_sources=options.bibliography,
             )
-        texts |= rendered(perturbed, formats or ("markdown",))
+        whole_files = ("csv", "json") if content else ()  # other programs read a single document
+        texts |= rendered(perturbed, [name for name in formats or ("markdown",) if name not in whole_files])
         for text in texts.values():
             say_lines(text)
         return True

@@ -10,7 +10,7 @@ from benchmark.api.learning import CARD, ChecksOptions, Learner, read_card
 from benchmark.api.parameters import assignments
 from benchmark.cli.options import Check, RunOptions, Train
 from benchmark.errors import ConfigurationError
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.calls import call_apart
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.conformance import Target, check_apart
 from benchmark.plugins.registry import MethodSpec, methods, variant
@@ -49,12 +49,12 @@ def train(options: Train) -> None:
     named = {name: getattr(options, name) for name in ("resolution", "epochs", "batch", "device", "threads")}
     schedule = {name: value for name, value in named.items() if value is not None} | assignments(options.assigned)
     store = Store.open(options.results)
-    guard = Guard(
-        f"training {spec.name}", "correct the method, then train again: checkpoints are kept", all_memory=True
-    )
     for training in trainings:
         say(f"{spec.name}, {training.name}")
-        call_apart(train_one, spec, training, options, schedule, n_sampled or SAMPLED_BODIES, guard=guard, say=say)
+        call_apart(
+            train_one, spec, training, options, schedule, n_sampled or SAMPLED_BODIES, what=f"training {spec.name}",
+            hint="correct the method, then train again: checkpoints are kept", all_memory=True, say=say,
+        )  # fmt: skip
         say(f"the model is in {store.models / training.name / learner.model_name}")
 
 

@@ -33,7 +33,6 @@ class Claims:
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        self._keys: set[str] = set()
         with suppress(OSError):  # a file system without locks: two runs then repeat each other's work
             fcntl.lockf(self._file, fcntl.LOCK_SH, 1, _RUN)
 
@@ -49,34 +48,28 @@ class Claims:
         os.close(self._file)
 
     def is_last(self) -> bool:
-        """Return whether no other run is in progress; if so, none can begin before this one ends."""
-        return self._lock(_RUN)
+        """Return whether no other run is in progress; if so, none can begin before this one ends.
 
-    def has(self, key: str) -> bool:
-        """Return whether this process has claimed a job."""
-        return key in self._keys
+        On a file system without locks, this is unknown, and False.
+        """
+        return self._lock(_RUN, without_locks=False)
 
     def take(self, key: str) -> bool:
-        """Claim a job; return False if another process has claimed it."""
-        if not self._lock(_place(key)):
-            return False
-        self._keys.add(key)
-        return True
+        """Claim a job, perhaps again; return False if another process has claimed it."""
+        return self._lock(_place(key))
 
     def release(self, key: str) -> None:
         """Release a job, if it is claimed."""
-        if key in self._keys:
-            with suppress(OSError):
-                fcntl.lockf(self._file, fcntl.LOCK_UN, 1, _place(key))
-            self._keys.remove(key)
+        with suppress(OSError):
+            fcntl.lockf(self._file, fcntl.LOCK_UN, 1, _place(key))
 
-    def _lock(self, place: int) -> bool:
+    def _lock(self, place: int, *, without_locks: bool = True) -> bool:
         try:
             fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
         except (BlockingIOError, PermissionError):
             return False
         except OSError:
-            return True  # a file system without locks
+            return without_locks
         return True
 
 

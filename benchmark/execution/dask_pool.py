@@ -29,7 +29,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.execution.job_specs import Job, Status, Task, job_of, task_of, to_json
 from benchmark.execution.plan import changed_names
 from benchmark.execution.pools import LOST, LocalPool, Running
-from benchmark.execution.processes.calls import Guard, call_apart
+from benchmark.execution.processes.calls import call_apart
 from benchmark.execution.processes.process import INTERVAL
 from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
@@ -391,9 +391,9 @@ def inspect(question: str) -> str:
         JSON with ``jobs``, written by :func:`benchmark.execution.job_specs.to_json`, and the path ``marker`` of a file
         in the results folder with the text ``written``.
     """
-    guard = Guard("the inspection of this machine", "look at the log of the worker")
+    what, hint = "the inspection of this machine", "look at the log of the worker"
     try:
-        inventory = call_apart(_inventory, json.loads(question), guard=guard)
+        inventory = call_apart(_inventory, json.loads(question), what=what, hint=hint)
         if inventory["code"] != _IN_MEMORY:
             raise ConfigurationError("its code has changed since it started", "start the worker again")
     except BenchmarkError as error:

@@ -270,7 +270,7 @@ def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], st
 
     recipe: dict[str, Any] = {
         "input": input_,
-        "gallery": keys.digest([(entry.identifier, entry.subject, data(entry)) for entry in gallery.entries]),
+        "gallery": recipes.gallery_digest(gallery.entries, data),
     }
     if input_ == "view":
         frame = dataset.half_width or [(e.identifier, data(e), repr(dataset.camera(e))) for e in dataset.entries]

@@ -7,7 +7,6 @@ traceback; ``end`` ends it immediately.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace
@@ -17,7 +16,7 @@ from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
 from benchmark.execution.job_specs import Status, Task, task_of, to_json
 from benchmark.execution.processes.channel import Facts, wait_for
-from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Requester
+from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Tell
 from benchmark.execution.runner import work
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.storage import lock
@@ -28,11 +27,8 @@ from benchmark.text import say
 if TYPE_CHECKING:
     from benchmark.execution.dask_pool import DaskPool
 
-#: Exit code of a process that could not write its results (``EX_IOERR``).
-UNWRITTEN = 74
-
-#: Exit code of a task whose worker was lost (``EX_TEMPFAIL``).
-LOST = 75
+#: Codes of a task whose results could not be written, and of one whose worker was lost; no process ends with them.
+UNWRITTEN, LOST = 256, 257
 
 #: Minimum memory of a process, in bytes; limits the number of processes.
 _SMALLEST = 2**29
@@ -49,7 +45,7 @@ class Running:
         self.worker = worker
         self.status = Status()
         self.is_finished = False
-        #: Exit code of a process that ended before its task was finished (possibly 0), or :data:`LOST`.
+        #: Exit code of a process that ended before its task was finished, :data:`UNWRITTEN`, or :data:`LOST`.
         self.exit_code: int | None = None
         #: Traceback of the crash or stop.
         self.trace = ""
@@ -62,11 +58,6 @@ class Running:
     def has_ended(self) -> bool:
         """Whether it is finished or has failed."""
         return self.is_finished or self.exit_code is not None
-
-    @property
-    def keys(self) -> list[str]:
-        """Keys of its jobs."""
-        return [job.key for job in self.task.jobs]
 
 
 Pool: TypeAlias = "LocalPool | DaskPool"
@@ -142,7 +133,9 @@ class LocalPool:
             running.status = Status(*progress)
 
         try:
-            running.is_finished = running.worker.receive(0.0, note) is not None
+            if answer := running.worker.receive(0.0, note):
+                running.exit_code = answer[0].get("code")
+                running.is_finished = running.exit_code is None
         except ProcessEnded as error:
             running.exit_code = error.code
         except (BenchmarkError, ForeignError, MemoryError) as error:  # not an error of a job, which would have a record
@@ -193,19 +186,19 @@ class PoolHere(LocalPool):
             super().end(running)
 
 
-def do_task(facts: Mapping[str, Any], arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
+def do_task(facts: Mapping[str, Any], arrays: Arrays, tell: Tell) -> tuple[Facts, Arrays]:
     """Run a task, in a child process."""
     latest = Status()
 
     def report(status: Status) -> None:
         nonlocal latest
         latest = status
-        requester.tell(astuple(status))
+        tell(astuple(status))
 
     close_to_plugins(lambda is_starting: report(replace(latest, is_starting=is_starting)))
     lock.forget()  # the code may have changed since the previous task
     try:
         work(task_of(facts["task"]), report)
     except (StorageError, OSError):  # not even a record could be written; the parent reports it
-        os._exit(UNWRITTEN)
+        return {"code": UNWRITTEN}, {}
     return {}, {}

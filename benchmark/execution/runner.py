@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 from benchmark.datasets.base import Dataset, Entry
@@ -17,7 +18,7 @@ from benchmark.execution.job_specs import Job, Status, Task, job_of
 from benchmark.execution.plan import CHANGED, UNSAVED, difference
 from benchmark.execution.processes.process import ForeignError, is_child
 from benchmark.pipeline import recipes
-from benchmark.pipeline.method_run import MethodRun, Preparation
+from benchmark.pipeline.method_run import MethodRun, Preparation, in_random_order
 from benchmark.pipeline.ranking import GalleryRanking
 from benchmark.pipeline.storage import keys, lock
 from benchmark.pipeline.storage.environment import commit
@@ -89,10 +90,13 @@ def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str]
     job = job_of(description)
     store = Store.open(job.results)
     run = _method_run(job, _preparation(job, store), store)
-    for entry in _entries(identifiers, run.preparation.dataset):
+
+    def make(entry: Entry) -> None:
         with suppress(ShapeError):
             run.answer(entry)
         say(entry.identifier)
+
+    in_random_order(make, _entries(identifiers, run.preparation.dataset))
 
 
 def _treat(task: Task, tell: Callable[[Status], object]) -> None:
@@ -138,11 +142,15 @@ def _rank(job: Job, store: Store, task: Task, tell: Callable[[str], object]) -> 
     begun = time.perf_counter()
     ranking = _compared.get(job.key)
     preparation = ranking.run.preparation if ranking else _preparation(job, store)
-    _require_same_code(job, preparation.dataset)
+    dataset = preparation.dataset
+    _require_same_code(job, dataset)
     if ranking is None:
         run = _method_run(job, preparation, store)
-        ranking = GalleryRanking(run, _entries(job.identifiers, preparation.dataset))
+        ranking = GalleryRanking(run, _entries(job.identifiers, dataset))
     ranking.tell = tell
+    data = partial(recipes.source_data, dataset)
+    if not task.block and recipes.gallery_digest(ranking.gallery, data) != job.recipe["gallery"]:
+        raise _CodeChanged("the data changed during the run, or are others on this machine", "run again")
     if task.block:
         _compared[job.key] = ranking
         ranking.compare(*task.block)
@@ -174,7 +182,7 @@ def _method_run(job: Job, preparation: Preparation, store: Store) -> MethodRun:
 
 
 class _CodeChanged(BenchmarkError):
-    """The code was edited during the run."""
+    """Code or data changed during the run."""
 
 
 def _require_same_code(job: Job, dataset: Dataset) -> None:

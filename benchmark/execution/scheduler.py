@@ -81,11 +81,13 @@ class JobQueue:
         """Return a task for a free worker; None if none is ready."""
         for waiting in (self._rankings, self._shapes):
             while waiting:
-                if others := [job for job in waiting[0].jobs if not self._claim(job)]:
-                    self._drop(*(job.key for job in others))
-                    continue
                 task = waiting.popleft()
-                return self._part_of(task, workers) if task.identifiers else self._ranking(task, free, workers)
+                jobs = tuple(filter(self._claim, task.jobs))
+                self._open.subtract(job.key for job in task.jobs if job not in jobs)
+                if jobs:
+                    task = replace(task, jobs=jobs)
+                    return self._part_of(task, workers) if task.identifiers else self._ranking(task, free, workers)
+                self.shapes_done += 0 if task.is_part else len(task.identifiers)
         return None
 
     def finish(self, task: Task) -> None:
@@ -96,33 +98,21 @@ class JobQueue:
             if not self._open[job.key] and job.key not in self.store.records and (task.identifiers or task.block):
                 self._add([Task((job,), is_part=bool(task.block))])
 
-    def put_back(self, task: Task, done: int = 0, without: str = "", *, apart: bool = False) -> None:
-        """Queue the rest of a task again.
-
-        Parameters
-        ----------
-        task
-            The task.
-        done
-            Number of its finished shapes.
-        without
-            Key of a job to leave out; "" for none.
-        apart
-            Whether to queue that job as a separate task instead of dropping it.
-        """
+    def put_back(self, task: Task, done: int = 0) -> None:
+        """Queue the rest of a task again, of which some shapes are done."""
         left = task.identifiers[done:]
-        if apart:
-            alone = tuple(job for job in task.jobs if job.key == without)
-            self._rankings.appendleft(Task(alone, left, task.block, is_part=True))
-        elif without:
-            self._drop(without)
-        jobs = tuple(job for job in task.jobs if job.key != without)
-        if not jobs or (task.identifiers and not left):
-            self.finish(replace(task, jobs=jobs))
+        if task.identifiers and not left:
+            self.finish(task)
             return
         self.shapes_done += 0 if task.is_part else len(task.identifiers) - len(left)
         waiting = self._shapes if left and not task.is_part else self._rankings
-        waiting.appendleft(replace(task, jobs=jobs, identifiers=left))
+        waiting.appendleft(replace(task, identifiers=left))
+
+    def put_apart(self, task: Task, done: int, key: str) -> None:
+        """Queue the rest of a task again, with one of its jobs in a separate task."""
+        alone, others = (tuple(job for job in task.jobs if (job.key == key) == is_it) for is_it in (True, False))
+        self._rankings.appendleft(Task(alone, task.identifiers[done:], task.block, is_part=True))
+        self.put_back(replace(task, jobs=others), done)
 
     def take_over(self) -> None:
         """Take over jobs that other runs have released, finished or not."""
@@ -150,23 +140,10 @@ class JobQueue:
 
     def _claim(self, job: Job) -> bool:
         """Claim a job; return False if another run holds it or its record exists."""
-        if self.claims.has(job.key) or self.claims.take(job.key):
+        if self.claims.take(job.key):
             return job.key not in self.store.records
         self.elsewhere[job.key] = job
         return False
-
-    def _drop(self, *keys: str) -> None:
-        """Remove jobs from all waiting tasks."""
-        for waiting in (self._rankings, self._shapes):
-            tasks = list(waiting)
-            waiting.clear()
-            for task in tasks:
-                if jobs := tuple(job for job in task.jobs if job.key not in keys):
-                    waiting.append(replace(task, jobs=jobs))
-                elif not task.is_part:
-                    self.shapes_done += len(task.identifiers)
-        for key in keys:
-            self._open[key] = 0
 
     def _part_of(self, task: Task, workers: int) -> Task:
         """Return a task of shapes, cut to one worker's share of the remaining work, so that all workers end together.
@@ -336,7 +313,7 @@ class Scheduler:
             reason = "the process was killed twice, by a user or for its memory"
             self._killed(running, _MAX_DEATHS, f"{reason}; run it alone with -j 1, or --retry it")
         elif len(running.task.jobs) > 1 and job in self._queue.pending:  # another job may be the cause
-            self._queue.put_back(running.task, running.status.steps, job, apart=True)
+            self._queue.put_apart(running.task, running.status.steps, job)
         else:
             blamed = self._queue.pending.get(job)
             more = "'check' shows more" if blamed and blamed.is_foreign else "run it with --executor serial to see more"
@@ -352,12 +329,12 @@ class Scheduler:
 
     def _blame(self, running: Running, kind: str, reason: str) -> None:
         """Write the record of the job that broke a task (the first one if none was reported); the others continue."""
-        key = running.status.job or running.keys[0]
+        key = running.status.job or running.task.jobs[0].key
         job = self._queue.pending.get(key)
         if job and key not in self._store.records:
             where = f"{running.status.shape}: " if running.status.shape else ""
             keep(job, self._store, failure(kind, where + reason, running.trace))
-        self._queue.put_back(running.task, running.status.steps, key)
+        self._queue.put_back(running.task, running.status.steps)  # without this job, which has a record
 
     def _tell(self) -> None:
         """Report the running jobs, or what the run waits for, and the number of finished shapes."""

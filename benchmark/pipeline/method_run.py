@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import secrets
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -26,7 +27,7 @@ from benchmark.pipeline.stages import shapes
 from benchmark.pipeline.storage.costs import Cost, Meter
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.lock import key_of
-from benchmark.pipeline.storage.store import Artefact, Store
+from benchmark.pipeline.storage.store import Artefact, StorageError, Store
 from benchmark.plugins.output_checks import REFUSED, signature_of
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.remote import Foreign
@@ -176,6 +177,14 @@ def require_arrays(artefact: Artefact) -> Arrays:
 
 T = TypeVar("T")
 
+
+def in_random_order(compute: Callable[[Entry], T], entries: Sequence[Entry]) -> list[T]:
+    """Return a result for each shape, in their order; foreign code must not learn the order of a gallery."""
+    order = secrets.SystemRandom().sample(range(len(entries)), len(entries))
+    results = {place: compute(entries[place]) for place in order}
+    return [results[place] for place in range(len(entries))]
+
+
 #: Prefix of the names of arrays that are notes on a shape.
 _NOTE = "note:"
 
@@ -310,9 +319,12 @@ class MethodRun:
         require_arrays(signature)
         return signature
 
-    def signature_arrays(self, entry: Entry) -> Arrays:
-        """Read the signature of a form, or recompute it if it is missing."""
-        signature = self.store.find(self._signature_recipe(entry)) or self.treat(entry).signature
+    def signature_arrays(self, entry: Entry, *, in_gallery_order: bool = False) -> Arrays:
+        """Read the signature of a form, or recompute it if it is missing, unless this shows a plugin the order."""
+        signature = self.store.find(self._signature_recipe(entry))
+        if signature is None and in_gallery_order and (self.spec.is_foreign or self.scorer_spec.is_foreign):
+            raise StorageError("a file that the plugin read changed while its forms were compared", "run again")
+        signature = signature or self.treat(entry).signature
         assert signature is not None  # noqa: S101
         return require_arrays(signature)
 

@@ -10,18 +10,17 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Method
-from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.arrays import ABOUT, Arrays
 from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.execution.processes.opened_files import with_files
-from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of
+from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of, in_random_order
 from benchmark.pipeline.recipes import Recipe, distances_recipe, draws_of
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage import keys
@@ -43,22 +42,6 @@ _SIGNATURES = f"{ABOUT}signatures"
 
 #: Name of the array stored with a block of distances: key of the recipe of the whole matrix, first row, first column.
 _PLACE = f"{ABOUT}place"
-
-
-class BlockScorer(Scorer, Protocol):
-    """Scorer of the suite, which can compare a gallery block by block instead of at once with ``compare``."""
-
-    def codebook(self, signatures: Iterable[SignatureArrays], draw: int) -> SignatureArrays:
-        """Return the codebook that encodes all forms of a gallery."""
-        ...
-
-    def encode(self, signature: SignatureArrays, codebook: SignatureArrays) -> SignatureArrays:
-        """Return the encoding of a form."""
-        ...
-
-    def match(self, rows: Sequence[SignatureArrays], columns: Sequence[SignatureArrays]) -> Matrix:
-        """Return the dissimilarities between two sets of encoded forms."""
-        ...
 
 
 class GalleryRanking:
@@ -85,24 +68,29 @@ class GalleryRanking:
         self.refused: list[tuple[str, str]] = []
         self.unprepared: list[str] = []
         self._seconds_before: dict[str, float] = {}
+        self._files: dict[str, str] = {}
         self._read(signed=False)
         if not (run.describes or all(map(run.store.digest_under, self.keys))):
             self._read(signed=True)
         order = {entry.identifier: number for number, entry in enumerate(gallery)}
         self.refused.sort(key=lambda refusal: order[refusal[0]])
+        self.unprepared.sort(key=order.__getitem__)
 
     def _read(self, *, signed: bool) -> None:
         """Read the result of each shape, and drop shapes without one."""
-        entries, self.entries, self.results = self.entries, [], {}
-        for entry in entries:
+
+        def result(entry: Entry) -> ShapeResult | None:
             try:
-                self.results[entry.identifier] = self.run.result(entry, signed=signed)
+                return self.run.result(entry, signed=signed)
             except ShapeError as error:
                 self.refused.append((entry.identifier, str(error)))
                 if REFUSED in self.run.preparation.artefact(entry).arrays:
                     self.unprepared.append(entry.identifier)
-            else:
-                self.entries.append(entry)
+            return None
+
+        results = zip(self.entries, in_random_order(result, self.entries), strict=True)
+        self.results = {entry.identifier: of_shape for entry, of_shape in results if of_shape}
+        self.entries = [entry for entry in self.entries if entry.identifier in self.results]
         spec, scorer = self.run.spec, self.run.scorer_spec
         forms = [self.run.recipe(entry) for entry in self.entries]
         self.recipes = {draw: distances_recipe(forms, spec, scorer, draw) for draw in draws_of(spec, scorer)}
@@ -161,6 +149,7 @@ class GalleryRanking:
             lambda: with_files(self._compared(draw, row, column), files_of(self.scorer or self.run.method)),
             work="rank",
         )
+        self._files |= block.files
         self._seconds_before.setdefault(block.key, block.cost.seconds if block.was_cached else 0.0)
         return block
 
@@ -173,23 +162,25 @@ class GalleryRanking:
             descriptors = [result.answer.arrays["descriptor"] for result in self.results.values()]
             return {"distances": _in_order(descriptors, partial(distances_of, method), method)}
         if any(result.signature is None for result in self.results.values()):  # the file of the distances is damaged
-            self.results = {entry.identifier: self.run.result(entry, signed=True) for entry in self.entries}
+            results = in_random_order(partial(self.run.result, signed=True), self.entries)
+            self.results = dict(zip(self.results, results, strict=True))
         self.tell(f"comparing {len(self.entries)} forms, {draw + 1} of {len(self.recipes)}")
         about = {_SIGNATURES: np.array(json.dumps(self.signatures, sort_keys=True))}
         if len(self._starts(draw)) == 1:
-            signatures = list(map(self.run.signature_arrays, self.entries))
+            signatures = in_random_order(self.run.signature_arrays, self.entries)
             compare = lambda items: form_distances(scorer, items, draw)  # noqa: E731
             return {"distances": _in_order(signatures, compare, scorer), **about}
-        matched = cast(BlockScorer, scorer).match(self._encoded(draw, row), self._encoded(draw, column))
+        of_suite: Any = scorer  # which can compare block by block
         return {
-            "distances": matched,
+            "distances": of_suite.match(self._encoded(draw, row), self._encoded(draw, column)),
             **about,
             _PLACE: np.array(json.dumps([keys.bare_key(self._galleries[draw]), row, column])),
         }
 
     def _encoded(self, draw: int, start: int) -> list[Arrays]:
         """Return the encodings of a block of forms."""
-        scorer, signature_arrays, store = cast(BlockScorer, self.scorer), self.run.signature_arrays, self.run.store
+        scorer: Any = self.scorer
+        signature_arrays, store = partial(self.run.signature_arrays, in_gallery_order=True), self.run.store
 
         def encode() -> Arrays:
             codebook = store.get_or_compute(
@@ -222,7 +213,7 @@ class GalleryRanking:
             "signatures": signatures["digest"],
             "distances": _digest(map(self.run.store.digest_under, self.keys)),
         }
-        read = [artefact.files for result in results for artefact in result.artefacts] + [files_of(self.scorer)]
+        read = [artefact.files for result in results for artefact in result.artefacts] + [self._files]
         files = {path: digest for part in read for path, digest in part.items()}
         models = {model.training: model.summary() for model in self.run.models.values()}
         return {

@@ -7,7 +7,7 @@ A recipe names the versions of all components that contribute to the result, inc
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmark.api.contracts import Input
@@ -113,6 +113,11 @@ def source_data(dataset: Dataset, entry: Entry) -> str:
         return dataset.recipe(entry)
     except ShapeError as error:
         return type(error).__name__
+
+
+def gallery_digest(entries: Iterable[Entry], data: Callable[[Entry], str]) -> str:
+    """Return the digest of the shapes of a gallery, their classes, and the data of each."""
+    return keys.digest([(entry.identifier, entry.subject, str(data(entry))) for entry in entries])
 
 
 def frame_recipe(dataset: Dataset) -> Recipe:

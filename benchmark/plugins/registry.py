@@ -17,7 +17,7 @@ from benchmark.plugins.modules import unknown
 from benchmark.plugins.parameters import combinations, split_name
 from benchmark.plugins.specs import MethodSpec
 
-__all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "unusable", "variant", "variants"]
+__all__ = ["BUILT_IN", "EVERY", "MethodSpec", "methods", "plugin_methods", "select", "variant", "variants"]
 
 #: Name that selects all methods, in addition to other names.
 EVERY = "all"
@@ -91,6 +91,8 @@ class KnownPlugins(dict[str, S]):
     def __init__(self, kind: type[S], built_in: Mapping[str, str], plugins: Iterable[Path]) -> None:
         super().__init__({name: kind(name, target) for name, target in built_in.items()})
         self._kind, self._installed = kind.kind, installed(kind, frozenset(built_in))  # type: ignore[arg-type]
+        #: A line for each installed package with unusable plugins, which are omitted.
+        self.news = self._installed.news
         self.update({spec.name: spec for spec in self._installed.specs})
         for spec in (spec for path in plugins for spec in plugins_of(kind, path)):
             if spec.name in self:
@@ -104,7 +106,7 @@ class KnownPlugins(dict[str, S]):
         raise self._installed.faults.get(name) or unknown(self._kind, name, self)
 
 
-def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
+def methods(plugins: Iterable[Path] = ()) -> KnownPlugins[MethodSpec]:
     """Return all known methods by name, in the order of the tables.
 
     Parameters
@@ -123,11 +125,6 @@ def methods(plugins: Iterable[Path] = ()) -> dict[str, MethodSpec]:
 def plugin_methods(path: Path) -> list[MethodSpec]:
     """Return the methods in a plugin file; see :func:`benchmark.plugins.inspection.plugins_in`."""
     return plugins_of(MethodSpec, path)
-
-
-def unusable() -> tuple[str, ...]:
-    """Return a line for each installed package with unusable methods, which :func:`methods` omits."""
-    return installed(MethodSpec, frozenset(BUILT_IN)).news
 
 
 def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Iterable[Path] = ()) -> list[MethodSpec]:

@@ -7,21 +7,24 @@ jobs gets facts from processes that end immediately.
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn, Self
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, FloatArray, Shape
 from benchmark.api.scoring import SignatureArrays
 from benchmark.arrays import Arrays
 from benchmark.errors import ConfigurationError
-from benchmark.execution.processes.calls import BrokenCall, Guard, KilledCall, call_apart
+from benchmark.execution.processes.calls import BrokenCall, KilledCall, call_apart
 from benchmark.execution.processes.process import Process, Serve, is_child
 from benchmark.geometry.mesh import Mesh
+from benchmark.machine import memory_per_process
 from benchmark.pipeline.storage.costs import Cost
 from benchmark.pipeline.storage.keys import plain
 from benchmark.plugins import close_process
@@ -31,6 +34,9 @@ Facts = dict[str, Any]
 
 #: Time limit in seconds for importing a file, creating its methods and listing the shapes of its data sets.
 LIMIT = 30.0
+
+#: Seconds that sending a request and its answer may take.
+_TRANSFER = 0.05
 
 #: Number of kills from outside after which a file is blamed for them.
 _MAX_RETRIES = 3
@@ -67,7 +73,7 @@ def look(function: Callable[..., Any], *arguments: Any, what: str, hint: str) ->
     """
     for retries in reversed(range(_MAX_RETRIES)):
         try:
-            return call_apart(function, *arguments, guard=Guard(what, hint, LIMIT, quiet=True))
+            return call_apart(function, *arguments, what=what, hint=hint, limit=LIMIT, quiet=True)
         except BrokenCall as error:
             if not (retries and isinstance(error, KilledCall)):
                 raise ConfigurationError(error.problem, error.hint) from error
@@ -134,18 +140,26 @@ class Remote:
     ) -> tuple[Facts, Arrays]:
         """Send a request; a new process is first asked for facts, in time that does not count towards a job."""
         place, shared, own = self._places
-        if place not in _processes:
-            _starting(True)
-            try:
-                _processes[place] = Process(self.serve, is_plugin=True)
-                _processes[place].request_or_end_alike(self._message("facts", {}))
-            finally:
-                _starting(False)
-        process = _processes[place]
+        limit = None if is_child() else LIMIT  # a job has limits of its own
         try:
-            return process.request_or_end_alike(self._message(work, facts or {}), arrays)
+            if place not in _processes:
+                _starting(True)
+                try:
+                    memory = None if is_child() else memory_per_process()
+                    _processes[place] = Process(self.serve, is_plugin=True, memory=memory)
+                    _processes[place].request_or_end_alike(self._message("facts", {}), limit=limit)
+                finally:
+                    _starting(False)
+            begun = time.perf_counter()
+            answer, results = _processes[place].request_or_end_alike(self._message(work, facts or {}), arrays, limit)
+            return {**answer, "elapsed": time.perf_counter() - begun}, results
+        except TimeoutError as error:
+            _processes.pop(place).end()
+            problem = f"{self.kind} '{self.base_name}' does not answer '{work}' within {LIMIT:g} s"
+            raise ConfigurationError(problem, "correct the plugin") from error
         finally:
-            if process.is_occupied and place == shared and work != "facts":  # reporting facts imports the plugin
+            process = _processes.get(place)
+            if process and process.is_occupied and place == shared and work != "facts":  # facts import the plugin
                 _processes[own] = _processes.pop(shared)
 
     def _message(self, work: str, facts: Mapping[str, Any]) -> Facts:
@@ -186,8 +200,10 @@ class Foreign:
 
     def _work(self, work: str, facts: Mapping[str, Any], arrays: Arrays) -> Arrays:
         answer, results = self.remote.request(work, {**facts, "model": self.model}, arrays)
-        if "cost" in answer:
-            self.book(Cost.from_json(answer["cost"]))
+        if "cost" in answer:  # reported by the plugin's process, so it must agree with the time that passed here
+            cost = Cost.from_json(answer["cost"])
+            least = answer["elapsed"] - sum(part.seconds for part in cost.shared.values()) - _TRANSFER
+            self.book(structs.replace(cost, seconds=max(cost.seconds, least)))
         return results
 
     def _on_shape(self, work: str, shape: Shape) -> Arrays:

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from benchmark.pipeline.storage.records import DEFAULT_SCORER
-from benchmark.plugins.inspection import installed, plugins_of
+from benchmark.plugins.inspection import plugins_of
 from benchmark.plugins.registry import KnownPlugins, variant
 from benchmark.plugins.specs import ScorerSpec
 
-__all__ = ["BUILT_IN", "DEFAULT", "ScorerSpec", "plugin_scorers", "scorer_of", "scorers", "unusable"]
+__all__ = ["BUILT_IN", "DEFAULT", "ScorerSpec", "plugin_scorers", "scorer_of", "scorers"]
 
 #: Scorer of the paper's tables; its name is omitted from the names of jobs and from records.
 DEFAULT = DEFAULT_SCORER
@@ -21,7 +21,7 @@ BUILT_IN: dict[str, str] = {
 }
 
 
-def scorers(plugins: Iterable[Path] = ()) -> dict[str, ScorerSpec]:
+def scorers(plugins: Iterable[Path] = ()) -> KnownPlugins[ScorerSpec]:
     """Return all known scorers by name, the default first.
 
     Parameters
@@ -35,11 +35,6 @@ def scorers(plugins: Iterable[Path] = ()) -> dict[str, ScorerSpec]:
         If two scorers have the same name, or a plugin file cannot be used.
     """
     return KnownPlugins(ScorerSpec, BUILT_IN, plugins)
-
-
-def unusable() -> tuple[str, ...]:
-    """Return a line for each installed package with unusable scorers, which :func:`scorers` omits."""
-    return installed(ScorerSpec, frozenset(BUILT_IN)).news
 
 
 def scorer_of(name: str, known: Mapping[str, ScorerSpec]) -> ScorerSpec:

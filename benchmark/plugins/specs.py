@@ -228,13 +228,9 @@ class PluginSpec(Generic[Info, Instance]):
         """Return an object that forwards requests to its process."""
         return RemoteScorer(self.remote, self.info)
 
-    def resolved_parameters(self) -> dict[str, Any]:
-        """Return all parameters, defaults included, normalised."""
-        return dict(self.all_parameters)
-
     def key_parameters(self) -> dict[str, Any]:
         """Return parameters for keys, without defaults for plugins of the suite, whose golden results include them."""
-        return self.resolved_parameters() if self.is_foreign else dict(self.parameters)
+        return dict(self.all_parameters) if self.is_foreign else dict(self.parameters)
 
     def missing_packages(self) -> tuple[str, ...]:
         """Return the declared packages that are not installed."""

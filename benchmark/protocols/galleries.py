@@ -142,7 +142,7 @@ class Gallery:
         name = rows.averaged
         if not name or name in spec.parameters or not spec.learns or spec.split != "table":
             return
-        parameters = spec.resolved_parameters()
+        parameters = spec.all_parameters
         if name in parameters:
             values = (value for value in AVERAGED[name] if value != parameters[name])
             further = (spec.with_parameters({name: value}) for value in values)

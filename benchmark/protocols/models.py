@@ -78,8 +78,8 @@ class Model:
         """Raise :class:`TooNear` if the training bodies are too similar to subjects of a data set.
 
         The card states the smallest distance between the training bodies and the subjects of each generated data set of
-        people. A card without an entry for a data set passes, unless the bodies were sampled. Cards state no distances to
-        the people of ``animals`` and ``humans[subjects=N]``.
+        people. A card without an entry for a data set passes, unless the bodies were sampled. Cards do not state the
+        distances to the people of ``animals`` and ``humans[subjects=N]``.
         """
         shown, training = set_of_subjects(dataset) or "", TRAININGS[self.training]
         clearance = self.card.get("clearance", {})

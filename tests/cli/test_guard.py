@@ -97,7 +97,7 @@ def test_no_method_takes_a_number_that_makes_no_sense(value):
     known = methods()
     tried = 0
     for name in BUILT_IN:
-        for parameter, usual in known[name].resolved_parameters().items():
+        for parameter, usual in known[name].all_parameters.items():
             if isinstance(usual, int | float) and not isinstance(usual, bool):
                 tried += 1
                 with pytest.raises(ConfigurationError, match=f"does not fit {parameter} of {name}"):

@@ -18,8 +18,10 @@ from benchmark.cli.run import run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.execution import pools
 from benchmark.execution.job_specs import Job, first_tasks
+from benchmark.execution.plan import make_plan
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select
+from benchmark.protocols.galleries import galleries
 from tests.processes import is_alive, wait_until
 from tests.toy import write_rods
 
@@ -276,17 +278,37 @@ def test_shapes_come_to_foreign_code_in_an_order_that_tells_nothing(tmp_path):
     assert one.identifiers != other.identifiers
 
 
+def planned(place, store):
+    return make_plan(galleries([], [str(place / "rods")]), ["mesh"], select(["surface-area"], methods()), store)
+
+
+def test_a_job_that_another_run_has_finished_meanwhile_keeps_its_record(place):
+    store = Store.open(place / "results")
+    jobs = planned(place, store)
+    times = []
+    for _ in range(2):  # the second time by the plan of before
+        assert run_plan(jobs, store, RunOptions(executor="serial"))
+        times += [path.stat().st_mtime_ns for path in store.records.folder.glob("*.json")]
+    assert times[0] == times[1]
+
+
+def test_data_that_change_during_a_run_are_named_and_leave_no_result(place):
+    store = Store.open(place / "results")
+    jobs = planned(place, store)
+    shutil.copy(place / "rods" / "thick0.off", place / "rods" / "thin0.off")
+    assert not run_plan(jobs, store, RunOptions(executor="serial"))
+    record = store.records.read(jobs[0].key)
+    assert (record["status"], "the data changed during the run" in record["reason"]) == ("changed", True)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"executor": "slurm"}, "unknown executor 'slurm'; choose serial, processes or dask"),
         ({"executor": "dask"}, "dask needs the address of its scheduler; pass --scheduler URL"),
         ({"scheduler": "tcp://127.0.0.1:8786"}, "--scheduler needs dask; pass --executor dask"),
     ],
 )
-def test_an_unknown_executor_and_one_without_its_scheduler_are_refused_where_nothing_is_to_run(
-    tmp_path, options, message
-):
+def test_an_executor_without_its_scheduler_is_refused_where_nothing_is_to_run(tmp_path, options, message):
     with pytest.raises(ConfigurationError, match=message):
         run_plan([], Store.open(tmp_path), RunOptions(**options))
 

@@ -38,8 +38,7 @@ def test_a_comparison_that_nobody_finished_waits_again_unless_its_job_is_over(qu
     (job,) = second.jobs
     keep(job, queue.store, failure("failed", "a form is too much for the scorer"))
     assert [each.key for each, _ in queue.ended()] == [job.key]
-    descriptor = queue.take(2, 2)
-    assert descriptor.jobs[0].method.name == "surface-area"
+    assert queue.take(2, 2).jobs[0].method.name == "surface-area"
     for task in (second, third):
         queue.finish(task)
     assert not queue
@@ -49,7 +48,7 @@ def test_a_job_tried_alone_leaves_the_others_of_its_task(tmp_path):
     with Claims(tmp_path / "claims") as claims:
         queue = JobQueue({job.key: job for job in orders(tmp_path)}, Store.open(tmp_path), claims)
         task = queue.take(1, 1)
-        queue.put_back(task, 1, "rods pca", apart=True)
+        queue.put_apart(task, 1, "rods pca")
         alone, others = queue.take(1, 1), queue.take(1, 1)
         assert [job.key for job in alone.jobs] == ["rods pca"]
         assert [job.key for job in others.jobs] == ["rods identity", "rods surface-area"]

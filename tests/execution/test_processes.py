@@ -22,7 +22,7 @@ import pytest
 
 from benchmark.errors import BenchmarkError, UnsupportedShape
 from benchmark.execution.processes import process as processes
-from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.execution.processes.calls import BrokenCall, call_apart
 from benchmark.execution.processes.channel import Channel
 from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, end_like
 from benchmark.plugins import close_process
@@ -37,12 +37,12 @@ class _TooThin(UnsupportedShape):
     """An error that only the other process knows."""
 
 
-def serve(facts, arrays, requester):
+def serve(facts, arrays, tell):
     match facts.get("work"):
         case "double":
             return {"said": "doubled"}, {name: 2 * array for name, array in arrays.items()}
         case "tell":
-            requester.tell(["half"])
+            tell(["half"])
         case "environment":
             return {"data": os.environ.get(DATA_VARIABLE, "")}, {}
         case "refuse":
@@ -76,7 +76,7 @@ def serve(facts, arrays, requester):
     return {}, {}
 
 
-def end_as_another_ends(work, facts, arrays, requester):
+def end_as_another_ends(work, facts, arrays, tell):
     try:
         Process(serve).request({"work": work})
     except ProcessEnded as error:
@@ -190,7 +190,7 @@ def test_a_program_that_ends_waits_for_no_process():
     assert done.stdout == "({}, {})\n"
 
 
-def import_into_closed(path, facts, arrays, requester):
+def import_into_closed(path, facts, arrays, tell):
     close_process()
     try:
         import_module(path)
@@ -226,10 +226,11 @@ def head(text):
         head(json.dumps([{}, [["a", "<f8", [10**10], "C"]]]).encode()),
         head(json.dumps([{}, [["a", "|O", [1], "C"]]]).encode()),
         head(json.dumps([{}, [["a", "<f8", [-1], "C"]]]).encode()),
+        head(json.dumps([{}, [["a", "|S0", [10**10], "C"]]]).encode()),
         head(json.dumps([[], []]).encode()),
         head(b"\x80\x04\x95 a pickled object"),
     ],
-    ids=["10 GB", "an array of 80 GB", "objects", "a negative size", "no facts", "a pickle"],
+    ids=["10 GB", "an array of 80 GB", "objects", "a negative size", "no width", "no facts", "a pickle"],
 )
 def test_what_is_no_message_is_refused_before_it_is_read(content):
     ours, theirs = socket.socketpair()
@@ -256,8 +257,8 @@ def test_half_a_message_holds_nobody():
     channel.close()
 
 
-def send_what_is_no_message(facts, arrays, requester):
-    requester._channel._socket.send(b"\xff" * 8)
+def send_what_is_no_message(facts, arrays, tell):
+    tell.args[0]._socket.send(b"\xff" * 8)
     time.sleep(600)
 
 
@@ -297,7 +298,7 @@ def nothing():
 def starts_others(notes):
     """In a session of their own, before and after a process of its own has come and gone."""
     before = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
-    call_apart(nothing, guard=Guard("this", "correct it"))
+    call_apart(nothing, what="this", hint="correct it")
     after = subprocess.Popen(["sleep", "600"], start_new_session=True).pid
     copy = os.fork()
     if not copy:
@@ -315,17 +316,17 @@ def holds_the_pipe_open():
 @pytest.mark.parametrize("task", [leaves_a_thread, leaves_a_handler_that_hangs, leaves_a_handler_that_crashes])
 def test_whatever_a_call_leaves_is_over_at_once(task):
     start = time.monotonic()
-    assert call_apart(task, guard=Guard("this", "correct it")) is None
+    assert call_apart(task, what="this", hint="correct it") is None
     assert time.monotonic() - start < 30
 
 
 def test_its_end_is_noticed_though_a_copy_of_it_holds_the_pipe_open():
     with pytest.raises(BrokenCall, match=r"this ended its process \(exit code 5\); correct it"):
-        call_apart(holds_the_pipe_open, guard=Guard("this", "correct it"))
+        call_apart(holds_the_pipe_open, what="this", hint="correct it")
 
 
 def test_what_it_started_ends_with_it(tmp_path):
-    call_apart(starts_others, tmp_path / "notes", guard=Guard("this", "correct it"))
+    call_apart(starts_others, tmp_path / "notes", what="this", hint="correct it")
     children = [int(word) for word in (tmp_path / "notes").read_text().split()]
     wait_until(lambda: not any(map(is_alive, children)))
 
@@ -373,5 +374,5 @@ def test_an_interrupt_while_it_starts_leaves_no_process(monkeypatch, interrupt):
 
 def test_one_that_can_say_nothing_ends_without_a_traceback(capfd):
     with pytest.raises(BrokenCall, match="this ended its process|this raises ValueError: by hand"):
-        call_apart(breaks_what_all_rely_on, guard=Guard("this", "correct it"))
+        call_apart(breaks_what_all_rely_on, what="this", hint="correct it")
     assert capfd.readouterr().err == ""

@@ -31,6 +31,8 @@ def test_what_the_newest_record_of_each_place_was_made_from_stays(store):
     store.write_record(record(code="1", artefacts=[old, other]))
     store.write_record(record(code="2", artefacts=[new], finished=LATER))
     store.write_record(record("pca", artefacts=[other]))
+    undone = {**record(artefacts=[], finished="2026-03-01T00:00:00+00:00"), "key": "deadbeef-" + "0" * 32}
+    store.write_record(undone)
     assert {path.stem for path in unneeded(store)} == {old, lost}
 
 

@@ -2,8 +2,10 @@
 
 import gc
 import hashlib
+import os
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -70,6 +72,28 @@ class Ordered:
         """Return differences of places."""
         places = np.arange(len(descriptors), dtype=float)
         return np.abs(places[:, None] - places)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counting:
+    """Shapes are told apart by the order in which they are asked for again, after a file that was read has changed."""
+
+    info: ClassVar[MethodInfo] = MethodInfo(name="counting", title="Counting")
+    calls: ClassVar[list[None]] = []
+
+    def describe(self, shape):
+        """Return which half of the calls after the change this is."""
+        file = Path(os.environ["CHEAT_FILE"])
+        is_changed = file.read_text() == "changed"
+        self.calls.append(None)
+        if len(self.calls) == 13:  # 12 shapes, the first of them twice
+            os.system(f"printf changed > {file}")  # noqa: S605
+        return np.array([max(len(self.calls) - 2, 0) // 6 if is_changed else shape.source_area])
+
+    def distances(self, descriptors):
+        """Return differences of halves."""
+        halves = np.array(descriptors)[:, 0]
+        return np.abs(halves[:, None] - halves)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,9 @@ def records(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cheats")
     write_rods(folder / "rods", BENDS)
     run(folder, "cheated", "--plugin", CHEATS, "-m", "patched-library")
-    others = ("patched-measures", "named", "searching", "ordered", "names-guessed")
+    others = ("patched-measures", "named", "searching", "ordered", "names-guessed", "counting")
+    (folder / "file").write_text("at first")
+    os.environ["CHEAT_FILE"] = str(folder / "file")
     run(folder, "cheated", "--plugin", CHEATS, *(word for name in others for word in ("-m", name)))
     return run(folder, "cheated", *BUILT_IN), run(folder, "clean", *BUILT_IN)
 
@@ -72,3 +75,4 @@ def test_no_label_is_in_the_process_of_a_method(records):
 def test_places_in_the_gallery_tell_nothing(records):
     # By the places in the sorted gallery, all nearest neighbours but one would be of the right class.
     assert records[0]["ordered"]["scores"]["NN"] < 0.75
+    assert records[0]["counting"]["scores"]["NN"] < 0.75

@@ -93,7 +93,7 @@ def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(instal
     install("patches-it", on_import="import numpy; numpy.asarray = None")
     install("works")
     assert usable() == ["works"]
-    assert [line.partition("; ")[0] for line in registry.unusable()] == [
+    assert [line.partition("; ")[0] for line in registry.methods().news] == [
         "installed package ends-it, ends-it: package ends-it ended its process (exit code 0)",
         "installed package holds-it, holds-it: package holds-it does not end: stopped after 2 s",
         "installed package patches-it, patches-it: package patches-it changes numpy.asarray, on which the suite relies",
@@ -128,14 +128,14 @@ def test_a_package_that_ends_hangs_or_patches_costs_its_own_methods_alone(instal
 def test_what_an_installed_package_cannot_bring_is_one_line(faults, said, install, look_here):
     install("odd", **faults)
     assert usable() == []
-    (line,) = registry.unusable()
+    (line,) = registry.methods().news
     assert re.match(f"installed package odd, {said}", line), line
 
 
 def test_of_one_package_the_methods_that_work_stay(install, look_here):
     install("both", points="both = both:Tried\nnone = both:Absent")
     assert usable() == ["both"]
-    (line,) = registry.unusable()
+    (line,) = registry.methods().news
     assert line.startswith("installed package both, none: both has no 'Absent'")
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from benchmark.execution.processes.opened_files import NOT_OF_PLUGINS
 from benchmark.execution.processes.process import Process
 from benchmark.plugins.modules import import_module, sources_of
+from benchmark.source_code import ROOT
 from tests.toy import write_rods
 
 PLUGIN = """
@@ -101,7 +103,7 @@ def forms(folder):
     return {record["method"]: record["digests"]["forms"] for record in records}
 
 
-def imports_and_reads(facts, arrays, requester):
+def imports_and_reads(facts, arrays, tell):
     """Import a plugin as its process does, and read a file."""
     import_module(facts["plugin"])
     sources_of(facts["plugin"])
@@ -119,3 +121,8 @@ def test_a_plugin_counts_by_its_code_wherever_it_lies_and_other_files_by_their_p
         assert [path for path in process.files if Path(path).parent == tmp_path] == [str(data)]
     finally:
         process.end()
+
+
+def test_a_file_whose_name_begins_like_a_package_of_the_suite_is_none_of_it():
+    assert (ROOT / "learned" / "mine.py").as_posix().startswith(NOT_OF_PLUGINS)
+    assert not (ROOT / "learned_mine.py").as_posix().startswith(NOT_OF_PLUGINS)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError
 from benchmark.execution.processes.channel import Facts
-from benchmark.execution.processes.process import BY_HAND, ForeignError, Process, ProcessEnded, Requester
+from benchmark.execution.processes.process import BY_HAND, ForeignError, Process, ProcessEnded, Tell
 from benchmark.machine import memory_per_process
 
 
@@ -22,12 +21,24 @@ class KilledCall(BrokenCall):
     """The process was killed, possibly by a user or by the system."""
 
 
-@dataclass(frozen=True)
-class Guard:
-    """Conditions of a call of foreign code.
+def call_apart(
+    function: Callable[..., Any],
+    *arguments: Any,
+    what: str,
+    hint: str,
+    limit: float | None = None,
+    all_memory: bool = False,
+    quiet: bool = False,
+    say: Callable[[str], None] | None = None,
+) -> Any:
+    """Call a function in a separate process and return its result, which must fit into JSON.
 
     Parameters
     ----------
+    function
+        A module-level function.
+    *arguments
+        Its arguments.
     what
         Name of the code; messages begin with it.
     hint
@@ -38,28 +49,6 @@ class Guard:
         Whether it may use all memory of the machine.
     quiet
         Whether to discard what it prints.
-    """
-
-    what: str
-    hint: str
-    limit: float | None = None
-    all_memory: bool = False
-    quiet: bool = False
-
-
-def call_apart(
-    function: Callable[..., Any], *arguments: Any, guard: Guard, say: Callable[[str], None] | None = None
-) -> Any:
-    """Call a function in a separate process and return its result, which must fit into JSON.
-
-    Parameters
-    ----------
-    function
-        A module-level function.
-    *arguments
-        Its arguments.
-    guard
-        Conditions of the call.
     say
         Callback for progress. If given, the function gets one more argument: a function that reports a line.
 
@@ -70,18 +59,20 @@ def call_apart(
     BrokenCall
         If it raises anything else, ends or crashes the process, or takes too long.
     """
-    memory = None if guard.all_memory else memory_per_process()
+    memory = None if all_memory else memory_per_process()
     try:
-        process = Process(partial(_call, function, arguments, say is not None), memory=memory, quiet=guard.quiet)
+        process = Process(partial(_call, partial(function, *arguments), say is not None), memory=memory, quiet=quiet)
     except OSError as error:
         raise BrokenCall(
-            f"{guard.what}: no process could be started ({error.strerror})", "end other processes, then try again"
+            f"{what}: no process could be started ({error.strerror})", "end other processes, then try again"
         ) from error
     kind = BrokenCall
     try:
-        return process.request({}, progress=say or (lambda line: None), limit=guard.limit)[0]["returned"]
+        return process.request({}, progress=say, limit=limit)[0]["returned"]
+    except KeyError:
+        problem = "returned nothing"  # it forged its answer
     except TimeoutError:
-        problem = f"does not end: stopped after {guard.limit:g} s"
+        problem = f"does not end: stopped after {limit:g} s"
     except ProcessEnded as error:
         kind = KilledCall if -error.code in BY_HAND else BrokenCall
         problem = f"ended its process ({error})"
@@ -91,16 +82,9 @@ def call_apart(
         problem = f"raises {error}"
     finally:
         process.end()
-    raise kind(f"{guard.what} {problem}", guard.hint)
+    raise kind(f"{what} {problem}", hint)
 
 
-def _call(
-    function: Callable[..., Any],
-    arguments: tuple[Any, ...],
-    speaks: bool,
-    facts: Facts,
-    arrays: Arrays,
-    requester: Requester,
-) -> tuple[Facts, Arrays]:
+def _call(call: Callable[..., Any], speaks: bool, facts: Facts, arrays: Arrays, tell: Tell) -> tuple[Facts, Arrays]:
     """Call the function in the child process."""
-    return {"returned": function(*arguments, *((requester.tell,) if speaks else ()))}, {}
+    return {"returned": call(tell) if speaks else call()}, {}

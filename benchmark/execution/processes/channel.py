@@ -124,7 +124,7 @@ class Channel:
             for name, kind, shape, is_fortran in kinds:
                 dtype = np.dtype(kind)
                 room -= math.prod(shape) * dtype.itemsize
-                if dtype.hasobject or room < 0:
+                if dtype.hasobject or not dtype.itemsize or room < 0:
                     raise ValueError("the arrays are too large, or hold objects")
                 array = np.empty(shape[::-1] if is_fortran else shape, dtype)
                 yield from self._fill(_bytes_of(array))

@@ -12,6 +12,7 @@ import sys
 import threading
 import traceback
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from benchmark.arrays import Arrays
@@ -19,7 +20,7 @@ from benchmark.errors import BenchmarkError, as_facts, one_line
 from benchmark.execution.processes import process, reaper
 from benchmark.execution.processes.channel import Channel, Facts
 from benchmark.execution.processes.opened_files import opened_files, watch_opened_files
-from benchmark.execution.processes.process import ANSWER, BEGUN, ERROR, KIND, RAISED, Requester, Serve
+from benchmark.execution.processes.process import ANSWER, BEGUN, ERROR, KIND, PROGRESS, RAISED, Serve, Tell
 from benchmark.text import DATA_VARIABLE, say
 
 #: ``PR_SET_PDEATHSIG`` of Linux.
@@ -67,7 +68,7 @@ def _answer_all(channel: Channel) -> None:
         channel.send({KIND: BEGUN})
         while (request := channel.receive(terms["idle"])) is not None:
             before = _State()
-            facts, arrays = _answer(serve, *request, Requester(channel))
+            facts, arrays = _answer(serve, *request, partial(_tell, channel))
             facts = {**facts, "is_occupied": before.restore(), "files": opened_files()}
             try:
                 channel.send(facts, arrays)
@@ -75,10 +76,14 @@ def _answer_all(channel: Channel) -> None:
                 channel.send({KIND: RAISED, "reason": one_line(error), "trace": ""})
 
 
-def _answer(serve: Serve, facts: Facts, arrays: Arrays, requester: Requester) -> tuple[Facts, Arrays]:
+def _tell(channel: Channel, progress: Any) -> None:
+    channel.send({KIND: PROGRESS, PROGRESS: progress})
+
+
+def _answer(serve: Serve, facts: Facts, arrays: Arrays, tell: Tell) -> tuple[Facts, Arrays]:
     """Return the facts and arrays of the answer, or of the error that was raised."""
     try:
-        answer, results = serve(facts, arrays, requester)
+        answer, results = serve(facts, arrays, tell)
         return {**answer, KIND: ANSWER}, results
     except BenchmarkError as error:
         return {**as_facts(error), KIND: ERROR}, {}

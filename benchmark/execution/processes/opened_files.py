@@ -6,6 +6,7 @@ import hashlib
 import importlib.util
 import json
 import os
+import stat
 import sys
 import sysconfig
 from collections.abc import Mapping
@@ -22,10 +23,13 @@ from benchmark.source_code import FIRST_PARTY, ROOT
 #: Name of the array with the paths and digests of the files in a result.
 FILES = f"{ABOUT}files"
 
-#: Folders whose files are not part of a plugin: Python, installed packages, the suite, the system.
+#: Prefixes of files that are not part of a plugin: Python, installed packages, the suite, the system.
 NOT_OF_PLUGINS = tuple(
-    {str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
-    | {str(Path(json.__file__).parents[1]), *(str(ROOT / name) for name in FIRST_PARTY), "/proc", "/sys", "/dev"}
+    f"{folder}{os.sep}"
+    for folder in (
+        *(Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")),
+        *(Path(json.__file__).parents[1], *(ROOT / name for name in FIRST_PARTY), "/proc", "/sys", "/dev"),
+    )
 )
 
 _read: dict[str, str] = {}
@@ -40,7 +44,7 @@ def watch_opened_files() -> None:
 
 def opened_files() -> dict[str, str]:
     """Return the digests of the files read, by path, except files that were deleted since."""
-    for path in [path for path, digest in _read.items() if not digest]:
+    for path in [path for path, digest in list(_read.items()) if not digest]:
         _read[path] = digest_of_file(path)
     return {path: digest for path, digest in sorted(_read.items()) if digest and not _is_own(path)}
 
@@ -56,7 +60,10 @@ def digest_of_file(path: str) -> str:
         facts = os.stat(path)  # noqa: PTH116  # a path as reported by the audit hook
         known_as = (path, facts.st_size, facts.st_mtime_ns)
         if known_as not in _known:
-            _known[known_as] = hashlib.sha256(Path(path).read_bytes()).hexdigest()[:32]
+            if not stat.S_ISREG(facts.st_mode):  # a device has no end
+                return ""
+            with Path(path).open("rb") as file:
+                _known[known_as] = hashlib.file_digest(file, "sha256").hexdigest()[:32]
         return _known[known_as]
     except (OSError, ValueError):
         return ""

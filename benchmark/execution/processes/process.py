@@ -31,20 +31,11 @@ from benchmark.errors import BenchmarkError, from_facts
 from benchmark.execution.processes import reaper
 from benchmark.execution.processes.channel import Channel, Facts, Message
 
+#: Reports progress, a JSON value, to the sender of the current request.
+Tell = Callable[[Any], None]
 
-class Requester:
-    """The sender of the current request."""
-
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-
-    def tell(self, progress: Any) -> None:
-        """Report progress, as a JSON value."""
-        self._channel.send({KIND: PROGRESS, PROGRESS: progress})
-
-
-#: Handler of a request: takes its facts, its arrays and the requester; returns facts and arrays.
-Serve = Callable[[Mapping[str, Any], Arrays, Requester], tuple[Facts, Arrays]]
+#: Handler of a request: takes its facts, its arrays and a function that reports progress; returns facts and arrays.
+Serve = Callable[[Mapping[str, Any], Arrays, Tell], tuple[Facts, Arrays]]
 
 #: Seconds to wait for a killed process to end, and for its traceback before that.
 GRACE, _LAST_WORDS = 5.0, 0.3
@@ -174,18 +165,15 @@ class Process:
         except OSError:  # it has ended or accepts no data; `receive` raises ProcessEnded
             self.signal(signal.SIGKILL)
 
-    def receive(
-        self, limit: float | None = None, progress: Callable[[Any], object] = lambda progress: None
-    ) -> Message | None:
+    def receive(self, limit: float | None = None, progress: Callable[[Any], object] | None = None) -> Message | None:
         """Return the facts and arrays of the answer; None on a timeout.
 
         Parameters
         ----------
         limit
-            Timeout between messages in seconds; None for no limit. A starting process gets another minute, unless the
-            limit is zero.
+            Timeout in seconds; None for no limit. A starting process gets another minute, unless the limit is zero.
         progress
-            Called with each progress report.
+            Called with each progress report, after which the time begins again.
 
         Raises
         ------
@@ -198,22 +186,29 @@ class Process:
         ProcessEnded
             If the process ended, or sent something that is not a message.
         """
-        while (message := self._next(limit)) is not None:
+        until = self._end_of(limit)
+        while (message := self._next(until)) is not None:
             kind = message[0].get(KIND)
-            if kind == PROGRESS:
+            if kind == PROGRESS and progress:
                 progress(message[0].get(PROGRESS))
-            elif kind == BEGUN:
+                until = self._end_of(limit)
+            elif kind == BEGUN and not self._has_begun:
                 self._has_begun = True
-            else:
+                until = self._end_of(limit)
+            elif kind not in (PROGRESS, BEGUN):
                 return self._answer(*message)
         return None
+
+    def _end_of(self, limit: float | None) -> float:
+        birth = BIRTH if limit and not self._has_begun else 0.0
+        return float("inf") if limit is None else time.monotonic() + limit + birth
 
     def request(
         self,
         facts: Facts,
         arrays: Arrays | None = None,
         *,
-        progress: Callable[[Any], object] = lambda progress: None,
+        progress: Callable[[Any], object] | None = None,
         limit: float | None = None,
     ) -> Message:
         """Send a request and return the facts and arrays of its answer; see :meth:`receive`.
@@ -221,14 +216,14 @@ class Process:
         Raises
         ------
         TimeoutError
-            If no message arrives within the limit.
+            If the limit is exceeded.
         """
         self.send(facts, arrays)
         if (answer := self.receive(limit, progress)) is None:
             raise TimeoutError
         return answer
 
-    def request_or_end_alike(self, facts: Facts, arrays: Arrays | None = None) -> Message:
+    def request_or_end_alike(self, facts: Facts, arrays: Arrays | None = None, limit: float | None = None) -> Message:
         """Send a request; if the process dies, a child process dies the same way, so that its parent sees the cause.
 
         Raises
@@ -237,7 +232,7 @@ class Process:
             In the main process, also if the process ends or raises a foreign error.
         """
         try:
-            return self.request(facts, arrays)
+            return self.request(facts, arrays, limit=limit)
         except (ProcessEnded, ForeignError) as error:
             if not is_child():
                 verb = "ended its process:" if isinstance(error, ProcessEnded) else "raises"
@@ -246,9 +241,7 @@ class Process:
                 raise
             end_like(error.code)
 
-    def _next(self, limit: float | None) -> Message | None:
-        birth = BIRTH if limit and not self._has_begun else 0.0
-        until = float("inf") if limit is None else time.monotonic() + limit + birth
+    def _next(self, until: float) -> Message | None:
         while True:
             is_over = self.exit_code is not None
             left = 0.0 if is_over else min(INTERVAL, max(0.0, until - time.monotonic()))

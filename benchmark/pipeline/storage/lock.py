@@ -192,9 +192,10 @@ def _adopt(root: Path, edit: Path, folders: Mapping[str, str]) -> None:
             save = partial(save_arrays, key=key, arrays=arrays, compressed=True)
             write_atomically(root / "artefacts" / key[:2] / f"{key}.npz", save)
     for path in sorted(edit.glob("records/*.json")):
-        record = json.loads(path.read_text(encoding="utf-8"))
-        recipe = with_current_versions(record["recipe"], folders)
-        artefacts = sorted(keys.get(key, key) for key in record.get("artefacts", ()))
-        adopted = {**record, "recipe": recipe, "key": digest(recipe), "artefacts": artefacts}
-        write_text(root / "records" / f"{adopted['key']}.json", json.dumps(adopted, sort_keys=True))
+        with suppress(ValueError, KeyError, OSError):  # their jobs run again
+            record = json.loads(path.read_text(encoding="utf-8"))
+            recipe = with_current_versions(record["recipe"], folders)
+            artefacts = sorted(keys.get(key, key) for key in record.get("artefacts", ()))
+            adopted = {**record, "recipe": recipe, "key": digest(recipe), "artefacts": artefacts}
+            write_text(root / "records" / f"{adopted['key']}.json", json.dumps(adopted, sort_keys=True))
     shutil.rmtree(edit)

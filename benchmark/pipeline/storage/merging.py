@@ -34,8 +34,7 @@ def records_under(results: Store) -> list[Record]:
     StorageError
         If it has neither records nor a folder for them, which even a shard without jobs has.
     """
-    places = (results.published, results.records)
-    records = list({record["key"]: record for folder in places for record in folder}.values())
+    records = results.all_records()
     if not (records or results.records.folder.is_dir()):
         raise StorageError(
             f"{results.root.parent} holds no records", "name a results folder: DIR/runs/records or DIR/records"
@@ -69,9 +68,9 @@ def merge_records(records: Iterable[Record], target: Records) -> Merged:
 def publish(records: Iterable[Record], target: Records) -> Merged:
     """Copy the newest record of each place to the folder of published records.
 
-    Quick runs, private folders, methods of plugin files, and jobs with a missing package or model are omitted, since
-    they are meaningless elsewhere. A record replaces all older ones of its place, whatever their keys, but a record
-    without scores, of a failed or stopped job, never replaces one with scores.
+    Quick runs, private folders, methods of plugin files, results of edited code, and jobs with a missing package or
+    model are omitted, since they are meaningless elsewhere. A record replaces all older ones of its place, whatever
+    their keys, but a record without scores, of a failed or stopped job, never replaces one with scores.
 
     Parameters
     ----------
@@ -103,7 +102,7 @@ def _worth(record: Record) -> tuple[bool, str]:
 def _is_for_all(record: Record) -> bool:
     data = record["data"]
     is_public = data["source"] == data["name"] and bool(record["target"])
-    return is_public and not data["quick"] and record["status"] != "unavailable"
+    return is_public and not data["quick"] and record["status"] != "unavailable" and "-" not in record["key"]
 
 
 def job_name(record: Record) -> str:

@@ -48,6 +48,9 @@ DEFAULT_SCORER, NO_SCORER = "cm-bof", "none"
 #: Family of rows whose distances or forms come from other programs.
 EXTERNAL = "external"
 
+#: Reason why a result is outdated if a newer one of its gallery is on other shapes, as after changes of a folder.
+OTHER_SHAPES = "other shapes"
+
 #: Maximum number of skipped files to name for a folder.
 MOST_NAMED = 10
 

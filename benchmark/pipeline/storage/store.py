@@ -135,6 +135,11 @@ class Store:
         """Published records."""
         return Records(self.root.parent / "records")
 
+    def all_records(self) -> list[Record]:
+        """Return all records except those of undone edits; local records replace published ones of the same job."""
+        records = {record["key"]: record for folder in (self.published, self.records) for record in folder}
+        return [record for record in records.values() if not _is_undone(record)]
+
     # Artefacts ---------------------------------------------------------------------------------------------------
 
     def get_or_compute(
@@ -258,12 +263,19 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
     return Artefact(key, arrays, cost, environment, was_cached=True, digest=digest, files=files)
 
 
+def _is_undone(record: Record) -> bool:
+    """Return whether a record was made by edited code that is no longer there."""
+    return "-" in record["key"] and key_of(record["recipe"]) != record["key"]
+
+
 def unneeded(store: Store) -> Iterator[Path]:
     """Yield the files that can be removed: all except the artefacts of the newest record of each place.
 
     They include the artefacts of stopped jobs, which would then restart from the beginning.
     """
-    newest = (records[-1] for records in by_place(store.records).values())
+    current = [record for record in store.records if not _is_undone(record)]
+    sides = ((record for record in current if ("-" in record["key"]) == is_edited) for is_edited in (False, True))
+    newest = (records[-1] for side in sides for records in by_place(side).values())
     needed = {key for record in newest for key in record.get("artefacts", ())}
     yield from (path for path in store.artefact_files() if path.stem not in needed)
     yield from store.scratch.glob("*/*.npz")

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from benchmark.datasets.catalogue import sources
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
-from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.execution.processes.calls import BrokenCall, call_apart
 from benchmark.execution.processes.process import is_child
 from benchmark.plugins.conformance import checks
 from benchmark.plugins.conformance.cases import DatasetCase, ScorerCase, Skipped, Warned, explain, figure
@@ -173,11 +173,11 @@ def check_apart(target: Target, limit: float | None = None) -> Report:
             findings.setdefault(name, []).append(Finding(check_name, *result))
 
     inspect([path for path in (target.file,) if path], made=False)
-    guard = Guard(f"checking {target.name}", "correct the file: it must refuse what it cannot process", limit)
+    what, hint = f"checking {target.name}", "correct the file: it must refuse what it cannot process"
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         while True:
             try:
-                call_apart(_check_apart, target, list(findings), folder, guard=guard, say=hear)
+                call_apart(_check_apart, target, list(findings), folder, what=what, hint=hint, limit=limit, say=hear)
             except BrokenCall as error:
                 if not at:
                     raise

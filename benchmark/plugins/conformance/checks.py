@@ -22,7 +22,7 @@ from benchmark.api.parameters import declared_parameters
 from benchmark.datasets import checking
 from benchmark.datasets.base import check_retrievable
 from benchmark.errors import BenchmarkError
-from benchmark.execution.processes.calls import BrokenCall, Guard, call_apart
+from benchmark.execution.processes.calls import BrokenCall, call_apart
 from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.storage import keys
@@ -106,7 +106,7 @@ def _class(case: Any) -> str:
 
 
 def _parameters(case: Any) -> str:
-    parameters = case.spec.resolved_parameters()
+    parameters = case.spec.all_parameters
     try:
         keys.plain(parameters)
     except (TypeError, ValueError) as error:
@@ -267,7 +267,7 @@ def _elsewhere(case: Any, kernel: str | None = None) -> FloatArray:
             os.environ.pop(KERNEL, None)
             os.environ |= {KERNEL: kernel} if kernel else {}
         try:
-            numbers = call_apart(_answer_here, case.spec, case.model, guard=Guard("the method", "find the crash"))
+            numbers = call_apart(_answer_here, case.spec, case.model, what="the method", hint="find the crash")
         except BrokenCall as error:
             cure = "find the crash, or guard your script by if __name__ == '__main__'"
             raise Failed(f"the process ended without an answer; {cure}") from error
@@ -423,7 +423,7 @@ def _same_meshes(case: DatasetCase) -> str:
 
 def _same_elsewhere(case: DatasetCase) -> str:
     try:
-        elsewhere = call_apart(_description, case.spec.target, guard=Guard("the data set", "find the crash"))
+        elsewhere = call_apart(_description, case.spec.target, what="the data set", hint="find the crash")
     except BrokenCall as error:
         raise Failed(str(error)) from error
     if elsewhere != _description(case.spec.target):
