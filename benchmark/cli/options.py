@@ -107,7 +107,7 @@ class RunOptions:
                                     metavar="DIR", help=f"Folder of the official data sets; also {DATA_VARIABLE}.")
     seed: int = option("--seed", type=int, default=0, help="Base seed of all methods.")
     quick: bool = flag("--quick", help="Fewer poses per subject, and only the paper's methods.")
-    everything: bool = flag("--all", help="All tables, methods and inputs (default of 'plan').")
+    everything: bool = flag("--all", help="All tables but camera and robustness (default of 'plan').")
     paper: bool = flag("--paper", help="Only the rows of the paper.")
     repeat: int | None = option("--repeat", type=click.IntRange(min=2), metavar="N",
                                 help="Repeat each gallery N times with jittered vertices, and print the spread.")

@@ -11,6 +11,7 @@ import pytest
 
 from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import ONLY_ABLATED
+from benchmark.report.escaping import number
 from benchmark.report.significance import permutation_test
 from benchmark.results import open_results
 from retrieval.measures import PRINTED
@@ -23,7 +24,7 @@ FOLDS = [f"humans fold {fold}" for fold in range(3)]
 
 def told(scores: pd.Series) -> str:
     """NN, FT, ST and DCG as the pages write them."""
-    return " ".join(f"{scores[measure]:.2f}".removeprefix("0") for measure in PRINTED)
+    return " ".join(number(scores[measure]).removeprefix("0") for measure in PRINTED)
 
 
 @pytest.fixture(scope="module")
