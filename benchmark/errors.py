@@ -115,7 +115,7 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
     if near:
         hint = f"did you mean {' or '.join(near)}?"
     elif verb and len(names) > _FEW:
-        hint = f"choose one of {', '.join(names[:_FEW])} ...; see '{verb}'"
+        hint = f"choose one of {', '.join(names[:_FEW])} ...: '{verb}' names them"
     else:
         hint = f"choose one of {', '.join(names)}"
     return ConfigurationError(f"unknown {kind} '{name}'", hint)
