@@ -99,7 +99,7 @@ def refit_parts(
         losing = np.bincount(changed, minlength=len(least)) < least
         while losing.any():  # returning vertices may empty the parts that they had joined
             changed = np.where(losing[parts], parts, changed)
-            losing = np.bincount(changed, minlength=len(least)) == 0
+            losing = (np.bincount(changed, minlength=len(least)) == 0) & (np.bincount(parts, minlength=len(least)) > 0)
         if (changed == parts).all():
             break
         parts = changed
