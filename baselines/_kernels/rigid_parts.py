@@ -84,7 +84,7 @@ def refit_parts(
     """
     graph = surface.weights
     start = np.repeat(np.arange(len(parts)), np.diff(graph.indptr))
-    least = np.bincount(parts) // 2
+    least = np.maximum(np.bincount(parts) // 2, 1)
     threshold = CLEARER * masses.sum()
     for _ in range(rounds):
         rotations, translations = rigid_motions(surface, targets, masses, parts)
@@ -99,7 +99,7 @@ def refit_parts(
         losing = np.bincount(changed, minlength=len(least)) < least
         while losing.any():  # returning vertices may empty the parts that they had joined
             changed = np.where(losing[parts], parts, changed)
-            losing = (np.bincount(changed, minlength=len(least)) == 0) & (np.bincount(parts, minlength=len(least)) > 0)
+            losing = np.bincount(changed, minlength=len(least)) == 0
         if (changed == parts).all():
             break
         parts = changed

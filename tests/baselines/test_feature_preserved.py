@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from baselines.feature_preserved import FeaturePreserved
 from baselines.least_squares_mds import LeastSquaresMDS
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import prepare
 from tests.baselines.deformable import centre_line, moved_to, shape_of, straightness, tube
 from tests.baselines.test_constrained_mds import lopsided
 
@@ -25,3 +28,14 @@ def test_a_bent_tube_straightens_to_the_pose_of_its_scaling():
     assert straightness(centre_line(mesh.vertices)) < 0.8
     assert straightness(centre_line(form.vertices)) == pytest.approx(straightness(centre_line(targets)), abs=0.03)
     assert form.notes["mean_edge_strain"] < 0.08
+
+
+def test_a_part_of_one_vertex_keeps_it():
+    """A sphere with spikes, of which single vertices are parts."""
+    sphere, generator = trimesh.creation.icosphere(subdivisions=2), np.random.default_rng(0)
+    points = np.array(sphere.vertices)
+    spikes = generator.choice(len(points), generator.integers(3, 12), replace=False)
+    points[spikes] *= generator.uniform(1.5, 6, (len(spikes), 1))
+    points = points * generator.uniform(0.3, 2, 3) + 0.1 * generator.standard_normal(points.shape) * generator.random()
+    form = FeaturePreserved().canonicalise(shape_of(prepare(Mesh(points, sphere.faces)).mesh))
+    assert np.isfinite(form.vertices).all()
