@@ -23,9 +23,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.method_run import MethodRun, require_arrays
 from benchmark.pipeline.ranking import matrices_of
-from benchmark.pipeline.recipes import distances_recipe, draws_of, source_data
+from benchmark.pipeline.recipes import distances_recipe, draws_of, gallery_digest, source_data
 from benchmark.pipeline.storage.environment import environment
-from benchmark.pipeline.storage.keys import bare_key, digest
+from benchmark.pipeline.storage.keys import bare_key, is_edited
 from benchmark.pipeline.storage.lock import key_of
 from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import Record, answered_shapes, as_text, portable, scorer_name
@@ -114,7 +114,7 @@ def _packed(record: Record, artefacts: ArtefactReader, *, with_forms: bool) -> t
     """Return the entry of a record and its files; raise ``BenchmarkError`` if something is missing."""
     if record["status"] != "ok":
         raise StorageError(f"it has no scores ({record['status']})", "only finished jobs can be shared")
-    if "-" in record["key"]:
+    if is_edited(record["key"]):
         raise StorageError("it was made by edited code", "run make golden, or undo the edit and run again")
     scorer = scorer_of(scorer_name(record) or DEFAULT, scorers())
     if scorer.base_name not in BUILT_IN:
@@ -123,8 +123,8 @@ def _packed(record: Record, artefacts: ArtefactReader, *, with_forms: bool) -> t
     dataset = run.preparation.dataset
     shapes = {entry.identifier: entry for entry in dataset.entries if entry.identifier in record["shapes"]}
     sources = {name: str(source_data(dataset, shapes[name])) for name in record["shapes"] if name in shapes}
-    gallery = [(name, shapes[name].subject, source) for name, source in sources.items()]
-    if digest(gallery) != record["recipe"]["gallery"]:
+    gallery = [shapes[name] for name in sources]
+    if gallery_digest(gallery, lambda entry: sources[entry.identifier]) != record["recipe"]["gallery"]:
         raise StorageError("its data changed", _AGAIN)
     withheld = "" if run.describes else _withheld(record, artefacts.data_root, with_forms=with_forms)
     answered = [shapes[name] for name in answered_shapes(record)]

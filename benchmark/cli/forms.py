@@ -81,18 +81,20 @@ def canonicalise(options: Canonicalise) -> bool:
     target = _mesh_target(options.output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    conditions = _conditions(options, str(paths[0]), "shape")
-    points, faces, notes = call_apart(plain_form, paths[0], options, **conditions)
+    points, faces, notes = _apart(plain_form, paths[0], options, str(paths[0]))
     # Written here, so that the file exists only if the method succeeded.
     write_form(target, Mesh(np.array(points), np.array(faces)))
     say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
     return True
 
 
-def _conditions(options: Canonicalise | Retrieve, shape: str, kind: str) -> dict[str, Any]:
-    """Return the conditions under which the method is called."""
+def _apart(
+    function: Callable[..., Any], first: object, options: Canonicalise | Retrieve, shape: str, kind: str = "shape",
+    say: Callable[[str], None] | None = None,
+) -> Any:  # fmt: skip
+    """Call a function that runs the method on a shape, or an image, in a child process."""
     what, hint = f"method '{options.method}' on {shape}", f"try another {kind}, or correct the method"
-    return {"what": what, "hint": hint, "limit": options.timeout}
+    return call_apart(function, first, options, what=what, hint=hint, limit=options.timeout, say=say)
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
@@ -241,8 +243,7 @@ def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
 def _canonicalise_frames(jobs: Sequence[FrameJob], options: Canonicalise) -> bool:
     """Write the forms of depth images, computed in one child process; return whether all have one."""
     others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
-    conditions = _conditions(options, f"{jobs[0].files.image}{others}", "image")
-    failures: int = call_apart(write_forms, jobs, options, **conditions, say=say)
+    failures: int = _apart(write_forms, jobs, options, f"{jobs[0].files.image}{others}", "image", say)
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
     return not failures
@@ -279,8 +280,7 @@ def retrieve(options: Retrieve) -> None:
     """Print the nearest shapes."""
     with explained(options.gallery, "data set"):
         (source,) = sources([options.gallery], options.plugins)
-    conditions = _conditions(options, str(options.query), "shape")
-    for line in call_apart(_retrieved, source, options, **conditions):
+    for line in _apart(_retrieved, source, options, str(options.query)):
         say(line)
 
 

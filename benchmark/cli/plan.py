@@ -18,7 +18,7 @@ from benchmark.execution.job_specs import Job
 from benchmark.execution.plan import make_plan
 from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import in_words
-from benchmark.pipeline.storage.keys import bare_key
+from benchmark.pipeline.storage.keys import bare_key, is_edited
 from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
@@ -157,7 +157,7 @@ def _record_of_key(start: str, store: Store) -> Record | None:
     if len(start) < _SHORTEST_KEY or not set(start) <= set("0123456789abcdef"):
         return None
     # Records of edited code have the same keys as those of unedited code, and replace them.
-    by_edit = sorted(store.all_records(), key=lambda record: "-" in record["key"])
+    by_edit = sorted(store.all_records(), key=lambda record: is_edited(record["key"]))
     records = {bare_key(record["key"]): record for record in by_edit}
     keys = [key for key in records if key.startswith(start)]
     name_skipped(store)

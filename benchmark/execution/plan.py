@@ -137,7 +137,7 @@ class _Planning:
 
     @cached_property
     def _before(self) -> Mapping[Place, list[Record]]:
-        return by_place(record for key, record in self._here.items() if "-" not in key)
+        return by_place(record for key, record in self._here.items() if not keys.is_edited(key))
 
     @cached_property
     def _published(self) -> Mapping[str, Record]:

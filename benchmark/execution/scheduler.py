@@ -83,7 +83,7 @@ class JobQueue:
             while waiting:
                 task = waiting.popleft()
                 jobs = tuple(filter(self._claim, task.jobs))
-                self._open.subtract(job.key for job in task.jobs if job not in jobs)
+                self._open.subtract({job.key for job in task.jobs} - {job.key for job in jobs})
                 if jobs:
                     task = replace(task, jobs=jobs)
                     return self._part_of(task, workers) if task.identifiers else self._ranking(task, free, workers)
@@ -110,7 +110,8 @@ class JobQueue:
 
     def put_apart(self, task: Task, done: int, key: str) -> None:
         """Queue the rest of a task again, with one of its jobs in a separate task."""
-        alone, others = (tuple(job for job in task.jobs if (job.key == key) == is_it) for is_it in (True, False))
+        alone = tuple(job for job in task.jobs if job.key == key)
+        others = tuple(job for job in task.jobs if job.key != key)
         self._rankings.appendleft(Task(alone, task.identifiers[done:], task.block, is_part=True))
         self.put_back(replace(task, jobs=others), done)
 

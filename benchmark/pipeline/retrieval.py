@@ -22,9 +22,10 @@ from benchmark.depth.reading import READERS
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
-from benchmark.pipeline.method_run import MethodRun, require_arrays, shape_of
+from benchmark.pipeline.method_run import MethodRun, in_random_order, require_arrays, shape_of
 from benchmark.pipeline.recipes import draws_of
 from benchmark.pipeline.stages.shapes import canonicalise, complete, describe, form_mesh, seen
+from benchmark.pipeline.storage.store import Artefact
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import MethodSpec
 
@@ -152,19 +153,21 @@ def _signatures(run: MethodRun, query: Path) -> tuple[list[Entry], list[Arrays],
 
     Computed signatures are stored for the next query.
     """
-    entries, signatures, n_read = list[Entry](), list[Arrays](), 0
-    for entry in run.preparation.dataset.entries:
+
+    def signature(entry: Entry) -> Artefact | None:
         answer = None if _is_file(entry, query) else run.store.find(run.recipe(entry))
         if answer is None:
-            continue
+            return None
         with suppress(ShapeError):
-            arrays = require_arrays(answer)
-            if not run.describes:
-                answer = run.signature(entry, partial(run.form_from, arrays, entry), stays=True)
-            signatures.append(answer.arrays)
-            entries.append(entry)
-            n_read += answer.was_cached
-    return entries, signatures, n_read
+            form = partial(run.form_from, require_arrays(answer), entry)
+            return answer if run.describes else run.signature(entry, form, stays=True)
+        return None
+
+    entries = run.preparation.dataset.entries
+    pairs = zip(entries, in_random_order(signature, entries), strict=True)
+    known = [(entry, artefact) for entry, artefact in pairs if artefact]
+    signatures = [artefact.arrays for _, artefact in known]
+    return [entry for entry, _ in known], signatures, sum(artefact.was_cached for _, artefact in known)
 
 
 def _is_file(entry: Entry, query: Path) -> bool:

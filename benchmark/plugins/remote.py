@@ -143,13 +143,7 @@ class Remote:
         limit = None if is_child() else LIMIT  # a job has limits of its own
         try:
             if place not in _processes:
-                _starting(True)
-                try:
-                    memory = None if is_child() else memory_per_process()
-                    _processes[place] = Process(self.serve, is_plugin=True, memory=memory)
-                    _processes[place].request_or_end_alike(self._message("facts", {}), limit=limit)
-                finally:
-                    _starting(False)
+                self._start(place, limit)
             begun = time.perf_counter()
             answer, results = _processes[place].request_or_end_alike(self._message(work, facts or {}), arrays, limit)
             return {**answer, "elapsed": time.perf_counter() - begun}, results
@@ -161,6 +155,16 @@ class Remote:
             process = _processes.get(place)
             if process and process.is_occupied and place == shared and work != "facts":  # facts import the plugin
                 _processes[own] = _processes.pop(shared)
+
+    def _start(self, place: tuple[str, ...], limit: float | None) -> None:
+        """Start the process of the plugin, and let it import the plugin."""
+        _starting(True)
+        try:
+            memory = None if is_child() else memory_per_process()
+            _processes[place] = Process(self.serve, is_plugin=True, memory=memory)
+            _processes[place].request_or_end_alike(self._message("facts", {}), limit=limit)
+        finally:
+            _starting(False)
 
     def _message(self, work: str, facts: Mapping[str, Any]) -> Facts:
         names = {"kind": self.kind, "base_name": self.base_name, "target": self.target}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -254,12 +255,12 @@ def _scores(table: TableContent, input_: Input) -> dict[str, dict[str, float]]:
     return {
         line.method: {name: millionths(value) for name, value in line.scores.items()}
         for line in table.lines
-        if line.input == input_ and line.scores and line.n_averaged == line.n_wanted
+        if line.input == input_ and line.is_complete
     }
 
 
 def _tau(of_order: Agreement) -> str:
-    return BLANK if of_order.tau != of_order.tau else f"{number(of_order.tau)} ({number(of_order.p_value, 4)})"
+    return BLANK if math.isnan(of_order.tau) else f"{number(of_order.tau)} ({number(of_order.p_value, 4)})"
 
 
 def agreement_markdown(rows: Sequence[Sequence[str]], first: str, second: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import ROUND_HALF_UP, Decimal
@@ -25,7 +26,7 @@ def millionths(value: float) -> float:
 
 def number(value: float | None, decimals: int = 2) -> str:
     """Format a value with a number of decimals: round it to 1e-6, then half up; NaN is missing."""
-    if value is None or value != value:
+    if value is None or math.isnan(value):
         return BLANK
     rounded = Decimal(repr(millionths(value))).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP)
     return str(rounded + 0)  # no minus sign before zero

@@ -111,7 +111,7 @@ def _ours(content: TableContent | None, method: str, input_: Input, measure: str
         return {}
     chance: dict[str, float | str] = {"chance": content.chance[measure]}
     line = content.line(method, input_)
-    if line is None or not line.scores or line.n_averaged != line.n_wanted:  # a missing fold counts as 0
+    if line is None or not line.is_complete:
         return chance
     differs = "other data" if content.data["stand_in_for"] else "other training" if line.models else "unexplained"
     return chance | {"ours": line.scores[measure], "differs": differs}
@@ -192,8 +192,7 @@ def assess_claims(contents: Mapping[str, TableContent], claims: Sequence[Claim] 
 
 
 def _assess(claim: Claim, lines: Iterable[Any]) -> AssessedClaim:
-    complete = (line for line in lines if line.input == claim.input and line.n_averaged == line.n_wanted)
-    records = {line.method: line.records for line in complete if line.records}
+    records = {line.method: line.records for line in lines if line.input == claim.input and line.is_complete}
     names = (claim.better, *claim.others)
     if missing := tuple(name for name in names if name not in records):
         return AssessedClaim(claim, "not comparable", missing=missing)

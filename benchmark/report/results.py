@@ -124,7 +124,7 @@ class Results:
             record = result.record
             is_available = "unavailable" not in record["recipe"]
             return (
-                "-" in record["key"],
+                keys.is_edited(record["key"]),
                 not result.outdated and is_available,
                 record["status"] == "ok",
                 str(record.get("finished", "")),
@@ -274,9 +274,9 @@ MISSING = "missing"
 _EMPTY: Mapping[str, Any] = {
     "status": MISSING, "reason": "", "scores": None, "coverage": 0.0, "deviation": None, "preparation_sd": None,
     "n_repeats": 0, "chance": None, "supported": {}, "codebook_deviation": None, "splits": None, "n_averaged": 0,
-    "n_wanted": 1, "n_shapes": None, "n_classes": None, "n_queries": 0, "n_tied": 0, "unsupported": (), "seen": (),
-    "models": (), "notes": {}, "phases": {}, "seconds": None, "peak_mib": None, "origin": "", "outdated": "",
-    "records": (),
+    "n_wanted": 1, "is_complete": False, "n_shapes": None, "n_classes": None, "n_queries": 0, "n_tied": 0,
+    "unsupported": (), "seen": (), "models": (), "notes": {}, "phases": {}, "seconds": None, "peak_mib": None,
+    "origin": "", "outdated": "", "records": (),
 }  # fmt: skip
 
 
@@ -299,8 +299,9 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
         over galleries; ``deviation``, their standard deviation (n - 1) over galleries if there are several, otherwise
         over trainings, None for a single job; ``preparation_sd``, that over ``n_repeats`` jittered preparations, if
         there are at least two; ``chance``; ``supported``, ``codebook_deviation`` and ``splits`` of a single job;
-        ``n_averaged`` and ``n_wanted``, the numbers of averaged and of expected jobs; ``n_shapes``, ``n_classes``,
-        ``n_queries``, and ``n_tied`` (queries with ties for the first rank, whose NN is a mean over orders);
+        ``n_averaged`` and ``n_wanted``, the numbers of averaged and of expected jobs, and ``is_complete``, whether they
+        are equal; ``n_shapes``, ``n_classes``, ``n_queries``, and ``n_tied`` (queries with ties for the first rank,
+        whose NN is a mean over orders);
         ``unsupported`` and ``seen`` shapes, ``models``, ``notes``; seconds per shape by phase (``phases``, medians over
         the jobs) and their sum (``seconds``); ``peak_mib``, ``origin``, ``outdated``, and the ``records`` with scores.
     """
@@ -341,6 +342,7 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
         "codebook_deviation": only.get("codebook_deviation"),
         "splits": only.get("splits"),
         "n_averaged": len(scored),
+        "is_complete": len(scored) == n_wanted,
         "n_wanted": n_wanted,
         "n_shapes": only.get("n_shapes") or len({shape for record in records for shape in record["shapes"]}),
         "n_classes": only.get("n_classes") or len({label for record in records for label in record["labels"]}),

@@ -252,7 +252,7 @@ def table_significance(lines: Iterable[Any]) -> TableSignificance:
     """
     by_input: dict[Input, list[Any]] = {}
     for line in lines:
-        if line.records and line.n_averaged == line.n_wanted:
+        if line.is_complete:
             by_input.setdefault(line.input, []).append(line)
     return {place: judged for of_input in by_input.values() for place, judged in _of_input(of_input).items()}
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +34,9 @@ def records(tmp_path_factory):
     run(folder, "cheated", "--plugin", CHEATS, "-m", "patched-library")
     others = ("patched-measures", "named", "searching", "ordered", "names-guessed", "counting")
     (folder / "file").write_text("at first")
-    os.environ["CHEAT_FILE"] = str(folder / "file")
-    run(folder, "cheated", "--plugin", CHEATS, *(word for name in others for word in ("-m", name)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CHEAT_FILE", str(folder / "file"))
+        run(folder, "cheated", "--plugin", CHEATS, *(word for name in others for word in ("-m", name)))
     return run(folder, "cheated", *BUILT_IN), run(folder, "clean", *BUILT_IN)
 
 

@@ -24,6 +24,11 @@ def bare_key(key: str) -> str:
     return key.rpartition("-")[2]
 
 
+def is_edited(key: str) -> bool:
+    """Return whether a key has the prefix that names an edit."""
+    return "-" in key
+
+
 def plain(recipe: Any) -> Any:
     """Return a recipe as read back from JSON, with lists for tuples and Python numbers for NumPy numbers."""
     return json.loads(json.dumps(recipe, sort_keys=True, default=_plain))

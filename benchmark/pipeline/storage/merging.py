@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from benchmark.pipeline.storage.keys import is_edited
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Record, Records, by_place, outcome, place, portable
 from benchmark.pipeline.storage.store import StorageError, Store
 
@@ -102,7 +103,7 @@ def _worth(record: Record) -> tuple[bool, str]:
 def _is_for_all(record: Record) -> bool:
     data = record["data"]
     is_public = data["source"] == data["name"] and bool(record["target"])
-    return is_public and not data["quick"] and record["status"] != "unavailable" and "-" not in record["key"]
+    return is_public and not data["quick"] and record["status"] != "unavailable" and not is_edited(record["key"])
 
 
 def job_name(record: Record) -> str:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from benchmark.files import locked, write_atomically, write_text
 from benchmark.pipeline.storage import record_schema as schema
-from benchmark.pipeline.storage.keys import digest
+from benchmark.pipeline.storage.keys import digest, is_edited
 from benchmark.pipeline.storage.lock import EDITED
 from benchmark.pipeline.storage.record_schema import SharedParts
 from benchmark.text import LONGEST_NAME
@@ -126,7 +126,7 @@ class Records:
             If the folder cannot be written; each record then is still in its file or in a line.
         """
         with locked(self.folder, alone=True):
-            files = [source for source in self._all_files() if "-" not in source.key and self._record(source)]
+            files = [source for source in self._all_files() if not is_edited(source.key) and self._record(source)]
             if files:
                 self._rewrite(files)
             for source in files:

@@ -19,9 +19,9 @@ from benchmark.execution.processes.opened_files import FILES, changed_files, fil
 from benchmark.files import is_alive, leftovers, write_atomically
 from benchmark.pipeline.storage.costs import Cost, Meter
 from benchmark.pipeline.storage.environment import environment_text
-from benchmark.pipeline.storage.keys import bare_key, plain
+from benchmark.pipeline.storage.keys import bare_key, is_edited, plain
 from benchmark.pipeline.storage.lock import CODE_FILE, EDITED, RECIPE, adopt_edited, edited, key_of, stale_edits
-from benchmark.pipeline.storage.records import Record, Records, by_place
+from benchmark.pipeline.storage.records import Record, Records, place
 
 _COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
 
@@ -164,7 +164,7 @@ class Store:
         with self.meter.measured(work) as cost:
             arrays = dict(compute())
         about = {_COST: cost().to_json(), _ENVIRONMENT: environment_text(), _DIGEST: digest_of(arrays)}
-        if "-" in key:  # its key changes when its golden results are accepted
+        if is_edited(key):  # its key changes when its golden results are accepted
             self._say_which_code(key, recipe)
             about[RECIPE] = json.dumps(plain(recipe))
         texts = {name: np.array(text) for name, text in about.items()}
@@ -207,7 +207,7 @@ class Store:
             self.scratch.mkdir()
 
     def _path(self, key: str, *, scratch: bool = False) -> Path:
-        root, bare = self.root / EDITED / key.partition("-")[0] if "-" in key else self.root, bare_key(key)
+        root, bare = self.root / EDITED / key.partition("-")[0] if is_edited(key) else self.root, bare_key(key)
         return root / ("scratch" if scratch else "artefacts") / bare[:2] / f"{bare}.npz"
 
     def _say_which_code(self, key: str, recipe: Mapping[str, Any]) -> None:
@@ -265,7 +265,7 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
 
 def _is_undone(record: Record) -> bool:
     """Return whether a record was made by edited code that is no longer there."""
-    return "-" in record["key"] and key_of(record["recipe"]) != record["key"]
+    return is_edited(record["key"]) and key_of(record["recipe"]) != record["key"]
 
 
 def unneeded(store: Store) -> Iterator[Path]:
@@ -273,10 +273,9 @@ def unneeded(store: Store) -> Iterator[Path]:
 
     They include the artefacts of stopped jobs, which would then restart from the beginning.
     """
-    current = [record for record in store.records if not _is_undone(record)]
-    sides = ((record for record in current if ("-" in record["key"]) == is_edited) for is_edited in (False, True))
-    newest = (records[-1] for side in sides for records in by_place(side).values())
-    needed = {key for record in newest for key in record.get("artefacts", ())}
+    current = (record for record in store.records if not _is_undone(record))
+    newest = {(place(record), is_edited(record["key"])): record for record in current}
+    needed = {key for record in newest.values() for key in record.get("artefacts", ())}
     yield from (path for path in store.artefact_files() if path.stem not in needed)
     yield from store.scratch.glob("*/*.npz")
     yield from (path for edit in stale_edits(store.root) for path in edit.rglob("*") if path.is_file())

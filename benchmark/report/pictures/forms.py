@@ -246,8 +246,10 @@ def _make(
         elif missing:
             reasons[name] = "it cannot be stored"
             try:
-                conditions: Any = {"what": job.name, "hint": "run it to see more", "limit": limit}
-                call_apart(make_forms, to_json(job), missing, **conditions, say=lambda _: None)
+                call_apart(
+                    make_forms, to_json(job), missing, what=job.name, hint="run it to see more", limit=limit,
+                    say=lambda _: None,
+                )  # fmt: skip
             except BenchmarkError as error:
                 reasons[name] = str(error)
     return reasons
