@@ -7,41 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from benchmark.geometry.mesh import Mesh
+from tests.behaviour import suite
 
 RADII = {"thin": 0.06, "thick": 0.18}
 
 
 def rod(radius: float, bend: float, rings: int = 24, sides: int = 12) -> Mesh:
-    """Closed rod of length 1 bent into an arc of the given angle in radians; ends closed by a point each."""
-    along = np.linspace(0, 1, rings)
-    if bend:
-        centre = np.column_stack([np.sin(bend * along) / bend, np.zeros(rings), (1 - np.cos(bend * along)) / bend])
-    else:
-        centre = np.column_stack([along, np.zeros(rings), np.zeros(rings)])
-    tangent = np.column_stack([np.cos(bend * along), np.zeros(rings), np.sin(bend * along)])
-    normal = np.column_stack([-tangent[:, 2], np.zeros(rings), tangent[:, 0]])
-    angle = np.arange(sides) * 2 * np.pi / sides
-    # A club rather than a cylinder, so that no two ends look alike.
-    width = radius * (1 + 0.6 * along)
-    ring = width[:, None, None] * (
-        np.cos(angle)[None, :, None] * normal[:, None] + np.sin(angle)[None, :, None] * [0, 1, 0]
-    )
-    vertices = np.concatenate(
-        [(centre[:, None] + ring).reshape(-1, 3), centre[[0, -1]] - [[radius / 2, 0, 0], [0, 0, 0]]]
-    )
-    faces = []
-    for i in range(rings - 1):
-        for j in range(sides):
-            a, b = i * sides + j, i * sides + (j + 1) % sides
-            faces += [(a, b, a + sides), (b, b + sides, a + sides)]
-    first, last = rings * sides, rings * sides + 1
-    for j in range(sides):
-        faces.append((first, (j + 1) % sides, j))
-        faces.append((last, (rings - 1) * sides + j, (rings - 1) * sides + (j + 1) % sides))
-    return Mesh(vertices, np.array(faces))
+    """Closed rod of length 1, thicker towards one end, bent into an arc of the given angle in radians."""
+    return Mesh(*suite.rod(radius, bend, rings, sides))
 
 
 def write_off(path: Path, mesh: Mesh) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
+from benchmark.geometry.mesh import edges_of
 from benchmark.plugins.registry import methods, variant
-from tests.baselines.deformable import check_real_body, moved_to
+from tests.baselines.deformable import centre_line, check_real_body, moved_to, shape_of, straightness, tube
 from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, moved, relabelled, sphere
 from tests.baselines.test_perturbation import METHODS
 
@@ -56,6 +57,35 @@ def test_a_method_keeps_the_contract(name: str) -> None:
     for mesh in (TRIANGLE,) if name == "pca" else (TRIANGLE, TWO_BALLS):
         with pytest.raises(UnsupportedShape):
             answer(method, Shape(identifier="unsupported", mesh=mesh))
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    ("name", "straight", "strain"),
+    [
+        ("constrained-mds", 0.88, 0.08),
+        ("euclidean-distance", 0.88, 0.03),
+        ("euclidean-distance[points=local]", 0.88, 0.03),
+        ("feature-preserved", 0.88, 0.08),
+        ("mesh-unfolding", 0.98, 0.05),
+        ("skeleton", 0.95, 0.15),
+    ],
+)
+def test_a_bent_tube_straightens_and_its_edges_hardly_stretch(name: str, straight: float, strain: float) -> None:
+    mesh, known = tube(2.4), methods()
+    form = variant(name, known).create().canonicalise(shape_of(mesh))
+    assert straightness(centre_line(mesh.vertices)) < 0.8
+    reached = straightness(centre_line(form.vertices))
+    assert reached > straight
+    start, end = edges_of(mesh.faces).ends.T
+    before, after = (np.linalg.norm(points[start] - points[end], axis=1) for points in (mesh.vertices, form.vertices))
+    strains = np.abs(after / before - 1)
+    assert form.notes["mean_edge_strain"] == pytest.approx(strains.mean())
+    assert form.notes.get("largest_edge_strain", strains.max()) == pytest.approx(strains.max())
+    assert strains.mean() < strain
+    if name in ("constrained-mds", "feature-preserved"):  # MDS itself leaves some of a thick bend
+        targets = variant("least-squares-mds", known).create().canonicalise(shape_of(mesh)).vertices
+        assert reached == pytest.approx(straightness(centre_line(targets)), abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -79,14 +79,6 @@ def test_of_a_y_has_three_branches(y_shape):
     assert np.linalg.norm(junction) < 0.15 * factor
 
 
-@pytest.mark.kernels
-def test_a_bent_tube_becomes_straight(bend=2.4):
-    mesh = tube(bend)
-    form = Skeleton().canonicalise(shape_of(mesh))
-    assert form.notes["skeleton"] == "contraction"
-    assert straightness(centre_line(form.vertices)) > 0.95 > straightness(centre_line(mesh.vertices))
-
-
 def test_an_open_surface_gets_a_level_set_skeleton():
     form = Skeleton().canonicalise(shape_of(sheet(bend=2.0)))
     assert form.notes["skeleton"] == "level-set"

@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.io import savemat
 
+from benchmark.api import Mesh
 from tests.behaviour.suite import call, rod, write_frames, write_off
+from tests.geometry.mutations import valid_files
 
 VERTICES, FACES = rod(0.1, 1.0)
 
@@ -18,48 +19,13 @@ def check(folder, code=0):
     return " ".join(done.out.split()) + done.err
 
 
-def write_obj(path):
-    lines = [*(f"v {x} {y} {z}" for x, y, z in VERTICES), *(f"f {a} {b} {c}" for a, b, c in FACES + 1)]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def write_ply(path):
-    head = [
-        "ply",
-        "format ascii 1.0",
-        f"element vertex {len(VERTICES)}",
-        *(f"property double {axis}" for axis in "xyz"),
-    ]
-    head += [f"element face {len(FACES)}", "property list uchar int vertex_indices", "end_header"]
-    body = [*(f"{x} {y} {z}" for x, y, z in VERTICES), *(f"3 {a} {b} {c}" for a, b, c in FACES)]
-    path.write_text("\n".join(head + body) + "\n")
-
-
-def write_stl(path):
-    corners = VERTICES[FACES].astype("<f4")
-    facets = np.zeros(len(FACES), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
-    facets["corners"] = corners
-    path.write_bytes(b"".ljust(80) + np.uint32(len(FACES)).tobytes() + facets.tobytes())
-
-
-def write_mat(path):
-    x, y, z = VERTICES.T[:, :, None]
-    savemat(path, {"surface": {"X": x, "Y": y, "Z": z, "TRIV": FACES + 1}})
-
-
-def write_vert(path):
-    np.savetxt(path, VERTICES)
-    np.savetxt(path.with_suffix(".tri"), FACES + 1, fmt="%d")
-
-
 def test_meshes(tmp_path):
-    write_off(tmp_path / "cat0.off", VERTICES, FACES)
-    for name, write in {"cat1.obj": write_obj, "cat2.ply": write_ply, "dog0.stl": write_stl}.items():
-        write(tmp_path / name)
-    write_mat(tmp_path / "dog1.mat")
-    write_vert(tmp_path / "dog2.vert")
+    """One name in each format, and pairs of ``.vert`` and ``.tri``."""
+    for number, (name, content) in enumerate(valid_files(Mesh(VERTICES, FACES)).items()):
+        stem = "pair0" if name in ("a.vert", "a.tri") else f"mesh{number}"
+        (tmp_path / f"{stem}.{name.partition('.')[2]}").write_bytes(content)
     report = check(tmp_path)
-    assert f"{tmp_path.name}: 6 shapes, 2 classes" in report
+    assert f"{tmp_path.name}: 10 shapes, 2 classes" in report
     assert "vertices 130 to 130" in report
     assert "faces 256 to 256" in report
     assert "0 errors" in report

@@ -3,11 +3,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from trimesh import Trimesh
 
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.geometry.io import READABLE, WRITABLE, read_mesh, write_mesh
+from benchmark.geometry.io import READABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
+from tests.geometry.mutations import valid_files
 from tests.geometry.surfaces import sphere
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -113,24 +113,13 @@ def test_bad_files_raise_a_named_error_with_file_and_hint(tmp_path, name, conten
 
 
 def test_every_truncation_is_an_error_where_a_header_counts_and_else_an_error_or_a_mesh(tmp_path):
-    ball = sphere(0)
-    rows = "".join(" ".join(map(str, row)) + "\n" for row in ball.vertices.tolist())
-    rows += "".join(f"3 {a} {b} {c}\n" for a, b, c in ball.faces)
-    head = f"ply\nformat ascii 1.0\nelement vertex {ball.n_vertices}\nproperty float x\nproperty float y\n"
-    head += f"property float z\nelement face {ball.n_faces}\nproperty list uchar int vertex_indices\nend_header\n"
-    for suffix in WRITABLE:
-        write_mesh(tmp_path / f"whole{suffix}", ball)
-    as_trimesh = Trimesh(ball.vertices, ball.faces, process=False)
-    as_trimesh.export(tmp_path / "text.stl", file_type="stl_ascii")
-    as_trimesh.export(tmp_path / "binary.stl")
-    written(tmp_path, "text.ply", head + rows)
-    for path in sorted(tmp_path.iterdir()):
-        content = path.read_bytes()
-        assert read_mesh(path).n_faces == ball.n_faces
-        ends = {"text.stl": content.rfind(b"endsolid") + 8, "whole.obj": 0}  # of OBJ nothing tells
-        complete = ends.get(path.name, len(content))
+    for name, content in valid_files(sphere(0)).items():
+        if name.endswith((".mat", ".vert", ".tri")):
+            continue
+        ends = {"ascii.stl": content.rfind(b"endsolid") + 8, "a.obj": 0}  # of OBJ nothing tells
+        complete = ends.get(name, len(content))
         for length in {*range(0, len(content), 7), *range(len(content) - 20, len(content))}:
-            part = written(tmp_path, f"part{path.suffix}", content[:length])
+            part = written(tmp_path, f"part-{name}", content[:length])
             if length < complete:
                 with pytest.raises((UnreadableMesh, InvalidMesh), match="part") as caught:
                     read_mesh(part)

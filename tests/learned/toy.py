@@ -16,6 +16,7 @@ from benchmark.api.learning import TrainingData, TrainingPair
 from benchmark.geometry.depth import SIZE
 from learned.paired.configuration import LITERAL
 from learned.training.loop import TrainingRun
+from tests.baselines.deformable import moved_to
 
 TINY = replace(LITERAL, name="tiny", width=8)
 """The paper's network, half as wide, which trains within seconds."""
@@ -40,12 +41,12 @@ Image = NDArray[np.float32]
 
 
 def ellipsoid(
-    width: float = 0.6, height: float = 0.6, *, x: float = 0.0, y: float = 0.0, z: float = 0.5, thickness: float = 0.3
+    width: float = 0.6, height: float = 0.6, *, x: float = 0.0, y: float = 0.0, thickness: float = 0.3, size: int = SIZE
 ) -> Image:
     """Front of an ellipsoid; lengths are shares of the half width of the frame, depths of the whole depth."""
-    offsets = (np.arange(SIZE) + 0.5) * 2 / SIZE - 1
+    offsets = (np.arange(size) + 0.5) * 2 / size - 1
     squared = ((offsets - x) / width) ** 2 + ((-offsets[:, None] - y) / height) ** 2
-    front = z + thickness * np.sqrt(np.maximum(1 - squared, 0))
+    front = 0.5 + thickness * np.sqrt(np.maximum(1 - squared, 0))
     return np.asarray(np.where(squared < 1, front, 0), dtype=np.float32)
 
 
@@ -101,12 +102,6 @@ def files(folder: Path) -> set[str]:
 
 
 def misfit(form: np.ndarray, target: np.ndarray) -> float:
-    """Mean distance of corresponding points after the best rigid motion, over the mean distance from the centre.
-
-    The motion is that of Kabsch (1976), without mirroring.
-    """
-    form, target = form - form.mean(axis=0), target - target.mean(axis=0)
-    left, _, right = np.linalg.svd(target.T @ form)
-    left[:, 2] *= np.sign(np.linalg.det(left @ right))
-    distances = np.linalg.norm(form @ (left @ right).T - target, axis=1)
-    return float(distances.mean() / np.linalg.norm(target, axis=1).mean())
+    """Mean distance of corresponding points after the best rigid motion, over the mean distance from the centre."""
+    distances = np.linalg.norm(moved_to(form, target) - target, axis=1)
+    return float(distances.mean() / np.linalg.norm(target - target.mean(axis=0), axis=1).mean())

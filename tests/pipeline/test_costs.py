@@ -33,6 +33,7 @@ def test_memory_is_what_a_stage_took_above_what_was_there(meter):
         eat(5)
     assert 195 <= large().peak_mib <= 215
     assert small().peak_mib <= 20
+    assert large().seconds > small().seconds > 0
     assert held[0] == 1
 
 

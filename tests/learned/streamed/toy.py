@@ -17,7 +17,7 @@ from benchmark.api.streaming import N_POINTS, Fresh, MakesSurfaces, StreamedData
 from benchmark.errors import DatasetError
 from learned.streamed.configuration import PLAIN, Streamed
 from learned.training import loop
-from tests.learned.toy import toy_data
+from tests.learned.toy import ellipsoid, toy_data
 
 TOY = replace(PLAIN, name="toy", resolution=32, width=8, code_size=16)
 
@@ -90,11 +90,7 @@ def bent(points: np.ndarray, angle: float) -> np.ndarray:
 
 def both(size: int, width: float, height: float, x: float = 0.0, y: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Front and back of an ellipsoid whose depth is as large as its width."""
-    offsets = (np.arange(size) + 0.5) * 2 / size - 1
-    squared = ((offsets - x) / width) ** 2 + ((-offsets[:, None] - y) / height) ** 2
-    half = 0.5 * width * np.sqrt(np.maximum(1 - squared, 0))
-    inside = squared < 1
-    return tuple(np.where(inside, 0.5 + side * half, 0).astype(np.float32) for side in (1, -1))
+    return tuple(ellipsoid(width, height, x=x, y=y, thickness=side * width / 2, size=size) for side in (1, -1))
 
 
 def toy_stream(make: Ellipsoids = Ellipsoids()) -> StreamedData:
