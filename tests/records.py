@@ -77,17 +77,8 @@ def queries(mean: float, labels: Sequence[str]) -> list[float | None]:
 def failed(status: str = "timeout", reason: str = "stopped", **options: Any) -> dict[str, Any]:
     """Record of a job without scores."""
     finished = record(**options)
-    names = (
-        "key",
-        "gallery",
-        "input",
-        "method",
-        "title",
-        "family",
-        "parameters",
-        "target",
-        "data",
-        "recipe",
-        "finished",
-    )
-    return {name: finished[name] for name in names} | {"status": status, "reason": reason}
+    place = ("key", "gallery", "input", "method", "title", "family", "finished")
+    return {name: finished[name] for name in (*place, "parameters", "target", "data", "recipe")} | {
+        "status": status,
+        "reason": reason,
+    }

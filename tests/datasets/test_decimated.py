@@ -14,12 +14,6 @@ from benchmark.geometry.preparation import prepare
 from benchmark.pipeline import recipes
 from benchmark.protocols.galleries import galleries
 from tests.geometry.surfaces import limbed_body
-from tests.toy import write_rods
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return str(write_rods(tmp_path_factory.mktemp("data") / "rods"))
 
 
 def test_names_are_read_as_they_are_written():
@@ -51,14 +45,14 @@ def test_a_decimated_body_stays_near_and_closed_in_every_unit(program):
     assert (report.non_manifold_edges, report.duplicate_faces) == (0, 0)
 
 
-def test_a_program_that_is_not_installed_is_named_before_any_work(monkeypatch, folder):
+def test_a_program_that_is_not_installed_is_named_before_any_work(monkeypatch, rods):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(DatasetError, match="pip install fast-simplification"):
-        open_dataset(decimated_name(folder, "fast-simplification"), None)
+        open_dataset(decimated_name(str(rods), "fast-simplification"), None)
 
 
-def test_programs_have_keys_of_their_own_and_all_else_is_that_of_the_clean_set(folder):
-    clean_set = open_dataset(folder, None)
+def test_programs_have_keys_of_their_own_and_all_else_is_that_of_the_clean_set(rods):
+    clean_set = open_dataset(str(rods), None)
     sets = [clean_set, *(Decimated(clean_set, program) for program in DECIMATIONS)]
     keys = {str(recipes.source_recipe(dataset, entry)) for dataset in sets for entry in dataset.entries}
     assert len(keys) == 3 * len(clean_set.entries)
@@ -67,8 +61,8 @@ def test_programs_have_keys_of_their_own_and_all_else_is_that_of_the_clean_set(f
     assert [dataset.identifier for dataset in sets[1].entries] == [dataset.identifier for dataset in clean_set.entries]
 
 
-def test_a_decimated_set_has_complete_surfaces_and_a_table_of_its_own(folder, tmp_path):
-    name = decimated_name(folder, "libigl")
+def test_a_decimated_set_has_complete_surfaces_and_a_table_of_its_own(rods, tmp_path):
+    name = decimated_name(str(rods), "libigl")
     (gallery, *repeats) = galleries([], [name], repeat=2)
     assert (gallery.name, gallery.table.identifier, gallery.inputs) == (*2 * ["rods[decimation=libigl]"], ("mesh",))
     assert not repeats

@@ -10,12 +10,6 @@ from benchmark.datasets.jittered import AMOUNT, clean_name, jittered_name, parse
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import extent_of
 from benchmark.protocols.galleries import galleries
-from tests.toy import write_rods
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return str(write_rods(tmp_path_factory.mktemp("data") / "rods"))
 
 
 def test_names_are_read_as_they_are_written():
@@ -29,9 +23,9 @@ def test_names_are_read_as_they_are_written():
         open_dataset("no such set[jitter=1]", None)
 
 
-def test_vertices_move_by_a_millionth_and_each_number_moves_them_in_its_own_way(folder):
-    clean = open_dataset(folder, None)
-    first, again, second = (open_dataset(jittered_name(folder, number), None) for number in (1, 1, 2))
+def test_vertices_move_by_a_millionth_and_each_number_moves_them_in_its_own_way(rods):
+    clean = open_dataset(str(rods), None)
+    first, again, second = (open_dataset(jittered_name(str(rods), number), None) for number in (1, 1, 2))
     meshes = [clean.load(clean.entries[0])] + [each.load(each.entries[0]) for each in (first, again, second)]
     moves = [mesh.vertices - meshes[0].vertices for mesh in meshes[1:]]
     assert moves[0].std() == pytest.approx(AMOUNT * extent_of(meshes[0]), rel=0.1)
@@ -40,9 +34,9 @@ def test_vertices_move_by_a_millionth_and_each_number_moves_them_in_its_own_way(
     np.testing.assert_array_equal(meshes[1].faces, meshes[0].faces)
 
 
-def test_a_selection_repeats_its_galleries_but_not_those_under_a_perturbation(folder):
-    plain = galleries([], [folder])
-    repeated = galleries([], [folder], repeat=2)
+def test_a_selection_repeats_its_galleries_but_not_those_under_a_perturbation(rods):
+    plain = galleries([], [str(rods)])
+    repeated = galleries([], [str(rods)], repeat=2)
     assert [gallery.name for gallery in repeated] == ["rods", "rods[jitter=1]", "rods[jitter=2]"]
     assert [gallery.table for gallery in repeated] == 3 * [plain[0].table]
     assert all(open_dataset(gallery.source, None).name == gallery.dataset.name for gallery in repeated)
@@ -51,9 +45,9 @@ def test_a_selection_repeats_its_galleries_but_not_those_under_a_perturbation(fo
     ]
 
 
-def test_a_plan_has_repeats_where_they_are_asked_for(folder, tmp_path):
+def test_a_plan_has_repeats_where_they_are_asked_for(rods, tmp_path):
     def planned(*options):
-        words = ["plan", "-d", folder, "-m", "pca", "--input", "mesh", "--results", str(tmp_path), *options]
+        words = ["plan", "-d", str(rods), "-m", "pca", "--input", "mesh", "--results", str(tmp_path), *options]
         return CliRunner().invoke(cli, words)
 
     assert "1 of 1 jobs to run" in planned().output

@@ -5,18 +5,16 @@ from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.official.tosca import tosca
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE
+from tests.geometry.mutations import valid_files
 from tests.toy import rod, write_off
 
 
 def test_tosca_reads_its_three_layouts(tmp_path):
-    import scipy.io
-
     mesh = rod(0.1, 1.0)
+    files = valid_files(mesh)
     write_off(tmp_path / "tosca" / "cat0.off", mesh)
-    x, y, z = (mesh.vertices[:, [k]] for k in range(3))
-    scipy.io.savemat(tmp_path / "tosca" / "cat1.mat", {"surface": {"X": x, "Y": y, "Z": z, "TRIV": mesh.faces + 1}})
-    np.savetxt(tmp_path / "tosca" / "dog0.vert", mesh.vertices)
-    np.savetxt(tmp_path / "tosca" / "dog0.tri", mesh.faces + 1, fmt="%d")
+    for name, content in (("cat1.mat", "plain.mat"), ("dog0.vert", "a.vert"), ("dog0.tri", "a.tri")):
+        (tmp_path / "tosca" / name).write_bytes(files[content])
     write_off(tmp_path / "tosca" / "david12.off", mesh)
     (tmp_path / "tosca" / "readme.txt").write_text("")
     dataset = tosca(tmp_path)

@@ -19,7 +19,7 @@ from benchmark.geometry.depth import (
     render_depth,
 )
 from benchmark.geometry.mesh import Mesh
-from tests.geometry.surfaces import joined
+from tests.geometry.surfaces import joined, sphere
 
 TOWARDS = Camera((0.0, 0.0, -1.0), up=(0.0, 1.0, 0.0))
 """Camera coordinates are the coordinates of the shape."""
@@ -31,9 +31,8 @@ def rectangle(width: float, height: float, z: float = 0.0, x: float = 0.0) -> Me
     return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def sphere(radius: float = 1.0) -> Mesh:
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    return Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
+def ball(radius: float) -> Mesh:
+    return sphere(5).with_vertices(radius * sphere(5).vertices)
 
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (float("nan"), 0.0, 0.0)])
@@ -43,7 +42,7 @@ def test_no_camera_without_a_direction(direction: tuple[float, float, float]) ->
 
 
 def test_a_sphere_has_its_analytic_depth() -> None:
-    image = render_depth(sphere(0.8), FRONT, half_width=1.0)
+    image = render_depth(ball(0.8), FRONT, half_width=1.0)
     y, x = np.meshgrid((np.arange(500) + 0.5) / 250 - 1, (np.arange(500) + 0.5) / 250 - 1, indexing="ij")
     inside = x**2 + y**2 < 0.7**2
     expected = (1 + np.sqrt(0.64 - x**2 - y**2, where=inside, out=np.zeros_like(x))) / 2
@@ -94,7 +93,7 @@ def test_a_view_of_scraps_is_refused_and_a_few_scraps_are_noted() -> None:
 
 def test_back_projection_inverts_the_rendering() -> None:
     half_width = 3.0
-    surface, report = back_project(render_depth(sphere(2.5), FRONT, half_width), half_width)
+    surface, report = back_project(render_depth(ball(2.5), FRONT, half_width), half_width)
     radii = np.linalg.norm(surface.vertices, axis=1)
     assert np.abs(radii - 2.5).max() < 5e-3
     assert surface.vertices[:, 2].min() >= 0

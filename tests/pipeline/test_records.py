@@ -97,28 +97,20 @@ ALIENS = {
     "a score that is NaN": {**GOOD, "scores": {**GOOD["scores"], "NN": float("nan")}},
     "queries of fewer shapes": {**GOOD, "per_query": {**GOOD["per_query"], "NN": [1.0]}},
     "labels of fewer shapes": {**GOOD, "labels": ["cat"]},
-    "a score of yes": {**GOOD, "scores": {**GOOD["scores"], "NN": True}},
     "a huge score": {**GOOD, "scores": {**GOOD["scores"], "NN": 10**400}},
     "a score that is not the mean of its queries": {**GOOD, "scores": {**GOOD["scores"], "NN": 0.99}},
     "another level of chance": {**GOOD, "chance": {**GOOD["chance"], "NN": 0.1}},
     "a query beyond 1": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, 1.001, 0.5]}},
     "a query below 0": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, -0.001, 0.5]}},
-    "a query in words": {**GOOD, "per_query": {**GOOD["per_query"], "DCG": [0.5, 0.5, "x", 0.5]}},
     "more queries of a measure that is not printed": {**GOOD, "per_query": {**GOOD["per_query"], "E": [0.5] * 5}},
     "a chance beyond 1": {**GOOD, "chance": {**GOOD["chance"], "NN": 2}},
     "another number of shapes": {**GOOD, "n_shapes": 400},
     "another number of classes": {**GOOD, "n_classes": 1},
-    "shapes that are numbers": {**GOOD, "shapes": [1, 2, 3, 4]},
     "seconds in words": {**GOOD, "cost": {"seconds_per_shape": {"canonicalise": "long"}}},
-    "memory in words": {**GOOD, "peak_mib": "much"},
     "unsupported without a reason": {**GOOD, "unsupported": [["cat0"]]},
-    "artefacts that are lists": {**GOOD, "artefacts": [["ab"]]},
     "models without a digest": {**GOOD, "models": [{"training": "humans-fold-0"}]},
-    "seen by number": {**GOOD, "seen": [1]},
-    "notes as a list": {**GOOD, "notes": ["bridges"]},
     "a reason that is a list": {**GOOD, "reason": ["stopped"]},
     "two quantiles": {**GOOD, "splits": {"count": 3, "size": 2, "quantiles": {name: [0.5, 0.5] for name in MEASURES}}},
-    "code as a list": {**GOOD, "recipe": {**GOOD["recipe"], "code": ["m"]}},
     "stages as lists": {**GOOD, "recipe": {**GOOD["recipe"], "code": {"method": ["m"]}}},
     "another recipe than its key": {**GOOD, "recipe": {**GOOD["recipe"], "parameters": {"k": 1}}},
     "a number beyond all bounds": {**GOOD, "wall_seconds": float("inf")},
@@ -139,7 +131,6 @@ ALIENS = {
         **GOOD,
         "splits": {"count": 3, "size": 2, "quantiles": {each: [0.9, 0.5, 0.1] for each in MEASURES}},
     },
-    "deviations in words": {**GOOD, "codebook_deviation": dict.fromkeys(MEASURES, "much")},
     "deviations of another measure": {**GOOD, "codebook_deviation": {"mAP": 0.1}},
     "the title of a scorer without its name": {**GOOD, "scorer_title": "CM-BOF"},
     "artefacts in words": {**GOOD, "environments": [{"environment": "{}", "artefacts": "many"}]},
@@ -231,10 +222,9 @@ def test_a_mean_may_hang_over_one_by_its_rounding():
     assert fault_of({**GOOD, "splits": {"count": 3, "size": 2, "quantiles": quantiles}}) == ""
 
 
-@pytest.mark.parametrize("name", [
-    "deviations in words", "the title of a scorer without its name", "artefacts in words",
-    "a NUL in the name of a set", "a surrogate in a source", "no query has a value", "quantiles that fall",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name", ["the title of a scorer without its name", "a surrogate in a source", "no query has a value"]
+)
 def test_a_bad_record_costs_its_own_row(tmp_path, name):
     bad, good = {**ALIENS[name], "key": GOOD["key"]}, record("gps")
     folder = tmp_path / "runs" / "records"

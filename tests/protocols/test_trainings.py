@@ -8,7 +8,7 @@ from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.humans import Humans
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
-from benchmark.protocols.trainings import POSE_FOLDS, SUBJECT_FOLDS, TRAININGS, trainings_by_shape, with_validation
+from benchmark.protocols.trainings import POSE_FOLDS, TRAININGS, trainings_by_shape, with_validation
 from tests.mean_folds import MeanSampled, MeanStrict
 from tests.mean_target import MeanTarget
 
@@ -97,12 +97,6 @@ def test_each_gallery_gets_the_models_of_its_table():
         names(MeanStrict(), second)
     with pytest.raises(ConfigurationError, match="unknown training 'humans-fold-3'; did you mean humans-fold"):
         names(MeanTarget(training="humans-fold-3"), folds[0])
-
-
-def test_each_subject_and_each_pose_is_in_one_fold():
-    assert SUBJECT_FOLDS == ((0, 5, 7, 9, 14), (1, 3, 8, 10, 12), (2, 4, 6, 11, 13))
-    assert sorted(place for fold in SUBJECT_FOLDS for place in fold) == list(range(15))
-    assert [place for fold in POSE_FOLDS for place in fold] == list(range(20))
 
 
 def test_subjects_held_back_are_taken_from_the_training_and_none_that_is_tested():

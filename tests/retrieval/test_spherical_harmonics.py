@@ -5,18 +5,14 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
-from trimesh.creation import icosphere
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
 from retrieval.spherical_harmonics import SphericalHarmonics, energies
+from tests.geometry.surfaces import sphere
 from tests.toy import rod
 
 SCORER = SphericalHarmonics()
-
-
-def mesh_of(found):
-    return Mesh(np.asarray(found.vertices), np.asarray(found.faces))
 
 
 def distance(first, second):
@@ -58,7 +54,7 @@ def test_energies_are_those_of_the_harmonics_of_scipy():
 
 
 def test_a_sphere_has_all_its_energy_in_degree_0_of_one_shell():
-    shells = SCORER.signature(mesh_of(icosphere(subdivisions=4, radius=3)))["energies"]
+    shells = SCORER.signature(sphere(4))["energies"]
     assert shells[15, 0] == pytest.approx(0.5 / np.sqrt(np.pi), rel=0.02)  # radius 1/2 is the 16th of 32 shells
     shells[15, 0] = 0
     assert shells[:, 0].max() < 0.02 * 0.5 / np.sqrt(np.pi)

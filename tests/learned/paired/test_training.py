@@ -56,16 +56,6 @@ def names_of_batch(pairs: Pairs, epoch: int, batch: int, size: int = PLAN.batch)
     return ", ".join(pairs.identifiers[row] for row in order[(batch - 1) * size : batch * size])
 
 
-def test_a_seed_gives_the_same_weights_to_the_last_bit_and_another_does_not(pairs: Pairs, tmp_path: Path) -> None:
-    folders = [tmp_path / name for name in "abc"]
-    for folder in folders:
-        folder.mkdir()
-    first, again, other = (run(pairs, folder, seed=seed) for folder, seed in zip(folders, (0, 0, 1), strict=True))
-    assert equal(first, again)
-    assert first.progress.history == again.progress.history
-    assert not equal(first, other)
-
-
 def test_a_loss_that_is_not_a_number_names_its_images_and_leaves_the_checkpoint(
     pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,7 +17,7 @@ from benchmark.api.streaming import N_POINTS, Fresh, MakesSurfaces, StreamedData
 from benchmark.errors import DatasetError
 from learned.streamed.configuration import PLAIN, Streamed
 from learned.training import loop
-from tests.learned.toy import ellipsoid, toy_data
+from tests.learned.toy import ellipsoid, quiet, toy_data
 
 TOY = replace(PLAIN, name="toy", resolution=32, width=8, code_size=16)
 
@@ -118,3 +118,22 @@ def settle(patch: pytest.MonkeyPatch, known: dict[str, Any], configuration: Any,
     patch.setattr(loop, "ROW", 4)
     patch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
     patch.setattr(training, "LOOKED_AT", 2)
+
+
+def trained_toy(
+    folder: Path, known: dict[str, Any], configuration: Any, training: ModuleType, fit: Any, options: dict[str, Any]
+) -> Path:
+    """Train a toy network on the toy stream into a folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        settle(patch, known, configuration, training)
+        fit("toy", 0, toy_stream(), folder, options, quiet)
+    return folder
+
+
+#: Options that no training on a stream takes, and what is said of them.
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"epochs": 3}, "no body is seen twice"),
+    ({"batch": 3}, "bodies=N"),
+    ({"step": 3}, "did you mean steps"),
+    ({"bodies": 1}, "at least 2"),
+]
