@@ -7,7 +7,7 @@ import json
 import secrets
 import statistics
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, TypeVar
@@ -227,7 +227,7 @@ class GalleryRanking:
             "unprepared": self.unprepared,
             "coverage": len(results) / max(len(names) - len(self.unprepared), 1),
             "digests": {stage: digest for stage, digest in digests.items() if digest},
-            "notes": _summary(result.notes for result in results),
+            "notes": _summary([result.notes for result in results]),
             **_costs(results, signatures),
             "wall_seconds": round(time.perf_counter() - begun + sum(self._seconds_before.values()), 3),
             "environments": [{"environment": text, "artefacts": n} for text, n in sorted(environments.items())],
@@ -258,25 +258,19 @@ class GalleryRanking:
 def matrices_of(record: Record, store: Store) -> Iterator[tuple[str, Matrix]]:
     """Yield the distance matrices of a record, shape (N, N) each, with the key of their recipe; none if freed."""
     count = len(answered_shapes(record))
-    in_blocks: dict[str, list[tuple[int, int, str]]] = {}
+    in_blocks: dict[str, Matrix] = defaultdict(lambda: np.full((count, count), np.nan))
     for key in record.get("artefacts", ()):
         artefact = store.under(key, {"distances", _PLACE}.__contains__)
         if artefact is None or "distances" not in artefact.arrays:
             continue
+        block = artefact.arrays["distances"]
         if _PLACE in artefact.arrays:
             gallery, row, column = json.loads(str(artefact.arrays[_PLACE]))
-            in_blocks.setdefault(gallery, []).append((row, column, key))
-        elif artefact.arrays["distances"].shape == (count, count):
-            yield keys.bare_key(key), artefact.arrays["distances"]
-    for gallery, blocks in in_blocks.items():
-        matrix = np.full((count, count), np.nan)
-        for row, column, key in blocks:
-            artefact = store.under(key, "distances".__eq__)
-            block = artefact.arrays["distances"] if artefact else np.empty((0, 0))
             rows, columns = slice(row, row + block.shape[0]), slice(column, column + block.shape[1])
-            matrix[rows, columns], matrix[columns, rows] = block, block.T
-        if not np.isnan(matrix).any():
-            yield gallery, matrix
+            in_blocks[gallery][rows, columns], in_blocks[gallery][columns, rows] = block, block.T
+        elif block.shape == (count, count):
+            yield keys.bare_key(key), block
+    yield from ((gallery, matrix) for gallery, matrix in in_blocks.items() if not np.isnan(matrix).any())
 
 
 def _joined(signatures: Sequence[Arrays]) -> Arrays:
@@ -366,14 +360,11 @@ def _costs(results: Iterable[ShapeResult], signatures: Mapping[str, Any]) -> dic
     }
 
 
-def _summary(all_notes: Iterable[Mapping[str, float | str]]) -> dict[str, Any]:
+def _summary(all_notes: Sequence[Mapping[str, float | str]]) -> dict[str, Any]:
     """Return the mean and maximum of each numeric note, and the count of each text."""
-    collected: dict[str, list[float | str]] = {}
-    for notes in all_notes:
-        for name, value in notes.items():
-            collected.setdefault(name, []).append(value)
     summary: dict[str, Any] = {}
-    for name, values in sorted(collected.items()):
+    for name in sorted({name for notes in all_notes for name in notes}):
+        values = [notes[name] for notes in all_notes if name in notes]
         if all(isinstance(value, (int, float)) for value in values):
             numbers = np.asarray(values, dtype=np.float64)
             is_finite = np.isfinite(numbers).all()

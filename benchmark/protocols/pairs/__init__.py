@@ -6,6 +6,7 @@ Each time, it is checked that they include no test shape and no other shape of a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.human_subjects import SUBJECTS, Subject, clearances
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.pipeline.method_run import Preparation
+from benchmark.pipeline.method_run import Preparation, require_arrays
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.store import Store
 from benchmark.protocols.pairs.synthetic import sampled_data, varied_data
@@ -101,15 +102,13 @@ def _renderable(
     entries: Iterable[Entry], preparation: Preparation, say: Callable[[str], None]
 ) -> list[tuple[Entry, Entry]]:
     """Return shapes with their subjects in the canonical pose, without those that cannot be rendered."""
-    skipped: set[str] = set()
 
+    @cache
     def can_be_rendered(entry: Entry) -> bool:
         try:
             preparation.shape(entry)
         except ShapeError as error:
-            if entry.identifier not in skipped:
-                say(f"skipped {entry.identifier}: {error}")
-            skipped.add(entry.identifier)
+            say(f"skipped {entry.identifier}: {error}")
             return False
         return True
 
@@ -121,22 +120,14 @@ def _pairs(pairs: Iterable[tuple[Entry, Entry]], preparation: Preparation) -> It
     targets: dict[str, NDArray[np.float32]] = {}
     for entry, target in pairs:
         if target.identifier not in targets:
-            targets[target.identifier] = _image(preparation, target)
+            targets[target.identifier] = require_arrays(preparation.artefact(target))["depth"]
         yield TrainingPair(
             identifier=entry.identifier,
             subject=entry.subject,
             target_identifier=target.identifier,
-            image=_image(preparation, entry),
+            image=require_arrays(preparation.artefact(entry))["depth"],
             target=targets[target.identifier],
         )
-
-
-def _image(preparation: Preparation, entry: Entry) -> NDArray[np.float32]:
-    """Return the depth image of a shape as methods get it, from the store."""
-    image = preparation.shape(entry).depth
-    if image is None:
-        raise ConfigurationError(f"{entry.identifier} has no depth image", "train on the view input")
-    return image
 
 
 def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
