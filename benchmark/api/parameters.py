@@ -19,7 +19,7 @@ import re
 import sys
 import types
 import typing
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from types import NoneType
@@ -239,18 +239,7 @@ def split(text: str, separator: str = ",") -> list[str]:
     ConfigurationError
         If quotes or parentheses are not balanced.
     """
-    parts = [""]
-    for character, is_outside in _characters(text):
-        if character == separator and is_outside:
-            parts.append("")
-        else:
-            parts[-1] += character
-    return parts if text.strip() else []
-
-
-def _characters(text: str) -> Iterator[tuple[str, bool]]:
-    """Yield each character, and whether it is outside quotes and parentheses."""
-    quote, depth = "", 0
+    parts, quote, depth = [""], "", 0
     for place, character in enumerate(text):
         if quote:
             quote = "" if character == quote else quote
@@ -258,11 +247,15 @@ def _characters(text: str) -> Iterator[tuple[str, bool]]:
             quote = character  # elsewhere, it is an apostrophe
         else:
             depth += {"(": 1, ")": -1}.get(character, 0)
-        yield character, not quote and depth == 0
+        if character == separator and not quote and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += character
     if quote or depth:
         raise ConfigurationError(
             f"'{text}' has {'a quote' if quote else 'a parenthesis'} without its other half", "close what is opened"
         )
+    return parts if text.strip() else []
 
 
 def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:

@@ -66,19 +66,8 @@ def test_the_first_half_of_that_works_with_what_came_with_the_suite(clone):
 def test_the_plugin_appears_as_a_row(tmp_path):
     (tmp_path / "smooth.py").write_text(plugin())
     write_rods(tmp_path / "rods")
-    command = [
-        sys.executable,
-        "-m",
-        "benchmark",
-        "run",
-        "-d",
-        str(tmp_path / "rods"),
-        "-m",
-        "identity",
-        "--input",
-        "mesh",
-    ]
-    command += ["--plugin", str(tmp_path / "smooth.py"), "--results", str(tmp_path / "results")]
+    words = ["run", "-d", tmp_path / "rods", "-m", "identity", "--input", "mesh", "--results", tmp_path / "results"]
+    command = [sys.executable, "-m", "benchmark", *words, "--plugin", tmp_path / "smooth.py"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=280, check=False)
     assert done.returncode == 0, done.stderr
     assert "| Smoothed" in done.stdout

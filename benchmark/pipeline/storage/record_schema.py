@@ -24,7 +24,6 @@ from retrieval.measures import PRINTED
 #: decimals.
 _ROUNDING = 1e-6
 
-Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
 Amount = Annotated[float, Meta(ge=0, le=1e15)]
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Count = Annotated[int, Meta(ge=0, le=10**15)]
