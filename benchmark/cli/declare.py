@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import click
 from click.shell_completion import CompletionItem
@@ -23,35 +23,65 @@ FEWEST_VERTICES = 4
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
 
-def option(*words: str, **attributes: Any) -> Any:
-    """Declare an option as a dataclass field; help shows its default unless it is empty."""
-    default = () if attributes.get("multiple") else attributes.get("default")
-    attributes.setdefault("show_default", default not in ((), None, ""))
-    return _declared(lambda name: click.Option([*words, name], **attributes), default)
+def option(usage: str, help: str | None = None, default: object = None, **attributes: Any) -> Any:
+    """Declare an option as a dataclass field, whose type gives that of the option.
+
+    Parameters
+    ----------
+    usage
+        Names and metavar: ``"-o --output DIR"``.
+    help
+        Text of ``--help``, which shows the default, too, unless it is empty.
+    default
+        Value without the option; ``()`` for one that may be repeated.
+    **attributes
+        Further attributes for click.
+    """
+    words = [word for word in usage.split() if word.startswith("-")]
+    attributes = {"metavar": usage.removeprefix(" ".join(words)).strip() or None, "help": help, **attributes}
+    if default not in ((), None):
+        attributes = {"default": default, "show_default": default != "", **attributes}
+    return _declared(lambda name, kind: click.Option([*words, name], **_of_type(kind) | attributes), default)
 
 
-def flag(*words: str, **attributes: Any) -> Any:
+def flag(usage: str, help: str) -> Any:
     """Declare a flag as a dataclass field."""
-    return option(*words, is_flag=True, default=False, show_default=False, **attributes)
+    return option(usage, help, False, is_flag=True, show_default=False)
 
 
 def argument(metavar: str | None = None, **attributes: Any) -> Any:
-    """Declare an argument as a dataclass field."""
-    return _declared(lambda name: click.Argument([name], metavar=metavar, **attributes), None)
+    """Declare an argument as a dataclass field, whose type gives that of the argument; a tuple takes one or more."""
+
+    def make(name: str, kind: Any) -> click.Argument:
+        given = _of_type(kind)
+        if given.pop("multiple", False):
+            given |= {"nargs": -1, "required": True}
+        return click.Argument([name], metavar=metavar, **given, **attributes)
+
+    return _declared(make, None)
 
 
-def _declared(make: Callable[[str], click.Parameter], default: object) -> Any:
+def _declared(make: Callable[[str, Any], click.Parameter], default: object) -> Any:
     return field(default=default, metadata={"parameter": make})
+
+
+def _of_type(kind: Any) -> dict[str, Any]:
+    """Return the attributes of a click parameter for the type of a field; ``Annotated`` lists its own."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is tuple:
+        return {"multiple": True, **_of_type(parts[0])}
+    if origin is Annotated:
+        return dict(parts[1:])
+    if origin is Literal:
+        return {"type": click.Choice(parts)}
+    return _of_type(parts[0]) if parts else {"type": PATH if kind is Path else kind}  # the first of TYPE | None
 
 
 def timeout_option(what: str, default: str = "10m") -> Any:
     """Declare the time limit of foreign code."""
-    text = f"Time limit for {what}: 90s, 10m, 2h."
+    shown: dict[str, Any] = {"metavar": "TIME", "show_default": True, "help": f"Time limit for {what}: 90s, 10m, 2h."}
     return _declared(
-        lambda name: click.Option(
-            ["--timeout", name], type=duration, metavar="TIME", default=default, show_default=True, help=text
-        ),
-        duration(default),
+        lambda name, _: click.Option(["--timeout", name], type=duration, default=default, **shown), duration(default)
     )
 
 
@@ -83,7 +113,7 @@ class PathType(click.ParamType[Any]):
         return self.result(text)
 
 
-PATH, NAME_OR_FOLDER = PathType(Path), PathType(str)
+PATH = PathType(Path)
 
 
 def duration(text: str) -> float:
@@ -151,3 +181,13 @@ def complete_scorers(_: click.Context, __: click.Parameter, begun: str) -> list[
 
 def _items(names: Iterable[str], begun: str) -> list[CompletionItem]:
     return [CompletionItem(name) for name in names if name.startswith(begun)]
+
+
+# Types of options, with their completion ------------------------------------------------------------------------------
+
+NameOrFolder = Annotated[str, ("type", PathType(str))]
+DataSet = Annotated[str, ("type", PathType(str)), ("shell_complete", complete_datasets)]
+MethodName = Annotated[str, ("shell_complete", complete_methods)]
+ScorerName = Annotated[str, ("shell_complete", complete_scorers)]
+TableName = Annotated[str, ("shell_complete", complete_tables)]
+Count = Annotated[int, ("type", click.IntRange(min=1))]

@@ -3,8 +3,6 @@
 The module of a command is imported when it runs. Every ``--help`` imports this module, so it imports nothing heavy.
 """
 
-from __future__ import annotations
-
 import inspect
 import sys
 from collections.abc import Callable, Iterator
@@ -13,21 +11,21 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import click
 
 from benchmark.cli.declare import (
     EVERY,
     FINISHED,
-    NAME_OR_FOLDER,
-    PATH,
+    Count,
+    DataSet,
+    MethodName,
+    NameOrFolder,
+    ScorerName,
+    TableName,
     argument,
-    complete_datasets,
-    complete_methods,
     complete_methods_and_files,
-    complete_scorers,
-    complete_tables,
     flag,
     option,
     timeout_option,
@@ -42,11 +40,8 @@ if TYPE_CHECKING:
 
 OK, NOT_OK, USAGE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 
-_COUNT = click.IntRange(min=1)
-_INPUTS = click.Choice(["view", "mesh"])
 
-
-def _shard(text: str) -> Shard:
+def _shard(text: str) -> "Shard":
     from benchmark.execution.sharding import Shard
 
     return Shard.parse(text)
@@ -87,44 +82,38 @@ def _inspected(_: click.Context, __: click.Parameter, plugins: tuple[Path, ...])
 class RunOptions:
     """Options shared by commands; a subclass selects some of them and declares its own."""
 
-    # fmt: off
-    tables: tuple[str, ...] = option("-t", "--table", multiple=True, metavar="TABLE", help="Table; see 'list tables'.",
-                                     shell_complete=complete_tables)
-    methods: tuple[str, ...] = option("-m", "--method", multiple=True, metavar="METHOD",
-                                      shell_complete=complete_methods,
-                                      help="Method, all, or finished; see 'list methods'.")
-    datasets: tuple[str, ...] = option("-d", "--dataset", multiple=True, type=NAME_OR_FOLDER, metavar="DATASET|FOLDER",
-                                       shell_complete=complete_datasets,
-                                       help="Set, folder, or humans[subjects=N,poses=M].")
-    inputs: tuple[str, ...] = option("--input", multiple=True, type=_INPUTS,
-                                     help="Default: both.")
-    scorer: str = option("--scorer", metavar="SCORER", default="cm-bof", shell_complete=complete_scorers,
-                         help="What compares the forms; see 'list scorers'.")
-    plugins: tuple[Path, ...] = option("--plugin", multiple=True, type=PATH, callback=_inspected, metavar="FILE",
-                                       help="Python file with methods, scorers or data sets.")
-    results: Path = option("--results", type=PATH, default=Path("results"), metavar="DIR")
-    data_root: Path | None = option("--data-root", type=PATH, envvar=DATA_VARIABLE, callback=_require_folder,
-                                    metavar="DIR", help=f"Folder of the official data sets; also {DATA_VARIABLE}.")
-    seed: int = option("--seed", type=int, default=0, help="Base seed of all methods.")
-    quick: bool = flag("--quick", help="Fewer poses per subject, and only the paper's methods.")
-    everything: bool = flag("--all", help="All tables but camera and robustness (default of 'plan').")
-    paper: bool = flag("--paper", help="Only the rows of the paper.")
-    repeat: int | None = option("--repeat", type=click.IntRange(min=2), metavar="N",
-                                help="Repeat each gallery N times with jittered vertices, and print the spread.")
-    shard: Shard | None = option("--shard", type=_shard, metavar="I/N",
-                                 help="Run part I of N of the jobs; 'merge' joins the parts.")
-    workers: int | None = option("-j", "--jobs", type=_COUNT, metavar="N",
-                                 help="Number of parallel jobs. [all cores]")
-    executor: str = option("--executor", type=click.Choice(["serial", "processes", "dask"]), default="processes")
-    scheduler: str = option("--scheduler", default="", metavar="URL",
-                            help="Scheduler of a dask cluster, such as tcp://HOST:8786.")
+    tables: tuple[TableName, ...] = option("-t --table TABLE", "Table; see 'list tables'.", ())
+    methods: tuple[MethodName, ...] = option("-m --method METHOD", "Method, all, or finished; see 'list methods'.", ())
+    datasets: tuple[DataSet, ...] = option(
+        "-d --dataset DATASET|FOLDER", "Set, folder, or humans[subjects=N,poses=M].", ()
+    )
+    inputs: tuple[Literal["view", "mesh"], ...] = option("--input", "Default: both.", ())
+    scorer: ScorerName = option("--scorer SCORER", "What compares the forms; see 'list scorers'.", "cm-bof")
+    plugins: tuple[Path, ...] = option(
+        "--plugin FILE", "Python file with methods, scorers or data sets.", (), callback=_inspected
+    )
+    results: Path = option("--results DIR", default=Path("results"))
+    data_root: Path | None = option(
+        "--data-root DIR", f"Folder of the official data sets; also {DATA_VARIABLE}.",
+        envvar=DATA_VARIABLE, callback=_require_folder,
+    )  # fmt: skip
+    seed: int = option("--seed", "Base seed of all methods.", 0)
+    quick: bool = flag("--quick", "Fewer poses per subject, and only the paper's methods.")
+    everything: bool = flag("--all", "All tables but camera and robustness (default of 'plan').")
+    paper: bool = flag("--paper", "Only the rows of the paper.")
+    repeat: Annotated[int, ("type", click.IntRange(min=2))] | None = option(
+        "--repeat N", "Repeat each gallery N times with jittered vertices, and print the spread."
+    )
+    shard: "Shard | None" = option("--shard I/N", "Run part I of N of the jobs; 'merge' joins the parts.", type=_shard)
+    workers: Count | None = option("-j --jobs N", "Number of parallel jobs. [all cores]")
+    executor: Literal["serial", "processes", "dask"] = option("--executor", default="processes")
+    scheduler: str = option("--scheduler URL", "Scheduler of a dask cluster, such as tcp://HOST:8786.", "")
     timeout: float | None = None
-    retry: tuple[str, ...] = option(
-        "--retry", multiple=True, help="Run failed jobs of this kind again.",
-        type=click.Choice(["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"]))
-    force: bool = flag("--force", help="Replace files in -o DIR that this verb did not write.")
-    published: bool = flag("--published", help="Use only published records.")
-    # fmt: on
+    retry: tuple[Literal["failed", "timeout", "crashed", "killed", "memory", "unsupported", "all"], ...] = option(
+        "--retry", "Run failed jobs of this kind again.", ()
+    )
+    force: bool = flag("--force", "Replace files in -o DIR that this verb did not write.")
+    published: bool = flag("--published", "Use only published records.")
 
     @property
     def is_narrow(self) -> bool:
@@ -171,7 +160,7 @@ def verb(section: str, place: str, *shared: Any) -> Callable[[type[_Verb]], type
         at = shared.index(...) if ... in shared else len(shared)
         own = [name for name in options.__annotations__ if name not in shared]
         names = (*shared[:at], *own, *shared[at + 1 :])
-        declared = {name: complete.__dataclass_fields__[name].metadata["parameter"] for name in names}
+        fields = [complete.__dataclass_fields__[name] for name in names]
 
         def call(**values: Any) -> None:
             body = getattr(import_module(f"benchmark.cli.{module}"), function)
@@ -179,7 +168,7 @@ def verb(section: str, place: str, *shared: Any) -> Callable[[type[_Verb]], type
                 sys.exit(NOT_OK)
 
         name = function.removesuffix("_")
-        parameters = [make(name) for name, make in declared.items()]
+        parameters = [field.metadata["parameter"](field.name, field.type) for field in fields]
         command = click.Command(name, callback=call, help=inspect.getdoc(options), params=parameters)
         if section == "data":
             _OF_DATA[name] = command
@@ -190,27 +179,19 @@ def verb(section: str, place: str, *shared: Any) -> Callable[[type[_Verb]], type
     return declare
 
 
-_method_argument = partial(argument, "METHOD", shell_complete=complete_methods)
-_json = partial(flag, "--json", help="Print JSON.")
-_assigned = partial(option, "-o", "--option", multiple=True, metavar="NAME=VALUE")
-_picture = partial(option, "--picture", type=PATH, metavar="OUT.png")
+_json = partial(flag, "--json", "Print JSON.")
+_method_argument = partial(argument, "METHOD")
+_assigned = partial(option, "-o --option NAME=VALUE", default=())
 
 
 @dataclass(frozen=True, kw_only=True)
 class _FrameOptions(RunOptions):
     """Options of depth images."""
 
-    method: str = option("-m", "--method", required=True, metavar="METHOD", help="Method; see 'list methods'.",
-                         shell_complete=complete_methods)  # fmt: skip
-    intrinsics: str = option(
-        "--intrinsics", default="", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]"
-    )
-    mask: Path | None = option(
-        "--mask", type=PATH, metavar="FILE", help="Object in a depth image. [found automatically]"
-    )
-    depth_scale: float | None = option(
-        "--depth-scale", type=float, metavar="N", help="Depth units per metre. [1000 for integers, 1 for floats]"
-    )
+    method: MethodName = option("-m --method METHOD", "Method; see 'list methods'.", required=True)
+    intrinsics: str = option("--intrinsics FILE|fx,fy,cx,cy", "Camera of a depth image. [file next to it]", "")
+    mask: Path | None = option("--mask FILE", "Object in a depth image. [found automatically]")
+    depth_scale: float | None = option("--depth-scale N", "Depth units per metre. [1000 for integers, 1 for floats]")
 
 
 _FRAME = ("intrinsics", "mask", "depth_scale")
@@ -224,39 +205,35 @@ class Run(RunOptions):
 
     timeout: float | None = timeout_option("one job", "2h")
     forms: tuple[str, ...] = option(
-        "--forms", multiple=True, metavar="NAME=DIR",
-        help="Instead of methods: score DIR/SHAPE.off, ..., made by another program.",
-    )  # fmt: skip
-    frame: Path | None = option(
-        "--frame", type=PATH, hidden=True, help="Write the records as JSON, and print no tables."
+        "--forms NAME=DIR", "Instead of methods: score DIR/SHAPE.off, ..., made by another program.", ()
     )
+    frame: Path | None = option("--frame", "Write the records as JSON, and print no tables.", hidden=True)
 
 
 @verb("Daily use", "plan.plan", *_PLAN)
 class Plan(RunOptions):
     """Show what would run, why, and how long it would take."""
 
-    all_jobs: bool = flag("--all-jobs", help="A line for each job, however many there are.")
+    all_jobs: bool = flag("--all-jobs", "A line for each job, however many there are.")
+
+
+_Format = Annotated[str, ("type", click.Choice(["latex", "markdown", "csv", "json"]))]
 
 
 @verb("Daily use", "show.tables", *_SELECTION, ..., "force", "published", "fresh")
 class Tables(RunOptions):
     """Print tables of finished jobs, or write them to files; needs no data."""
 
-    formats: tuple[str, ...] = option(
-        "--format", multiple=True, type=click.Choice(["latex", "markdown", "csv", "json"]),
-        help="[markdown; with -o, all]",
-    )  # fmt: skip
-    output: Path | None = option("-o", "--output", type=PATH, metavar="DIR", help="Write files instead of printing.")
-    check: bool = flag("--check", help="Compare with the files in -o DIR; exit 1 if they differ.")
+    formats: tuple[_Format, ...] = option("--format", "[markdown; with -o, all]", ())
+    output: Path | None = option("-o --output DIR", "Write files instead of printing.")
+    check: bool = flag("--check", "Compare with the files in -o DIR; exit 1 if they differ.")
     notes: Literal["table", "appendix", "none"] = option(
-        "--notes", type=click.Choice(["table", "appendix", "none"]), default="table",
-        help="LaTeX notes: below each table, in files notes-TABLE.tex, or none.",
-    )  # fmt: skip
-    rows_only: bool = flag("--rows-only", help="LaTeX: the rows of each table, without float, heading and notes.")
-    bibliography: bool = flag("--bibliography", help="Print BibTeX entries after LaTeX; with -o, they are a file.")
-    everything: bool = flag("--all", help="Print whole tables for many methods, too.")
-    fresh: bool = flag("--fresh", help="Omit rows made by other code or versions.")
+        "--notes", "LaTeX notes: below each table, in files notes-TABLE.tex, or none.", "table"
+    )
+    rows_only: bool = flag("--rows-only", "LaTeX: the rows of each table, without float, heading and notes.")
+    bibliography: bool = flag("--bibliography", "Print BibTeX entries after LaTeX; with -o, they are a file.")
+    everything: bool = flag("--all", "Print whole tables for many methods, too.")
+    fresh: bool = flag("--fresh", "Omit rows made by other code or versions.")
 
 
 @verb("Daily use", "report.report", *_SELECTION, "output", "force", "published")
@@ -266,18 +243,16 @@ class Report(RunOptions):
     They work without a network. Nothing is computed; where data is missing, a page names the run that creates it.
     """
 
-    output: Path = option("-o", "--output", type=PATH, default=Path("results/report"), metavar="DIR")
-    figure: Path | None = option(
-        "--figure", type=PATH, metavar="FILE", help="Draw a figure (.pdf, .png or .svg) instead; see --of."
-    )
-    what: str = option(
-        "--of", type=click.Choice(["forms", "effect", "cost", "precision-recall", "confusion", "classes"]),
-        default="forms",
-        help="One subject by all methods; subjects before and after one method; accuracy against cost; precision over"
+    output: Path = option("-o --output DIR", default=Path("results/report"))
+    figure: Path | None = option("--figure FILE", "Draw a figure (.pdf, .png or .svg) instead; see --of.")
+    what: Literal["forms", "effect", "cost", "precision-recall", "confusion", "classes"] = option(
+        "--of",
+        "One subject by all methods; subjects before and after one method; accuracy against cost; precision over"
         " recall; nearest matches by class; scores by class.",
-    )  # fmt: skip
-    subjects: tuple[str, ...] = option("--subject", multiple=True, metavar="NAME", help="Subject to show in a figure.")
-    shapes: tuple[str, ...] = option("--shape", multiple=True, metavar="NAME", help="Shape to show in a figure.")
+        "forms",
+    )
+    subjects: tuple[str, ...] = option("--subject NAME", "Subject to show in a figure.", ())
+    shapes: tuple[str, ...] = option("--shape NAME", "Shape to show in a figure.", ())
     timeout: float | None = timeout_option("missing forms of a method")
 
 
@@ -285,7 +260,7 @@ class Report(RunOptions):
 class List(RunOptions):
     """List methods, scorers, data sets, tables or models."""
 
-    what: str = argument(type=click.Choice(["methods", "scorers", "datasets", "tables", "models"]))
+    what: Literal["methods", "scorers", "datasets", "tables", "models"] = argument()
     as_json: bool = _json()
 
 
@@ -293,7 +268,7 @@ class List(RunOptions):
 class Describe(RunOptions):
     """Describe a method: parameters, source, inputs."""
 
-    method: str = _method_argument()
+    method: MethodName = _method_argument()
     as_json: bool = _json()
 
 
@@ -304,16 +279,15 @@ class Canonicalise(_FrameOptions):
     A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
     """
 
-    paths: tuple[Path, ...] = argument("IN...", type=PATH, nargs=-1, required=True)
+    paths: tuple[Path, ...] = argument("IN...")
     output: Path | None = option(
-        "-o", "--output", type=PATH, metavar="OUT",
-        help="Mesh file [IN-METHOD.off in the current folder], or folder for several images [forms].",
-    )  # fmt: skip
+        "-o --output OUT", "Mesh file [IN-METHOD.off in the current folder], or folder for several images [forms]."
+    )
     timeout: float | None = timeout_option("the form")
     vertices: int | str | None = option(
-        "--vertices", type=vertex_count, metavar="N|all", help="Number of vertices, or all of the file. [2000]"
+        "--vertices N|all", "Number of vertices, or all of the file. [2000]", type=vertex_count
     )
-    picture: Path | None = _picture(help="Draw depth and form; for several images, a folder.")
+    picture: Path | None = option("--picture OUT.png", "Draw depth and form; for several images, a folder.")
 
 
 @verb(
@@ -323,13 +297,10 @@ class Canonicalise(_FrameOptions):
 class Retrieve(_FrameOptions):
     """Show the shapes of a gallery that are nearest to a depth image or a mesh."""
 
-    gallery: str = option(
-        "-d", "--dataset", required=True, type=NAME_OR_FOLDER, metavar="DATASET|FOLDER",
-        shell_complete=complete_datasets, help="Data set or folder that was run.",
-    )  # fmt: skip
-    query: Path = argument("QUERY", type=PATH)
-    k: int = option("-k", type=_COUNT, default=5, help="Number of shapes to show.")
-    picture: Path | None = _picture(help="Draw the forms that were found.")
+    gallery: DataSet = option("-d --dataset DATASET|FOLDER", "Data set or folder that was run.", required=True)
+    query: Path = argument("QUERY")
+    k: Count = option("-k", "Number of shapes to show.", 5)
+    picture: Path | None = option("--picture OUT.png", "Draw the forms that were found.")
     timeout: float | None = timeout_option("the search")
 
 
@@ -366,10 +337,8 @@ class Check(RunOptions):
     """
 
     target: str = argument("METHOD|FILE", shell_complete=complete_methods_and_files)
-    chosen: tuple[str, ...] = option(
-        "-m", "--method", multiple=True, metavar="METHOD", help="Check only this method of a file."
-    )
-    assigned: tuple[str, ...] = _assigned(help="Option for training a learner.")
+    chosen: tuple[str, ...] = option("-m --method METHOD", "Check only this method of a file.", ())
+    assigned: tuple[str, ...] = _assigned("Option for training a learner.")
     timeout: float | None = timeout_option("one check")
 
 
@@ -377,21 +346,19 @@ class Check(RunOptions):
 class Train(RunOptions):
     """Train the models of a learner; resume an interrupted training, and skip finished models."""
 
-    method: str = _method_argument()
-    table: str = option("-t", "--table", default="I", metavar="TABLE", help="Table that the model is for.")
-    only: str | None = option("--only", metavar="TRAINING", help="Train only on this, e.g. humans-strict-0-1.")
-    configuration: str | None = option("--config", metavar="NAME", help="Configuration of the method.")
-    training_seed: int | None = option("--seed", type=int, help="Seed of the training.")
-    resolution: int | None = option("--resolution", type=_COUNT, metavar="N", help="Pixels per side.")
-    epochs: int | None = option("--epochs", type=_COUNT, metavar="N", help="Passes over the pairs.")
-    batch: int | None = option("--batch", type=_COUNT, metavar="N", help="Pairs per step.")
-    device: str | None = option("--device", type=click.Choice(["auto", "cpu", "cuda"]), help="Where to train.")
-    threads: int | None = option("--threads", type=_COUNT, metavar="N", help="Threads of a training on the CPU.")
-    assigned: tuple[str, ...] = _assigned(help="Further options of the method.")
-    n_sampled: int | None = option("--sampled", type=_COUNT, metavar="N", help="Number of generated bodies.")
-    n_validation: int | None = option(
-        "--validation", type=_COUNT, metavar="N", help="Hold back N training subjects for curves and pictures."
-    )
+    method: MethodName = _method_argument()
+    table: str = option("-t --table TABLE", "Table that the model is for.", "I")
+    only: str | None = option("--only TRAINING", "Train only on this, e.g. humans-strict-0-1.")
+    configuration: str | None = option("--config NAME", "Configuration of the method.")
+    training_seed: int | None = option("--seed", "Seed of the training.")
+    resolution: Count | None = option("--resolution N", "Pixels per side.")
+    epochs: Count | None = option("--epochs N", "Passes over the pairs.")
+    batch: Count | None = option("--batch N", "Pairs per step.")
+    device: Literal["auto", "cpu", "cuda"] | None = option("--device", "Where to train.")
+    threads: Count | None = option("--threads N", "Threads of a training on the CPU.")
+    assigned: tuple[str, ...] = _assigned("Further options of the method.")
+    n_sampled: Count | None = option("--sampled N", "Number of generated bodies.")
+    n_validation: Count | None = option("--validation N", "Hold back N training subjects for curves and pictures.")
 
 
 _OF_SET = ("name", ..., "plugins", "data_root")
@@ -401,7 +368,7 @@ _OF_SET = ("name", ..., "plugins", "data_root")
 class DataOptions(RunOptions):
     """Options of commands for one data set."""
 
-    name: str = argument("NAME|FOLDER", type=NAME_OR_FOLDER, shell_complete=complete_datasets)
+    name: DataSet = argument("NAME|FOLDER")
 
 
 @verb("data", "data.list_", ..., "plugins", "data_root")
@@ -420,26 +387,23 @@ class CheckData(DataOptions):
 class Export(DataOptions):
     """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
 
-    output: Path = option("-o", "--output", required=True, type=PATH, metavar="DIR", help="New or empty folder.")
-    layout: str | None = option(
-        "--layout", type=click.Choice(["shrec14", "tosca", "frames"]),
-        help="shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of camera"
-        " sets.",
-    )  # fmt: skip
-    force: bool = flag("--force", help="Write into a non-empty folder, replacing files of the same name.")
+    output: Path = option("-o --output DIR", "New or empty folder.", required=True)
+    layout: Literal["shrec14", "tosca", "frames"] | None = option(
+        "--layout",
+        "shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off; frames: depth images, of camera sets.",
+    )
+    force: bool = flag("--force", "Write into a non-empty folder, replacing files of the same name.")
 
 
 @verb("data", "data.sheet", *_OF_SET)
 class Sheet(DataOptions):
     """Draw a data set at a glance: subjects in some poses, as surface and as depth image."""
 
-    output: Path | None = option(
-        "-o", "--output", type=PATH, metavar="FILE.png", help="File to write. [sheet-NAME.png]"
-    )
-    subjects: int | None = option("--subjects", type=_COUNT, metavar="K", help="Rows. [all subjects]")
-    poses: int = option("--poses", type=_COUNT, default=8, metavar="K", help="Columns.")
+    output: Path | None = option("-o --output FILE.png", "File to write. [sheet-NAME.png]")
+    subjects: Count | None = option("--subjects K", "Rows. [all subjects]")
+    poses: Count = option("--poses K", "Columns.", 8)
     perturbations: str | None = option(
-        "--perturbations", "--nuisances", metavar="SHAPE", help="Draw only this shape, under each perturbation."
+        "--perturbations --nuisances SHAPE", "Draw only this shape, under each perturbation."
     )
 
 
@@ -456,8 +420,8 @@ class Why(RunOptions):
     Several jobs get one line each, unless --all is given.
     """
 
-    target: str = argument("METHOD|KEY", shell_complete=complete_methods)
-    everything: bool = flag("--all", help="Explain each job in full.")
+    target: MethodName = argument("METHOD|KEY")
+    everything: bool = flag("--all", "Explain each job in full.")
 
 
 @verb("Results", "show.compare", "datasets", "inputs", "scorer", "everything", "plugins", "published", "results")
@@ -469,7 +433,7 @@ class Compare(RunOptions):
 
     first: str = argument("A")
     second: str = argument("B")
-    everything: bool = flag("--all", help="Compare every pair, with perturbed sets, intervals and tests.")
+    everything: bool = flag("--all", "Compare every pair, with perturbed sets, intervals and tests.")
 
 
 @verb("Results", "report.paper", *_SELECTION, ..., "force", "published")
@@ -479,10 +443,8 @@ class Paper(RunOptions):
     Without -t and -d it contains Tables I to IV and those of your own data. Files that you edited are kept.
     """
 
-    output: Path = option("-o", "--output", type=PATH, default=Path("results/paper"), metavar="DIR")
-    template: Literal["article", "ieee"] = option(
-        "--template", type=click.Choice(["article", "ieee"]), default="article", help="LaTeX class."
-    )
+    output: Path = option("-o --output DIR", default=Path("results/paper"))
+    template: Literal["article", "ieee"] = option("--template", "LaTeX class.", "article")
 
 
 @verb("Results", "share.merge", ..., "results")
@@ -492,29 +454,27 @@ class Merge(RunOptions):
     Writes one file per data set and one line per record, unless a run is writing records there.
     """
 
-    folders: tuple[Path, ...] = argument("DIR...", nargs=-1, required=True, type=PATH)
-    published: bool = flag("--published", help="Merge into RESULTS/records, without quick runs and own data.")
+    folders: tuple[Path, ...] = argument("DIR...")
+    published: bool = flag("--published", "Merge into RESULTS/records, without quick runs and own data.")
 
 
 @verb("Results", "share.prune", ..., "results")
 class Prune(RunOptions):
     """Delete data that no record needs, and remains of killed processes."""
 
-    dry_run: bool = flag("--dry-run", help="Only say what would be deleted.")
+    dry_run: bool = flag("--dry-run", "Only say what would be deleted.")
 
 
 @verb("Results", "share.submit", "path", "datasets", "inputs", "scorer", "plugins", "results", "data_root", "seed")
 class Submit(RunOptions):
     """Write the finished jobs of a method into a bundle that anyone can verify."""
 
-    method: str = _method_argument()
-    path: Path = option("-o", "--output", required=True, type=PATH, metavar="BUNDLE.zip", help="File to write.")
-    quick: bool = flag("--quick", help="Take the results of --quick.")
-    author: str = option("--author", default="", metavar="NAME", help="Author of the row.")
-    licence: str = option(
-        "--licence", default="", metavar="NAME", help="Licence, such as MIT. [the source's SPDX line]"
-    )
-    with_forms: bool = flag("--forms", help="Include the forms of your own data.")
+    method: MethodName = _method_argument()
+    path: Path = option("-o --output BUNDLE.zip", "File to write.", required=True)
+    quick: bool = flag("--quick", "Take the results of --quick.")
+    author: str = option("--author NAME", "Author of the row.", "")
+    licence: str = option("--licence NAME", "Licence, such as MIT. [the source's SPDX line]", "")
+    with_forms: bool = flag("--forms", "Include the forms of your own data.")
 
 
 @verb("Results", "share.verify", "folders", "results", "data_root")
@@ -524,17 +484,14 @@ class Verify(RunOptions):
     Exit 0 if everything is verified, 1 if something is claimed or false, 2 if it cannot be read.
     """
 
-    bundle: Path = argument("BUNDLE.zip", type=PATH)
-    folders: tuple[str, ...] = option(
-        "-d", "--dataset", multiple=True, type=NAME_OR_FOLDER, metavar="FOLDER",
-        help="Folder of the meshes that it was run on.",
-    )  # fmt: skip
-    run: bool = flag("--run", help="Run the author's plugin with your rights, to make forms again.")
-    again: int = option(
-        "--again", type=click.IntRange(min=3), default=3, metavar="N", help="Number of forms per record to make again."
+    bundle: Path = argument("BUNDLE.zip")
+    folders: tuple[NameOrFolder, ...] = option("-d --dataset FOLDER", "Folder of the meshes that it was run on.", ())
+    run: bool = flag("--run", "Run the author's plugin with your rights, to make forms again.")
+    again: Annotated[int, ("type", click.IntRange(min=3))] = option(
+        "--again N", "Number of forms per record to make again.", 3
     )
     timeout: float | None = timeout_option("each step")
-    into: Path | None = option("--into", type=PATH, metavar="DIR", help="Results folder whose reports show its rows.")
+    into: Path | None = option("--into DIR", "Results folder whose reports show its rows.")
     as_json: bool = _json()
 
 
@@ -545,14 +502,14 @@ class Verify(RunOptions):
 class Compile(RunOptions):
     """Compile the kernels and build the body model in advance; otherwise the first run does."""
 
-    processes: int | None = option("-j", "--jobs", type=_COUNT, metavar="N", help="Processes; all cores by default.")
+    processes: Count | None = option("-j --jobs N", "Processes; all cores by default.")
 
 
 @verb("Set-up", "main.completion")
 class Completion(RunOptions):
     """Print a shell completion script: eval "$(canonical-forms completion bash)"."""
 
-    shell: str = argument(type=click.Choice(["bash", "zsh", "fish"]))
+    shell: Literal["bash", "zsh", "fish"] = argument()
 
 
 @verb("Others", "share.score")
@@ -562,30 +519,23 @@ class Score(RunOptions):
     DISTANCES is an N x N or queries x gallery matrix: text, CSV, .npy, .npz, .mat, or PSB's .matrix.
     """
 
-    distances: Path = argument("DISTANCES", type=PATH)
+    distances: Path = argument("DISTANCES")
     labels: Path = option(
-        "--labels", required=True, type=PATH, metavar="FILE|FOLDER",
-        help="Labels: .cla, lines 'label' or 'name label', or a folder of shapes.",
-    )  # fmt: skip
-    query_labels: Path | None = option(
-        "--query-labels", type=PATH, metavar="FILE|FOLDER", help="Labels of the rows, if they are not the columns."
+        "--labels FILE|FOLDER", "Labels: .cla, lines 'label' or 'name label', or a folder of shapes.", required=True
     )
-    ranked: bool = flag("--ranked", help="DISTANCES holds ranked lists: a query and its results per line.")
-    format: str = option("--format", type=click.Choice(["markdown", "latex", "csv", "json"]), default="markdown")
-    title: str = option("--title", default="", help="Name of the row. [name of the file]")
-    folder: Path | None = option(
-        "--results", type=PATH, metavar="DIR", help="Also keep it as an external row in this folder."
-    )
-    dataset: str = option("--dataset", default="", metavar="NAME", help="Data set of that row. [name of the labels]")
-    input: Literal["mesh", "view"] = option(
-        "--input", type=click.Choice(["mesh", "view"]), default="mesh", help="Input of that row."
-    )
+    query_labels: Path | None = option("--query-labels FILE|FOLDER", "Labels of the rows, if they are not the columns.")
+    ranked: bool = flag("--ranked", "DISTANCES holds ranked lists: a query and its results per line.")
+    format: Literal["markdown", "latex", "csv", "json"] = option("--format", default="markdown")
+    title: str = option("--title", "Name of the row. [name of the file]", "")
+    folder: Path | None = option("--results DIR", "Also keep it as an external row in this folder.")
+    dataset: str = option("--dataset NAME", "Data set of that row. [name of the labels]", "")
+    input: Literal["mesh", "view"] = option("--input", "Input of that row.", "mesh")
 
 
 # Shared messages -----------------------------------------------------------------------------------------------------
 
 
-def name_skipped(*stores: Store) -> None:
+def name_skipped(*stores: "Store") -> None:
     """Print once, on stderr, which files among the records are not records."""
     for store in stores:
         for line in (*store.published.news(), *store.records.news()):

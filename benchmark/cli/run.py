@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import cast
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -264,8 +263,7 @@ def _score_forms(options: Run, store: Store) -> tuple[list[Result], set[str]]:
         )
     datasets = sources(options.datasets, options.plugins)
     chosen = galleries(options.tables, datasets, options.data_root, options.quick)
-    named = cast("tuple[Input, ...]", options.inputs)
-    jobs = [(gallery, input_) for gallery in chosen for input_ in named or gallery.inputs[:1]]
+    jobs = [(gallery, input_) for gallery in chosen for input_ in options.inputs or gallery.inputs[:1]]
     for (gallery, input_), (title, folder) in product(jobs, folders.items()):
         gallery.check_input(input_)
         call_apart(
