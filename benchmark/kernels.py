@@ -35,44 +35,29 @@ def compiled_files(root: Path) -> Iterator[tuple[Path, Sequence[Path]]]:
                     yield source, paths
 
 
-def drop_stale_kernels(root: Path, changed: frozenset[Path] | None = None) -> int:
+def drop_stale_kernels(root: Path) -> None:
     """Remove compiled kernels that are older than their module or one whose kernels or constants they use.
 
     Parameters
     ----------
     root
         Folder with the packages of the suite.
-    changed
-        Files newer than the kernels; None compares modification times.
-
-    Returns
-    -------
-    int
-        Number of removed files.
     """
-    known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in _sources(root)}
+    sources = (path for package in FIRST_PARTY for path in sorted((root / package).rglob("*.py")))
+    known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in sources}
     callees = cache(lambda source: _callees(source, known))
     last_edit = max((path.stat().st_mtime_ns for path in known.values()), default=0)
     looked_at = min(last_edit, time.time_ns())  # the clock of the last edit may have been ahead
-    count = 0
     for source, kept in compiled_files(root):
-        if changed is None and all(path.stat().st_mtime_ns >= last_edit for path in kept):
+        if all(path.stat().st_mtime_ns >= last_edit for path in kept):
             continue  # newer than all sources, which need not be parsed
-        behind = _compiled_together(source, callees)
-        newest = max(path.stat().st_mtime_ns for path in behind)
+        newest = max(path.stat().st_mtime_ns for path in _compiled_together(source, callees))
         for path in kept:
             with suppress(OSError):
-                if path.stat().st_mtime_ns < newest if changed is None else behind & changed:
+                if path.stat().st_mtime_ns < newest:
                     path.unlink()
-                    count += 1
-                elif changed is None:  # the next call checks later edits only
+                else:  # the next call checks later edits only
                     os.utime(path, ns=(looked_at, looked_at))
-    return count
-
-
-def _sources(root: Path) -> Iterator[Path]:
-    for package in FIRST_PARTY:
-        yield from sorted((root / package).rglob("*.py"))
 
 
 def _compiled_together(source: Path, callees: Callable[[Path], set[Path]]) -> set[Path]:
