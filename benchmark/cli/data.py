@@ -1,4 +1,4 @@
-"""``data``: list, check, draw and export data sets."""
+"""``data``: check, draw and export data sets."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmark.cli.methods import print_datasets
-from benchmark.cli.options import CheckData, DataOptions, Export, ListData, Sheet, explained
+from benchmark.cli.options import CheckData, DataOptions, Export, Sheet, explained
 from benchmark.cli.terminal import counting
 from benchmark.datasets.camera_frames import CameraFrames
 from benchmark.datasets.catalogue import FRAME_SETS, open_dataset, sources
@@ -20,11 +19,6 @@ from benchmark.datasets.perturbations.overview import overview
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import call_apart
 from benchmark.text import say
-
-
-def list_(options: ListData) -> None:
-    """Print the data sets."""
-    print_datasets(options.plugins, options.data_root, as_json=options.as_json)
 
 
 def check(options: CheckData) -> bool:

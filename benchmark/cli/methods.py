@@ -6,7 +6,7 @@ import dataclasses
 import json
 import shutil
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,34 +33,18 @@ _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "
 
 def list_(options: List) -> None:
     """Print the names of a kind."""
-    if options.what == "datasets":
-        print_datasets(options.plugins, options.data_root, as_json=options.as_json)
-        return
-    rows: dict[str, Callable[[], Rows]] = {
-        "methods": lambda: _methods(options.plugins),
-        "scorers": lambda: _scorers(options.plugins),
-        "tables": lambda: _tables(options.data_root),
-        "models": lambda: _models(options.results),
-    }
-    _print(rows[options.what](), as_json=options.as_json)
+    kinds = {"methods": _methods, "scorers": _scorers, "datasets": _datasets, "tables": _tables, "models": _models}
+    rows = kinds[options.what](options)
+    if options.as_json:
+        click.echo(json.dumps(rows, indent=1))
+    else:
+        table = [list(row.values()) for row in rows]
+        if options.what == "datasets":
+            table = [[*_COLUMNS], *([row[name] for name in _COLUMNS] for row in rows)]
+        for line in aligned(table):
+            say(line)
     if options.what in ("methods", "scorers"):
         name_unusable(options.what)
-
-
-def print_datasets(plugins: Iterable[Path], data_root: Path | None, *, as_json: bool) -> None:
-    """Print the data sets, official or generated, present or absent; those of plugin files come last."""
-    rows = _datasets(plugins, data_root)
-    if not as_json:
-        rows = [dict(zip(_COLUMNS, _COLUMNS, strict=True)), *({name: row[name] for name in _COLUMNS} for row in rows)]
-    _print(rows, as_json=as_json)
-
-
-def _print(rows: Rows, *, as_json: bool) -> None:
-    if as_json:
-        click.echo(json.dumps(rows, indent=1))
-        return
-    for line in aligned([list(row.values()) for row in rows]):
-        say(line)
 
 
 def _state(spec: PluginSpec[Any, Any]) -> str:
@@ -68,10 +52,10 @@ def _state(spec: PluginSpec[Any, Any]) -> str:
     return f"needs {', '.join(missing)}" if missing else "available"
 
 
-def _methods(plugins: Iterable[Path]) -> Rows:
+def _methods(options: List) -> Rows:
     """Return all methods, and all variants with their own rows; one that cannot be imported has the reason."""
     rows: Rows = []
-    for name, spec in registry.methods(plugins).items():
+    for name, spec in registry.methods(options.plugins).items():
         try:
             info, state = spec.info, _state(spec)
         except ConfigurationError as error:
@@ -85,16 +69,17 @@ def _methods(plugins: Iterable[Path]) -> Rows:
     return rows
 
 
-def _scorers(plugins: Iterable[Path]) -> Rows:
+def _scorers(options: List) -> Rows:
     from benchmark.plugins.scorers import scorers
 
     return [
         {"name": name, "title": spec.info.title, "state": _state(spec), "summary": spec.info.summary}
-        for name, spec in scorers(plugins).items()
+        for name, spec in scorers(options.plugins).items()
     ]
 
 
-def _datasets(plugins: Iterable[Path], data_root: Path | None) -> Rows:
+def _datasets(options: List) -> Rows:
+    """Return the data sets, official or generated, present or absent; those of plugin files come last."""
     from benchmark.datasets.catalogue import CATALOGUE, is_present
     from benchmark.datasets.own import data_sets_of, open_own
 
@@ -102,7 +87,7 @@ def _datasets(plugins: Iterable[Path], data_root: Path | None) -> Rows:
         {
             "name": name,
             "kind": "official" if known.folder else "generated",
-            "state": "present" if is_present(name, data_root) else f"not at {known.folder}",
+            "state": "present" if is_present(name, options.data_root) else f"not at {known.folder}",
             "shapes": str(known.n_shapes or "?"),
             "classes": str(known.n_classes),
             "source": known.origin or "generated",
@@ -113,7 +98,7 @@ def _datasets(plugins: Iterable[Path], data_root: Path | None) -> Rows:
         }
         for name, known in CATALOGUE.items()
     ]
-    for own in map(open_own, data_sets_of(plugins).values()):
+    for own in map(open_own, data_sets_of(options.plugins).values()):
         classes = {entry.subject for entry in own.entries}
         facts = {"name": own.name, "kind": "plugin", "state": "present", "shapes": str(len(own.entries))}
         facts |= {"classes": str(len(classes)), "source": own.code, "summary": own.spec.info.summary}
@@ -121,13 +106,13 @@ def _datasets(plugins: Iterable[Path], data_root: Path | None) -> Rows:
     return rows
 
 
-def _tables(data_root: Path | None) -> Rows:
+def _tables(options: List) -> Rows:
     from benchmark.datasets.catalogue import is_present
     from benchmark.protocols.tables import TABLES
 
     rows = []
     for table in TABLES:
-        present = [name for name in (table.dataset, *table.any_of) if name and is_present(name, data_root)]
+        present = [name for name in (table.dataset, *table.any_of) if name and is_present(name, options.data_root)]
         none = f"none of {len(table.any_of)} sets is here" if table.any_of else ""
         data = ", ".join(present) or none or f"{table.stand_in} (stand-in for {table.dataset})"
         caption = table.caption_over(len(table.folds))
@@ -135,13 +120,13 @@ def _tables(data_root: Path | None) -> Rows:
     return rows
 
 
-def _models(results: Path) -> Rows:
+def _models(options: List) -> Rows:
     """Return finished models with their training and validation; those trained here precede the shipped ones."""
     from benchmark.api.learning import CARD, Learner, read_card
     from benchmark.pipeline.storage.store import Store
     from benchmark.protocols.models import MODELS_VARIABLE, model_places
 
-    folders = {Store(results / "runs").models: "trained here"}
+    folders = {Store(options.results / "runs").models: "trained here"}
     for method in (spec.create() for spec in registry.methods().values() if spec.learns):
         if isinstance(method, Learner):
             for folder in model_places(method):

@@ -160,7 +160,7 @@ def verb(section: str, place: str, *shared: Any) -> Callable[[type[_Verb]], type
         at = shared.index(...) if ... in shared else len(shared)
         own = [name for name in options.__annotations__ if name not in shared]
         names = (*shared[:at], *own, *shared[at + 1 :])
-        fields = [complete.__dataclass_fields__[name] for name in names]
+        fields = [field for name in names if (field := complete.__dataclass_fields__[name]).metadata]
 
         def call(**values: Any) -> None:
             body = getattr(import_module(f"benchmark.cli.{module}"), function)
@@ -371,11 +371,11 @@ class DataOptions(RunOptions):
     name: DataSet = argument("NAME|FOLDER")
 
 
-@verb("data", "data.list_", ..., "plugins", "data_root")
-class ListData(RunOptions):
+@verb("data", "methods.list_", "as_json", "plugins", "data_root")
+class ListData(List):
     """List the data sets: official or generated, present or absent."""
 
-    as_json: bool = _json()
+    what: Literal["datasets"] = "datasets"
 
 
 @verb("data", "data.check", *_OF_SET)

@@ -16,7 +16,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from benchmark.api.contracts import Input
 from benchmark.cli.options import Run, RunOptions, name_skipped
 from benchmark.cli.plan import planned_jobs, scorer_spec, scores_in_words
 from benchmark.cli.selection import results_of
@@ -31,13 +30,13 @@ from benchmark.execution.pools import LocalPool, Pool, PoolHere
 from benchmark.execution.processes.calls import call_apart
 from benchmark.execution.processes.opened_files import changed_files
 from benchmark.execution.scheduler import Scheduler
+from benchmark.external.records import score_forms
 from benchmark.kernels import VARIABLE, compiled_files, drop_stale_kernels
 from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.records import Record, by_place
 from benchmark.pipeline.storage.store import Store, sweep_leftovers
-from benchmark.plugins.scorers import ScorerSpec
-from benchmark.protocols.galleries import Gallery, galleries
+from benchmark.protocols.galleries import galleries
 from benchmark.report.content import contents
 from benchmark.report.results import Result
 from benchmark.report.robustness import markdown as robustness_markdown
@@ -261,25 +260,17 @@ def _score_forms(options: Run, store: Store) -> tuple[list[Result], set[str]]:
             "--forms scores the meshes of a folder as forms of a data set",
             "pass -d FOLDER --forms NAME=DIR, without -m",
         )
-    datasets = sources(options.datasets, options.plugins)
+    datasets, scorer = sources(options.datasets, options.plugins), scorer_spec(options)
     chosen = galleries(options.tables, datasets, options.data_root, options.quick)
     jobs = [(gallery, input_) for gallery in chosen for input_ in options.inputs or gallery.inputs[:1]]
     for (gallery, input_), (title, folder) in product(jobs, folders.items()):
         gallery.check_input(input_)
+        watched, hint = partial(counting, f"scoring {title}"), "simplify its meshes, or raise --timeout"
         call_apart(
-            _score_folder, gallery, input_, title, Path(folder), scorer_spec(options), store,
-            what=f"scoring {title}", hint="simplify its meshes, or raise --timeout", limit=options.timeout,
+            score_forms, gallery, input_, title, Path(folder), scorer, store, watched,
+            what=f"scoring {title}", hint=hint, limit=options.timeout,
         )  # fmt: skip
     places = {(gallery.name, input_) for gallery, input_ in jobs}
-    results = results_of(options, store).all(options.seed, scorer=scorer_spec(options).name)
+    results = results_of(options, store).all(options.seed, scorer=scorer.name)
     rows = [result for result in results if (result.record["gallery"], result.record["input"]) in places]
     return rows, {gallery.table.identifier for gallery in chosen}
-
-
-def _score_folder(
-    gallery: Gallery, input_: Input, title: str, folder: Path, spec: ScorerSpec, store: Store
-) -> None:  # fmt: skip
-    """Score the forms of one folder in a child process."""
-    from benchmark.external.records import score_forms
-
-    score_forms(gallery, input_, title, folder, spec, store, partial(counting, f"scoring {title}"))
