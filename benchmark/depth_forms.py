@@ -20,13 +20,13 @@ from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
 from benchmark.plugins.output_checks import form_of
-from benchmark.plugins.registry import methods, variant
+from benchmark.plugins.registry import MethodSpec, methods, variant
 from benchmark.protocols.models import with_model
 
 __all__ = ["DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"]
 
 #: Valid shapes of intrinsics: fx, fy, cx, cy or a camera matrix.
-_FOUR, _MATRICES = (4,), ((3, 3), (4, 4))
+_CAMERAS = ((4,), (3, 3), (4, 4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +111,19 @@ def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
     spec = variant(name, methods(plugins))
     if missing := spec.missing_packages():
         raise ConfigurationError(f"method '{name}' needs {', '.join(missing)}", f"pip install {' '.join(missing)}")
-    maker = with_model(spec)
-    if not isinstance(maker, Method):
-        raise ConfigurationError(f"method '{name}' describes shapes without a canonical form", "choose another method")
+    maker = form_maker(spec, name)
     if "view" not in spec.info.inputs:
         raise ConfigurationError(
             f"method '{name}' reads complete surfaces, and a depth image shows one side", "choose one that reads views"
         )
+    return maker
+
+
+def form_maker(spec: MethodSpec, name: str) -> Method:
+    """Return a method with its default model; raise ``ConfigurationError`` if it computes no forms."""
+    maker = with_model(spec)
+    if not isinstance(maker, Method):
+        raise ConfigurationError(f"method '{name}' describes shapes without a canonical form", "choose another method")
     return maker
 
 
@@ -166,7 +172,7 @@ def _camera(value: Intrinsics | ArrayLike | Sequence[float]) -> Intrinsics:
     if isinstance(value, Intrinsics):
         return value
     array = np.asarray(value, dtype=np.float64)
-    if array.shape not in (_FOUR, *_MATRICES):
+    if array.shape not in _CAMERAS:
         raise InvalidIntrinsics(
             f"an array of shape {array.shape} is no camera", "pass a 3 x 3 matrix or fx, fy, cx, cy"
         )

@@ -94,14 +94,11 @@ def _is_old(path: Path) -> bool:
         return False  # it was just renamed
 
 
-def sweep(folder: Path, *, deep: bool = True) -> int:
-    """Remove the temporary files that :func:`leftovers` yields; return their number."""
-    count = 0
+def sweep(folder: Path, *, deep: bool = True) -> None:
+    """Remove the temporary files that :func:`leftovers` yields."""
     for path in leftovers(folder, deep=deep):
         with contextlib.suppress(OSError):
             path.unlink()
-            count += 1
-    return count
 
 
 def is_alive(process: int) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from benchmark.text import say
 
 def check(options: CheckData) -> bool:
     """Print the content of a data set and its problems."""
-    lines, is_usable = _on_data(_checked, options, options.name)
+    lines, is_usable = _on_data(_checked, options)
     for line in lines:
         say(line)
     return bool(is_usable)
@@ -34,56 +35,53 @@ def export(options: Export) -> None:
     layout = options.layout or ("frames" if options.name in FRAME_SETS else None)
     if layout is None:
         raise ConfigurationError("no layout is chosen", "pass --layout shrec14 or --layout tosca")
-    count = _on_data(_exported, options, options.name, options.output, layout, options.force)
+    count = _on_data(_exported, replace(options, layout=layout))
     say(f"wrote {count} files to {options.output}; use them with -d {options.output}")
 
 
 def sheet(options: Sheet) -> None:
     """Draw a contact sheet."""
-    drawing = (options.output, options.subjects, options.poses, options.perturbations)
-    problems, target = _on_data(_drawn, options, *drawing)
+    problems, target = _on_data(_drawn, options)
     for problem in problems:
         say(f"not drawn: {problem}", err=True)
     say(f"wrote {target}")
 
 
-def _on_data(work: Callable[..., Any], options: DataOptions, *arguments: Any) -> Any:
+def _on_data(work: Callable[[str, Any], Any], options: DataOptions) -> Any:
     """Apply a function to a data set; in a child process if the set comes from a plugin file."""
     with explained(options.name, "data set"):
         (source,) = sources([options.name], options.plugins)
     if not is_own(source):
-        return work(source, options.data_root, *arguments)
+        return work(source, options)
     what, hint = f"data set '{options.name}'", "correct the file: 'check' says more"
-    return call_apart(work, source, options.data_root, *arguments, what=what, hint=hint)
+    return call_apart(work, source, options, what=what, hint=hint)
 
 
-def _checked(source: str, data_root: Path | None, name: str) -> tuple[list[str], bool]:
+def _checked(source: str, options: CheckData) -> tuple[list[str], bool]:
     """Return the lines of a report on a data set, and whether the set can be used."""
-    report = check_source(source, data_root, partial(counting, f"checking {name}"))
+    report = check_source(source, options.data_root, partial(counting, f"checking {options.name}"))
     return list(report.lines()), report.usable
 
 
-def _exported(source: str, data_root: Path | None, name: str, output: Path, layout: str, force: bool) -> int:
+def _exported(source: str, options: Export) -> int:
     """Export a data set; return the number of files."""
-    dataset, watched = open_dataset(source, data_root), partial(counting, f"writing {name}")
-    if layout != "frames":
-        return len(export_shapes(dataset, output, layout, force=force, watched=watched))
+    dataset, watched = open_dataset(source, options.data_root), partial(counting, f"writing {options.name}")
+    if options.layout and options.layout != "frames":
+        return len(export_shapes(dataset, options.output, options.layout, force=options.force, watched=watched))
     if not isinstance(dataset, CameraFrames):
-        raise ConfigurationError(f"data set '{name}' has no frames", "choose another --layout")
-    return len(export_frames(dataset, output, force=force, watched=watched))
+        raise ConfigurationError(f"data set '{options.name}' has no frames", "choose another --layout")
+    return len(export_frames(dataset, options.output, force=options.force, watched=watched))
 
 
-def _drawn(
-    source: str, data_root: Path | None, output: Path | None, subjects: int | None, poses: int, shape: str | None
-) -> tuple[list[str], str]:
+def _drawn(source: str, options: Sheet) -> tuple[list[str], str]:
     """Draw a data set; return the shapes that could not be drawn, and the file."""
     from benchmark.report.pictures.painting import save_png
     from benchmark.report.pictures.sheets import contact_sheet
 
-    dataset = open_dataset(source, data_root)
-    if shape is not None:
-        dataset = overview(dataset, shape)
-    drawing = contact_sheet(dataset, subjects, poses)
-    target = output or Path(f"sheet-{dataset.name}.png")
+    dataset = open_dataset(source, options.data_root)
+    if options.perturbations is not None:
+        dataset = overview(dataset, options.perturbations)
+    drawing = contact_sheet(dataset, options.subjects, options.poses)
+    target = options.output or Path(f"sheet-{dataset.name}.png")
     save_png(drawing.image, target)
     return list(map(str, drawing.problems)), str(target)

@@ -7,7 +7,6 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.api.contracts import CanonicalForm, Method, Shape
+from benchmark.api.contracts import CanonicalForm, Shape
 from benchmark.cli.methods import trained_on_people
 from benchmark.cli.options import Canonicalise, Retrieve, explained
 from benchmark.cli.plan import scorer_spec
@@ -25,21 +24,21 @@ from benchmark.datasets.folder import folder_dataset
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import READERS, is_depth_file
-from benchmark.depth_forms import form_of_object, form_with_fit, method_of_depth
+from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.execution.processes.calls import call_apart
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import prepare
+from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.pipeline.method_run import MethodRun, Preparation, shape_of
 from benchmark.pipeline.retrieval import SearchResult, input_for, search
-from benchmark.pipeline.stages.shapes import N_VERTICES, complete, half_width_of, seen
+from benchmark.pipeline.stages.shapes import N_VERTICES, half_width_of, seen
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.galleries import Gallery
-from benchmark.protocols.models import find_models, with_model
+from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
 from benchmark.report.pictures.painting import save_png
 from benchmark.report.pictures.sheets import frame_picture, retrieved_picture
@@ -52,13 +51,8 @@ Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
 _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
 
 
-@dataclass(frozen=True)
-class FrameJob:
-    """One depth image, with the files for its form and picture."""
-
-    files: FrameFiles
-    target: Path
-    picture: Path | None = None
+#: One depth image, with the files for its form and, on request, its picture.
+FrameJob = tuple[FrameFiles, Path, Path | None]
 
 
 def canonicalise(options: Canonicalise) -> bool:
@@ -159,34 +153,27 @@ def plain_form(source: Path, options: Canonicalise) -> Plain:
         If the mesh cannot be read or processed.
     """
     spec, vertices = variant(options.method, methods(options.plugins)), options.vertices
-    maker = with_model(spec)
-    if not isinstance(maker, Method):
-        raise ConfigurationError(
-            f"method '{options.method}' describes shapes without a canonical form", "choose another method"
-        )
+    maker = form_maker(spec, options.method)
     reads_meshes = "mesh" in spec.info.inputs
     if vertices is not None and not reads_meshes:
         raise ConfigurationError(f"method '{options.method}' reads depth images, not vertices", "omit --vertices")
     mesh = read_mesh(source)
-    if vertices is not None:
-        form = _with_vertices(maker, mesh, source.stem, options.seed, vertices)
-    else:
-        arrays = complete(mesh) if reads_meshes else seen(mesh, FRONT, half_width_of(mesh, FRONT))
+    if not reads_meshes:
+        arrays = seen(mesh, FRONT, half_width_of(mesh, FRONT))
         form = form_with_fit(maker, shape_of(arrays, source.stem, options.seed), {})
+    else:
+        prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
+        shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=options.seed)
+        form = form_with_fit(maker, shape, {})
+        if vertices == "all":
+            form = _at_vertices(mesh, prepared, form, options.method)
     return form.vertices.tolist(), form.faces.tolist(), form.notes
 
 
-def _with_vertices(maker: Method, mesh: Mesh, name: str, seed: int, vertices: int | str) -> CanonicalForm:
-    """Return the form of a mesh with a number of vertices, or at the vertices of the mesh."""
-    prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
-    shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
-    form = form_with_fit(maker, shape, {})
-    if vertices != "all":
-        return form
+def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: str) -> CanonicalForm:
+    """Return the form of a prepared mesh, interpolated at the vertices of the mesh."""
     if not np.array_equal(form.faces, prepared.mesh.faces):
-        raise ConfigurationError(
-            f"forms of method '{maker.info.name}' have vertices of their own", "omit '--vertices all'"
-        )
+        raise ConfigurationError(f"forms of method '{method}' have vertices of their own", "omit '--vertices all'")
     points = (mesh.vertices - prepared.centre) / prepared.scale
     places = nearest_on_surface(prepared.mesh, points, vertex_normals(mesh))
     notes = {**form.notes, "farthest_from_prepared": float(places.distances.max())}
@@ -230,20 +217,20 @@ def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     if frames == paths[:1]:
-        return [FrameJob(files(frames[0]), _mesh_target(output, frames[0], options.method), picture)]
+        return [(files(frames[0]), _mesh_target(output, frames[0], options.method), picture)]
     above = os.path.commonpath([path.absolute().parent for path in frames])
     jobs = []
     for frame in frames:
         inner = frame.absolute().relative_to(above)
         target = (output or Path("forms")) / inner.with_suffix(".off")
-        jobs.append(FrameJob(files(frame), target, picture and picture / inner.with_suffix(".png")))
+        jobs.append((files(frame), target, picture and picture / inner.with_suffix(".png")))
     return jobs
 
 
 def _canonicalise_frames(jobs: Sequence[FrameJob], options: Canonicalise) -> bool:
     """Write the forms of depth images, computed in one child process; return whether all have one."""
     others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
-    failures: int = _apart(write_forms, jobs, options, f"{jobs[0].files.image}{others}", "image", say)
+    failures: int = _apart(write_forms, jobs, options, f"{jobs[0][0].image}{others}", "image", say)
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
     return not failures
@@ -253,23 +240,23 @@ def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callabl
     """Write and report the form and picture of each frame; return the number of frames without a form."""
     maker = method_of_depth(options.method, options.plugins)
     failures = 0
-    for number, job in enumerate(jobs, 1):
+    for number, (files, target, picture) in enumerate(jobs, 1):
         start = time.perf_counter()
         place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
         try:
-            result = form_of_object(job.files.observe(), maker, job.files.image.stem, seed=options.seed)
+            result = form_of_object(files.observe(), maker, files.image.stem, seed=options.seed)
         except ShapeError as error:
             if len(jobs) == 1:
                 raise
             failures += 1
-            report(f"{place}{job.files.image}: {error}")
+            report(f"{place}{files.image}: {error}")
             continue
         seconds = time.perf_counter() - start
-        write_form(job.target, result.form.mesh)
-        if job.picture:
-            save_png(frame_picture(result.observed.depths, result.observed.mask, result.form.mesh), job.picture)
+        write_form(target, result.form.mesh)
+        if picture:
+            save_png(frame_picture(result.observed.depths, result.observed.mask, result.form.mesh), picture)
         facts = [fact for fact in _facts(result.form.notes) if len(jobs) == 1 or fact.startswith("doubt")]
-        report(", ".join([f"{place}{job.target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
+        report(", ".join([f"{place}{target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
     return failures
 
 

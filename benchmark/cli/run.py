@@ -191,11 +191,11 @@ def _check_executor(options: RunOptions) -> None:
         )
 
 
-class _Display:
+class _Display(Progress):
     """Progress bar over shapes; plain lines without a terminal."""
 
     def __init__(self, jobs: Sequence[Job]) -> None:
-        self._bar = Progress(
+        super().__init__(
             TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TextColumn("shapes"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=True),
             console=Console(file=sys.stderr), disable=not (jobs and sys.stderr.isatty()),
@@ -203,25 +203,18 @@ class _Display:
         processed = [job for job in jobs if not job.ranks_again]
         shapes = {(job.dataset, job.input, job.package, shape) for job in processed for shape in job.identifiers}
         self._total = len(shapes)
-        self._task = self._bar.add_task("starting", total=self._total)
+        self._bar = self.add_task("starting", total=self._total)
         self._start = self._shown = self._moved = time.monotonic()
         self._done = 0
-
-    def __enter__(self) -> _Display:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
 
     def watch(self, names: Sequence[str], done: int) -> None:
         """Show the running jobs and the number of finished shapes, and after a pause what the run waits for."""
         done = min(done, self._total)
-        self._bar.update(self._task, completed=done, description=clean(", ".join(names)) or "waiting")
+        self.update(self._bar, completed=done, description=clean(", ".join(names)) or "waiting")
         now = time.monotonic()
         if done != self._done:
             self._done, self._moved = done, now
-        if self._bar.disable and now - self._shown >= _SILENCE:
+        if self.disable and now - self._shown >= _SILENCE:
             self._shown = now
             waits = now - self._moved >= _LONG  # one shape gives no estimate
             left = f", about {(now - self._start) * (self._total - done) / done:.0f} s left" if done else ""
@@ -237,10 +230,10 @@ class _Display:
             differ = "; two runs on one shape differ, see check" if "runs_differ" in record.get("notes", {}) else ""
             text = f"{scores}  ({seconds:.2f} s a shape{differ})"
         line = f"{record['status']:<11}  {job.name}  {text}"
-        if self._bar.disable:
+        if self.disable:
             _say(line)
         else:
-            self._bar.console.print(clean(line), highlight=False, markup=False, soft_wrap=True)
+            self.console.print(clean(line), highlight=False, markup=False, soft_wrap=True)
 
 
 def _say(text: str) -> None:

@@ -105,13 +105,6 @@ class Task:
                 f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest one"
             )
 
-    @property
-    def asymmetry(self) -> float:
-        """Largest difference from the transpose, relative to the largest distance; 0 if rectangular."""
-        if not self.is_square or not self.values.any():
-            return 0.0
-        return float(np.abs(self.values - self.values.T).max() / self.values.max())
-
     def answers(self) -> Iterator[Query]:
         """Yield the results of each query, without the query itself."""
         known = {label: n for n, label in enumerate(dict.fromkeys(c for of in self.gallery.classes for c in of))}
@@ -134,8 +127,10 @@ class Task:
 
     def notes(self, scores: Scores) -> Iterator[str]:
         """Yield warnings."""
-        if self.asymmetry > ASYMMETRY:
-            yield f"The matrix is not symmetric (by {self.asymmetry:.2g} of its largest distance): rows are queries."
+        skew = np.abs(self.values - self.values.T).max() if self.is_square else 0.0
+        if skew > ASYMMETRY * self.values.max():
+            share = skew / self.values.max()
+            yield f"The matrix is not symmetric (by {share:.2g} of its largest distance): rows are queries."
         if scores.tied_queries:
             yield f"{scores.tied_queries} queries have ties that matter; scores are means over their orders."
         if scores.lone_queries:

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from benchmark.cli.forms import FrameJob, frames_under, write_forms
+from benchmark.cli.forms import frames_under, write_forms
 from benchmark.cli.main import cli
 from benchmark.cli.options import Canonicalise
 from benchmark.depth.errors import DepthError
@@ -84,7 +84,7 @@ def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
     monkeypatch.chdir(bad)
     image, options, said = BAD[fault]
     values = {"intrinsics": intrinsics_of(CAMERA)} | options
-    job = FrameJob(FrameFiles(Path(image), **values), tmp_path / "form.off")
+    job = (FrameFiles(Path(image), **values), tmp_path / "form.off", None)
     with pytest.raises(DepthError, match=said) as caught:
         write_forms([job], Canonicalise(method="identity"), print)
     assert caught.value.hint
