@@ -262,7 +262,6 @@ def _read_text(path: Path) -> DistanceMatrix:
     """Read numbers separated by blanks, commas or semicolons, with an optional header and column of names."""
     lines = _lines(path)
     delimiter = next((mark for mark in ",;\t" if any(mark in line for line in lines[:2])), None)
-    lines = [line.rstrip().removesuffix(delimiter or " ") for line in lines]  # a line may end with a delimiter
     first, *others = [[word.strip().strip('"') for word in line.split(delimiter)] for line in lines[:2]]
     last = others[0] if others else first
     gallery: tuple[str, ...] = ()
@@ -271,13 +270,15 @@ def _read_text(path: Path) -> DistanceMatrix:
     elif others and len(first) <= 2 < len(last) and first[0] == str(len(lines) - 1):
         lines = lines[1:]  # some programs write the number of shapes first
     is_named = not _is_number(last[0])
-    columns = range(int(is_named), len(last))
+    columns = range(int(is_named), len(last) - (not last[-1]))  # a line may end with a delimiter
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         values = np.loadtxt(lines, delimiter=delimiter, usecols=columns, ndmin=2)
     if any(len(line.split(delimiter)) != len(last) for line in lines):
         raise ConfigurationError(f"{path}: its lines have different numbers of columns", _HINT)
     queries = tuple(line.split(delimiter, 1)[0].strip().strip('"') for line in lines) if is_named else ()
+    if gallery and not gallery[-1]:
+        gallery = gallery[:-1]  # a line may end with a delimiter
     if len(gallery) == values.shape[1] + 1:
         gallery = gallery[1:]  # the cell above the names
     return DistanceMatrix(_matrix(values, str(path)), queries, gallery)
