@@ -34,19 +34,18 @@ EXIT = {"verified": OK, "claimed": NOT_OK, "false": NOT_OK, "unreadable": USAGE}
 
 def merge(options: Merge) -> bool:
     """Merge records, and print those that contradict each other."""
-    results, published = options.results, options.published
-    store = Store.open(results)
-    is_target = results.resolve().__eq__
+    store = Store.open(options.results)
+    is_target = options.results.resolve().__eq__
     stores = [store if is_target(folder.resolve()) else Store(folder / "runs") for folder in options.folders]
     try:
         records = [record for source in stores for record in records_under(source)]
     finally:
         name_skipped(*stores)
     with Claims.of(store) as claims:
-        merged = publish(records, store.published) if published else merge_records(records, store.records)
+        merged = publish(records, store.published) if options.published else merge_records(records, store.records)
         if claims.is_last():
             sweep_leftovers(store)
-            if not published:
+            if not options.published:
                 store.records.gather()
     name_skipped(store)
     for existing, other in merged.conflicts:
@@ -58,23 +57,21 @@ def merge(options: Merge) -> bool:
 
 def prune(options: Prune) -> None:
     """Delete unneeded files, and print how much was freed."""
-    results, dry_run = options.results, options.dry_run
-    store = Store.open(results)
+    store = Store.open(options.results)
     with Claims.of(store) as claims:
-        if not (dry_run or claims.is_last()):
+        if not (options.dry_run or claims.is_last()):
             raise ConfigurationError(
-                f"a run in {results} is using these files", "wait for it to end, or prune where file locks work"
+                f"a run in {options.results} is using these files", "wait for it to end, or prune where file locks work"
             )
         paths = list(unneeded(store))
-        size = sum(path.stat().st_size for path in paths) if dry_run else remove(paths)
+        size = sum(path.stat().st_size for path in paths) if options.dry_run else remove(paths)
     name_skipped(store)
-    say(f"{'would free' if dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
+    say(f"{'would free' if options.dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
 
 
 def submit(options: Submit) -> None:
     """Write a bundle, and print its content and what it omits."""
-    path = options.path
-    known = methods(options.plugins)
+    path, known = options.path, methods(options.plugins)
     with explained(options.method, "method"):
         spec = variant(options.method, known)
     store = Store.open(options.results)
@@ -97,18 +94,19 @@ def submit(options: Submit) -> None:
 
 def verify(options: Verify) -> None:
     """Print the outcome for a bundle and its records."""
-    bundle, folders = options.bundle, options.folders
-    if known := next(filter(is_known, folders), None):
+    if known := next(filter(is_known, options.folders), None):
         raise ConfigurationError(f"'{known}' is a set of the suite, which is found by itself", "omit -d")
-    own_data = {open_dataset(folder, None).name: Path(folder).resolve() for folder in folders}
-    request = Request(bundle, options.results, options.data_root, own_data, options.run, options.again, options.timeout)
+    own_data = {open_dataset(folder, None).name: Path(folder).resolve() for folder in options.folders}
+    request = Request(
+        options.bundle, options.results, options.data_root, own_data, options.run, options.again, options.timeout
+    )
     outcome = verify_bundle(request, lambda line: say(line, err=True))
     if options.as_json:
         say(json.dumps(outcome.to_plain(), sort_keys=True))
     else:
         for line in _outcome_lines(outcome):
             say(line)
-        say(f"{bundle}: {outcome.status} (SHA-256 {outcome.digest[:16]}...)")
+        say(f"{options.bundle}: {outcome.status} (SHA-256 {outcome.digest[:16]}...)")
     if options.into is not None and not keep(outcome, options.into):
         say(f"not stored in {options.into}: the bundle is {outcome.status}", err=True)
     sys.exit(EXIT[outcome.status])

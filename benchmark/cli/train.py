@@ -30,19 +30,18 @@ def check(options: Check) -> bool:
 
 def train(options: Train) -> None:
     """Train the missing models."""
-    method, n_sampled = options.method, options.n_sampled
-    spec = variant(method, methods(options.plugins))
+    spec = variant(options.method, methods(options.plugins))
     if not spec.learns:
-        raise _no_learner(method, options.plugins)
+        raise _no_learner(options.method, options.plugins)
     parameters = {"configuration": options.configuration, "training_seed": options.training_seed}
     spec = spec.with_parameters({name: value for name, value in parameters.items() if value is not None})
     learner = spec.create()
     if not isinstance(learner, Learner):
-        raise _no_learner(method, options.plugins)
+        raise _no_learner(options.method, options.plugins)
     trainings = (
         [find_training(options.only)] if options.only else trainings_of(learner, options.table, options.data_root)
     )
-    if n_sampled and not any(training.name in COUNTED for training in trainings):
+    if options.n_sampled and not any(training.name in COUNTED for training in trainings):
         raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "omit --sampled")
     if options.n_validation:
         trainings = [with_validation(training, options.n_validation) for training in trainings]
@@ -52,8 +51,9 @@ def train(options: Train) -> None:
     for training in trainings:
         say(f"{spec.name}, {training.name}")
         call_apart(
-            train_one, spec, training, options, schedule, n_sampled or SAMPLED_BODIES, what=f"training {spec.name}",
-            hint="correct the method, then train again: checkpoints are kept", all_memory=True, say=say,
+            train_one, spec, training, options, schedule, options.n_sampled or SAMPLED_BODIES,
+            what=f"training {spec.name}", hint="correct the method, then train again: checkpoints are kept",
+            all_memory=True, say=say,
         )  # fmt: skip
         say(f"the model is in {store.models / training.name / learner.model_name}")
 
