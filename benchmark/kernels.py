@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 
 from benchmark.source_code import FIRST_PARTY
@@ -25,14 +26,11 @@ def compiled_files(root: Path) -> Iterator[tuple[Path, Sequence[Path]]]:
     """Yield the modules under a root that have compiled kernels, with their cache files."""
     for package in FIRST_PARTY:
         for folder in sorted((root / package).rglob("__pycache__")):
-            kept: dict[str, list[Path]] = {}
-            for path in sorted(folder.iterdir()):
-                if path.suffix in _ENDINGS:
-                    kept.setdefault(path.name.partition(".")[0], []).append(path)
-            for name, paths in kept.items():
+            kept = sorted(path for path in folder.iterdir() if path.suffix in _ENDINGS)
+            for name, paths in groupby(kept, lambda path: path.name.partition(".")[0]):
                 source = folder.parent / f"{name}.py"
                 if source.is_file():
-                    yield source, paths
+                    yield source, list(paths)
 
 
 def drop_stale_kernels(root: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ def export(options: Export) -> None:
     layout = options.layout or ("frames" if options.name in FRAME_SETS else None)
     if layout is None:
         raise ConfigurationError("no layout is chosen", "pass --layout shrec14 or --layout tosca")
-    count = _on_data(_exported, replace(options, layout=layout))
+    count = _on_data(_exported, options, layout)
     say(f"wrote {count} files to {options.output}; use them with -d {options.output}")
 
 
@@ -47,14 +46,14 @@ def sheet(options: Sheet) -> None:
     say(f"wrote {target}")
 
 
-def _on_data(work: Callable[[str, Any], Any], options: DataOptions) -> Any:
+def _on_data(work: Callable[..., Any], options: DataOptions, *arguments: Any) -> Any:
     """Apply a function to a data set; in a child process if the set comes from a plugin file."""
     with explained(options.name, "data set"):
         (source,) = sources([options.name], options.plugins)
     if not is_own(source):
-        return work(source, options)
+        return work(source, options, *arguments)
     what, hint = f"data set '{options.name}'", "correct the file: 'check' says more"
-    return call_apart(work, source, options, what=what, hint=hint)
+    return call_apart(work, source, options, *arguments, what=what, hint=hint)
 
 
 def _checked(source: str, options: CheckData) -> tuple[list[str], bool]:
@@ -63,11 +62,11 @@ def _checked(source: str, options: CheckData) -> tuple[list[str], bool]:
     return list(report.lines()), report.usable
 
 
-def _exported(source: str, options: Export) -> int:
+def _exported(source: str, options: Export, layout: str) -> int:
     """Export a data set; return the number of files."""
     dataset, watched = open_dataset(source, options.data_root), partial(counting, f"writing {options.name}")
-    if options.layout and options.layout != "frames":
-        return len(export_shapes(dataset, options.output, options.layout, force=options.force, watched=watched))
+    if layout != "frames":
+        return len(export_shapes(dataset, options.output, layout, force=options.force, watched=watched))
     if not isinstance(dataset, CameraFrames):
         raise ConfigurationError(f"data set '{options.name}' has no frames", "choose another --layout")
     return len(export_frames(dataset, options.output, force=options.force, watched=watched))

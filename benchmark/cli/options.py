@@ -1,6 +1,7 @@
 """Options of all commands, as dataclasses from which the click commands are built.
 
 The module of a command is imported when it runs. Every ``--help`` imports this module, so it imports nothing heavy.
+Its annotations are not text, because the types of fields give those of options.
 """
 
 import inspect

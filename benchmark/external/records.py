@@ -16,19 +16,19 @@ from benchmark.datasets.base import Entry, Watched
 from benchmark.datasets.catalogue import is_known
 from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import EXTENSIONS
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.execution.plan import data_facts, data_recipe
 from benchmark.external.files import Labels
 from benchmark.external.scoring import Task
 from benchmark.geometry.io import read_mesh
 from benchmark.pipeline import recipes
-from benchmark.pipeline.method_run import attempted
+from benchmark.pipeline.method_run import attempted, require_arrays
 from benchmark.pipeline.stages import measures
 from benchmark.pipeline.storage.keys import digest, plain
 from benchmark.pipeline.storage.lock import key_of, versions_of
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, EXTERNAL, NO_SCORER, Record
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.output_checks import REFUSED, form_distances, signature_of
+from benchmark.plugins.output_checks import form_distances, signature_of
 from benchmark.plugins.specs import ScorerSpec
 from benchmark.protocols.galleries import Gallery
 from benchmark.text import LONGEST_NAME
@@ -44,13 +44,20 @@ def method_name(title: str) -> str:
     return f"{name[: LONGEST_NAME - 7].rstrip('-')}-{digest(title)[:6]}"  # titles may differ in other characters only
 
 
-def _record(
-    data: Mapping[str, Any], gallery: str, title: str, recipe: Mapping[str, Any], scored: Mapping[str, Any]
+def _store(
+    store: Store,
+    data: Mapping[str, Any],
+    gallery: str,
+    title: str,
+    recipe: Mapping[str, Any],
+    scored: Mapping[str, Any],
 ) -> Record:
-    """Return the record of an external row.
+    """Store the record of an external row, and return it.
 
     Parameters
     ----------
+    store
+        The store.
     data, gallery
         The shapes, as in other records.
     title
@@ -61,7 +68,7 @@ def _record(
         ``scores``, ``per_query``, ``shapes``, ``labels`` and other facts of a finished job.
     """
     labels = scored["labels"]
-    return {
+    record = {
         "key": key_of(recipe),
         "gallery": gallery,
         "input": recipe["input"],
@@ -81,6 +88,8 @@ def _record(
         "cost": {"seconds_per_shape": {}},
         **scored,
     }
+    store.write_record(record)
+    return record
 
 
 # Distances -----------------------------------------------------------------------------------------------------------
@@ -120,9 +129,7 @@ def keep_distances(store: Store, task: Task, title: str, dataset: str, input_: I
     scored = measures.scores([list(task.values)], labels)  # row by row, because the matrix may be asymmetric
     del scored["codebook_deviation"]
     scored |= {"scorer": NO_SCORER, "shapes": names, "labels": labels, "artefacts": [artefact.key]}
-    record = _record(data, gallery, title, of_row, scored)
-    store.write_record(record)
-    return record
+    return _store(store, data, gallery, title, of_row, scored)
 
 
 def own_data(dataset: str, labels: Sequence[str]) -> dict[str, Any]:
@@ -217,18 +224,15 @@ def score_forms(
     start, scorer = time.perf_counter(), spec.create()
     signatures: dict[str, Arrays] = {}
     refused: list[tuple[str, str]] = []
-    for entry in watched(gallery.entries):
-        name = entry.identifier
-        if name not in files:
-            refused.append((name, f"{folder} has no form of this shape"))
-            continue
-        recipe = {"stage": "features", EXTERNAL: digests[name], **common}
-        compute = partial(attempted, partial(_signature, scorer, files[name]))
-        arrays = store.get_or_compute(recipe, compute, work="features").arrays
-        if REFUSED in arrays:
-            refused.append((name, str(arrays[REFUSED][0])))
-        else:
-            signatures[name] = arrays
+    for name in (entry.identifier for entry in watched(gallery.entries)):
+        try:
+            if name not in files:
+                raise UnsupportedShape(f"{folder} has no form of this shape")
+            recipe = {"stage": "features", EXTERNAL: digests[name], **common}
+            compute = partial(attempted, partial(_signature, scorer, files[name]))
+            signatures[name] = require_arrays(store.get_or_compute(recipe, compute, work="features"))
+        except ShapeError as error:
+            refused.append((name, error.problem))
     if not signatures:
         raise ConfigurationError(f"no form in {folder} is usable: {refused[0][1]}", "correct the meshes")
     names, labels = ([getattr(e, part) for e in gallery.entries] for part in ("identifier", "subject"))
@@ -243,9 +247,7 @@ def score_forms(
         "coverage": len(signatures) / len(names),
         "wall_seconds": round(time.perf_counter() - start, 3),
     }
-    record = _record(plain(data_facts(gallery)), gallery.name, title, plain(of_row), scored)
-    store.write_record(record)
-    return record
+    return _store(store, plain(data_facts(gallery)), gallery.name, title, plain(of_row), scored)
 
 
 def _signature(scorer: Any, path: Path) -> Arrays:
