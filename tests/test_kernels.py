@@ -53,7 +53,6 @@ def kept(suite):
 )
 def test_what_was_compiled_from_older_code_goes(suite, edited, expected):
     drop_stale_kernels(suite)
-    assert kept(suite) == {"alone", "inner", "outer"}
     os.utime(suite / "baselines" / edited, (3000, 3000))
     drop_stale_kernels(suite)
     assert kept(suite) == expected
