@@ -13,10 +13,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from benchmark.api.contracts import Shape
 from benchmark.arrays import Arrays
 from benchmark.cli.options import Compile
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.errors import BenchmarkError, ShapeError
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.execution.processes.channel import Facts, wait_for
 from benchmark.execution.processes.process import INTERVAL, ForeignError, Process, ProcessEnded, Tell
 from benchmark.geometry.io import write_mesh
@@ -28,6 +29,7 @@ from benchmark.plugins.conformance.cases import BENDS, figure
 from benchmark.plugins.output_checks import form_distances, signature_of
 from benchmark.plugins.registry import VARIANTS, methods
 from benchmark.plugins.scorers import ScorerSpec
+from benchmark.protocols.models import with_model
 from benchmark.protocols.tables import INPUTS
 from benchmark.source_code import ROOT
 from benchmark.text import say
@@ -97,8 +99,17 @@ def _compile_methods() -> None:
                         MethodRun(preparation, store, row).answer(dataset.entries[0])
 
 
+def _compile_learners() -> None:
+    """Apply the default model of a learner of each module to a small figure."""
+    of_module = {spec.module: spec for spec in methods().values() if spec.learns}
+    for spec in of_module.values():
+        with suppress(ConfigurationError, ShapeError):
+            with_model(spec).canonicalise(Shape(identifier="figure", mesh=figure()))
+
+
 PARTS: dict[str, Callable[[], None]] = {
     "methods": _compile_methods,
+    "learners": _compile_learners,
     "bodies": _compile_bodies,
     "scorer": _compile_scorer,
 }
