@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from benchmark.api.contracts import Input
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.storage.records import Record, answered_labels, answered_shapes
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import millionths
 from benchmark.report.pictures.posing import have_same_poses
-from benchmark.report.significance import UNIT, queries_of
+from benchmark.report.significance import CONTROL, UNIT, queries_of
 from retrieval.measures import PRINTED
 from retrieval.metrics import ROWS, check_distances
 
@@ -96,39 +97,15 @@ def _precision(relevant: NDArray[np.bool_]) -> NDArray[np.float64]:
     return precision
 
 
-def confusion(nearest: NDArray[np.intp], kinds: Sequence[str]) -> dict[tuple[str, str], int]:
-    """Return the numbers of queries by their own kind and that of their nearest match."""
-    matches = nearest[:, 0].tolist() if nearest.size else ()
-    return dict(Counter((kinds[query], kinds[match]) for query, match in enumerate(matches)))
-
-
-#: What a query and its nearest match have in common: only the subject, only the pose, neither, or both (a second scan
-#: of the shape).
-Attraction = dict[str, float]
-
-
-def attraction(nearest: NDArray[np.intp], subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
-    """Return how often nearest matches share the query's subject or pose; None if no two shapes share a pose."""
-    if len(set(poses)) == len(poses) or not nearest.size:
-        return None
-    same, alike = (np.array(kinds)[nearest[:, 0]] == np.array(kinds) for kinds in (subjects, poses))
-    return _shares(int(same.sum()), int(alike.sum()), int((same & alike).sum()), len(same))
-
-
-def expected_attraction(subjects: Sequence[str], poses: Sequence[str]) -> Attraction | None:
-    """Return the :func:`attraction` of random matches."""
-    count = len(subjects)
-    if len(set(poses)) == len(poses) or count < 2:
-        return None
-    kinds = (subjects, poses, zip(subjects, poses, strict=True))
-    same, alike, both = (sum(n * (n - 1) for n in Counter(of_kind).values()) for of_kind in kinds)
-    return _shares(same, alike, both, count * (count - 1))
-
-
-def _shares(same: int, alike: int, both: int, total: int) -> Attraction:
-    """Return fractions from the numbers of pairs with the same subject, the same pose, and both."""
-    counts = {"subject": same - both, "pose": alike - both, "neither": total - same - alike + both, "both": both}
-    return {name: count / total for name, count in counts.items()}
+def costs_and_scores(
+    table: TableContent, input_: Input, measure: str, *, with_controls: bool = True
+) -> dict[str, tuple[float, float]]:
+    """Return seconds and score of each row that has both, by method."""
+    return {
+        line.method: (line.seconds, millionths(line.scores[measure]))
+        for line in table.lines
+        if line.input == input_ and line.scores and line.seconds and (with_controls or line.family != CONTROL)
+    }
 
 
 def pareto_front(points: Mapping[str, tuple[float, float]]) -> list[str]:
@@ -153,6 +130,13 @@ def pareto_front(points: Mapping[str, tuple[float, float]]) -> list[str]:
 
 #: Kinds of confusions.
 CLASSES, POSES = "classes", "poses"
+
+#: What a query and its match have in common: only the subject, only the pose, neither, or both (a second scan of the
+#: shape).
+_COMMON = ("subject", "pose", "neither", "both")
+
+Attraction = dict[str, float]
+"""Fraction of matches by what they have in common with their query."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,43 +175,48 @@ class RankedCell:
         rows = rows[~np.isnan(rows[:, 0])]
         return [millionths(value) for value in rows.mean(axis=0)] if len(rows) else None
 
-    def confusion(self, kind: str) -> Counter[tuple[str, str]]:
-        """Return the numbers of queries by their class, or pose, and that of their nearest match."""
-        counts: Counter[tuple[str, str]] = Counter()
+    def confusion(self, kind: str, names: Sequence[str]) -> NDArray[np.int64]:
+        """Return the numbers of queries of each class, or pose, as rows, by that of their nearest match as columns."""
+        counts = np.zeros((len(names), len(names)), dtype=np.int64)
+        place = {name: number for number, name in enumerate(names)}
         for gallery, ranks in self._rankings:
-            if kinds := gallery.kinds(kind):
-                counts.update(confusion(ranks.nearest, kinds))
+            numbers = np.array([place[name] for name in gallery.kinds(kind)], dtype=np.intp)
+            if numbers.size:
+                np.add.at(counts, (numbers[:, None], numbers[ranks.nearest[:, :1]]), 1)
         return counts
 
-    def attraction(self) -> tuple[Attraction, Attraction] | None:
-        """Return the attraction of the nearest matches, and that of random ones."""
+    def attraction(self) -> tuple[Attraction, Attraction] | tuple[None, None]:
+        """Return the attraction of the nearest matches, and that of random ones; None without poses to compare."""
         shares, weights = [], []
         for gallery, ranks in self._rankings:
-            classes, poses = gallery.kinds(CLASSES), gallery.kinds(POSES)
-            of_match = attraction(ranks.nearest, classes, poses) if poses else None
-            at_random = expected_attraction(classes, poses) if poses else None
-            if of_match is not None and at_random is not None:
-                shares.append([[*of_match.values()], [*at_random.values()]])
-                weights.append(len(poses))
-                names = list(of_match)
+            if poses := gallery.kinds(POSES):
+                classes, count, matches = gallery.kinds(CLASSES), len(poses), ranks.nearest[:, 0].tolist()
+                kinds = (classes, poses, [*zip(classes, poses, strict=True)])
+                alike = (sum(of[query] == of[match] for query, match in enumerate(matches)) for of in kinds)
+                pairs = (sum(n * (n - 1) for n in Counter(of).values()) for of in kinds)
+                shares.append([_shares(alike, count), _shares(pairs, count * (count - 1))])
+                weights.append(count)
         if not shares:
-            return None
+            return None, None
         means = np.average(shares, axis=0, weights=weights).round(4).tolist()
-        ours, random = (dict(zip(names, values, strict=True)) for values in means)
+        ours, random = (dict(zip(_COMMON, values, strict=True)) for values in means)
         return ours, random
 
-    def by_class(self, classes: Sequence[str]) -> dict[str, list[float | None]]:
-        """Return the mean of each measure over the queries of each class."""
+    def by_class(self, classes: Sequence[str]) -> dict[str, list[float]]:
+        """Return the mean of each measure over the queries of each class; NaN without queries."""
+        from pandas import DataFrame
+
         queries = queries_of([self.line.records])
-        place = {name: number for number, name in enumerate(classes)}
-        numbers = np.array([place[label] for label in queries.labels], dtype=np.intp)
-        counts = np.bincount(numbers, minlength=len(classes))
-        sums = np.zeros((len(classes), len(PRINTED)))
-        np.add.at(sums, numbers, queries.values[:, :, 0])
-        return {
-            name: [millionths(total / n) if n else None for total, n in zip(of_measure * UNIT, counts, strict=True)]
-            for name, of_measure in zip(PRINTED, sums.T, strict=True)
-        }
+        values = DataFrame(queries.values[:, :, 0], columns=PRINTED)
+        groups = values.groupby(np.array(queries.labels, dtype=object))
+        means = (groups.sum() * UNIT).div(groups.size(), axis=0).reindex(classes)
+        return {name: [*map(millionths, of_measure)] for name, of_measure in means.items()}
+
+
+def _shares(counts: Iterable[int], total: int) -> list[float]:
+    """Return fractions from the numbers of pairs with the same subject, the same pose, and both."""
+    same, alike, both = counts
+    return [count / total for count in (same - both, alike - both, total - same - alike + both, both)]
 
 
 def ranked_cells(table: TableContent, artefacts: ArtefactReader) -> list[RankedCell]:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.report.rankings import RECALLS, confusion, pareto_front, ranking
+from benchmark.report.rankings import RECALLS, pareto_front, ranking
 from retrieval.metrics import evaluate
 
 LABELS = ["a", "a", "a", "b", "b", "c"]
@@ -37,12 +37,6 @@ def test_precision_is_interpolated_and_absent_for_the_only_shape_of_its_class():
     lone = ranking(distances(), LABELS).precision
     assert np.isnan(lone[5]).all()
     assert not np.isnan(lone[:5]).any()
-
-
-def test_confusion_counts_each_query_once():
-    counts = confusion(ranking(distances(), LABELS).nearest, LABELS)
-    assert sum(counts.values()) == len(LABELS)
-    assert {who: sum(n for (a, _), n in counts.items() if a == who) for who in "abc"} == {"a": 3, "b": 2, "c": 1}
 
 
 @given(st.dictionaries(st.text(max_size=3), st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=8))

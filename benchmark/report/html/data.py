@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.pipeline.storage.records import answered_shapes
 from benchmark.report.artefact_reader import NOT_STORED
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import millionths
 from benchmark.report.html.forms import Files, Sheets, add_script
 from benchmark.report.pictures.posing import spread
 from benchmark.report.rankings import (
@@ -20,10 +21,10 @@ from benchmark.report.rankings import (
     RankedCell,
     RankedGallery,
     classes_of,
+    costs_and_scores,
     pareto_front,
     poses_of,
 )
-from benchmark.report.significance import CONTROL
 from benchmark.text import brief
 from retrieval.measures import PRINTED
 
@@ -48,7 +49,7 @@ def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, An
         line = cell.line
         method, input_ = line.method, line.input
         judged = {name: table.significance.get((method, input_, name)) for name in PRINTED}
-        attraction, by_chance = cell.attraction() or (None, None)
+        attraction, by_chance = cell.attraction()
         if by_chance is not None:
             at_random.setdefault(input_, by_chance)
         rows[method]["inputs"][input_] = {
@@ -60,7 +61,7 @@ def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, An
             "precision": cell.precision(),
             "attraction": attraction,
             "classes": cell.by_class(names[CLASSES]) if names[CLASSES] else {},
-            "confusion": {kind: _numbered(cell.confusion(kind), known) for kind, known in names.items() if known},
+            "confusion": {kind: _counts(cell.confusion(kind, known)) for kind, known in names.items() if known},
         }
     return {
         "inputs": table.inputs,
@@ -69,24 +70,23 @@ def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, An
         "poses": names[POSES],
         "chance": table.chance,
         "attraction": at_random,
-        "fronts": {input_: {name: _fronts(cells, input_, name) for name in PRINTED} for input_ in table.inputs},
+        "fronts": {input_: {name: _fronts(table, input_, name) for name in PRINTED} for input_ in table.inputs},
         "rows": list(rows.values()),
     }
 
 
-def _numbered(counts: Counter[tuple[str, str]], names: Sequence[str]) -> list[list[int]]:
-    number = {name: place for place, name in enumerate(names)}
-    return [[number[query], number[match], count] for (query, match), count in counts.items()]
+def _counts(matrix: NDArray[np.int64]) -> list[tuple[int, ...]]:
+    """Return row, column and value of each entry that is not 0."""
+    return [(*place, int(matrix[place])) for place in zip(*np.nonzero(matrix), strict=True)]
 
 
-def _fronts(cells: Sequence[RankedCell], input_: str, measure: str) -> dict[str, list[str]]:
+def _fronts(table: TableContent, input_: Input, measure: str) -> dict[str, list[str]]:
     """Return the Pareto fronts of cost and score, without controls and over all rows."""
-    timed = {
-        cell.line.method: cell.line for cell in cells if cell.line.input == input_ and cell.line.seconds is not None
+    both = {"methods": False, "all": True}
+    return {
+        name: pareto_front(costs_and_scores(table, input_, measure, with_controls=with_controls))
+        for name, with_controls in both.items()
     }
-    points = {method: (line.seconds, millionths(line.scores[measure])) for method, line in timed.items()}
-    methods = {name: point for name, point in points.items() if timed[name].family != CONTROL}
-    return {"methods": pareto_front(methods), "all": pareto_front(points)}
 
 
 def write_queries(

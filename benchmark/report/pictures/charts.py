@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,18 @@ from benchmark.datasets.perturbations.dataset import PERTURBATIONS
 from benchmark.errors import ConfigurationError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import millionths, number
+from benchmark.report.escaping import number
 from benchmark.report.pictures.forms import WIDTH
 from benchmark.report.pictures.painting import save
-from benchmark.report.rankings import CLASSES, RECALLS, RankedCell, classes_of, pareto_front, ranked_cells
+from benchmark.report.rankings import (
+    CLASSES,
+    RECALLS,
+    RankedCell,
+    classes_of,
+    costs_and_scores,
+    pareto_front,
+    ranked_cells,
+)
 from benchmark.report.robustness import file_stem, titles
 from benchmark.report.significance import CONTROL
 from benchmark.text import clean
@@ -63,33 +71,36 @@ def cost_figure(table: TableContent, measure: str = MEASURE) -> Figure:
     ConfigurationError
         If no row has scores and a cost.
     """
-    points = {input_: _points(table, input_, measure) for input_ in table.inputs}
+    points = {input_: costs_and_scores(table, input_, measure) for input_ in table.inputs}
     inputs = [input_ for input_ in table.inputs if points[input_]]
     if not inputs:
         raise ConfigurationError("no row of the table has scores and a cost", "run its methods here")
     n_lines = -(-max(len(points[input_]) for input_ in inputs) // 3)
-    figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1] + 0.1 * n_lines), dpi=300, layout="constrained")
-    axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
+    figure, axes = _panels(table, inputs, 0.1 * n_lines, "seconds a shape", measure)
     for place, input_ in zip(axes, inputs, strict=True):
         _cost_panel(place, table, input_, measure, points[input_])
-    axes[0].set_ylabel(measure, fontsize=8)
     return figure
 
 
-def _points(table: TableContent, input_: Input, measure: str) -> dict[str, tuple[float, float]]:
-    """Return seconds and score of each row that has both, by method."""
-    return {
-        line.method: (line.seconds, millionths(line.scores[measure]))
-        for line in table.lines
-        if line.input == input_ and line.scores and line.seconds
-    }
+def _panels(
+    table: TableContent, inputs: Sequence[Input], height: float, x_label: str, y_label: str
+) -> tuple[Figure, Sequence[Axes]]:
+    """Return a figure with a titled panel for each input, higher by so many inches for a legend below."""
+    figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1] + height), dpi=300, layout="constrained")
+    axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
+    axes[0].set_ylabel(y_label, fontsize=8)
+    for place, input_ in zip(axes, inputs, strict=True):
+        place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, **_TEXT)
+        place.set_xlabel(x_label, fontsize=8)
+        _plain_frame(place, "top", "right")
+    return figure, axes
 
 
 def _cost_panel(
     place: Axes, table: TableContent, input_: Input, measure: str, points: Mapping[str, tuple[float, float]]
 ) -> None:
     rows = {row.method: row for row in table.rows}
-    front = pareto_front({name: point for name, point in points.items() if rows[name].family != CONTROL})
+    front = pareto_front(costs_and_scores(table, input_, measure, with_controls=False))
     if front:
         seconds, scores = zip(*(points[name] for name in front), strict=True)
         place.step(seconds, scores, where="post", color="#2f6fb7", lw=1.2, zorder=1)
@@ -115,10 +126,7 @@ def _cost_panel(
         )  # fmt: skip
     place.axhline(table.chance[measure], color="0.6", lw=0.7, ls=(0, (4, 3)), zorder=0)
     _log_axis(place, (1.0, 2.0, 5.0))
-    place.set_xlabel("seconds a shape", fontsize=8)
-    place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, parse_math=False)
     place.set_ylim(max(0.0, min(lows) - 0.06), 1.02)
-    _plain_frame(place, "top", "right")
 
 
 def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> Figure | None:
@@ -239,18 +247,13 @@ def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> F
     methods = dict.fromkeys(cell.line.method for cell, _ in curves)
     looks = dict(zip(methods, _looks(), strict=False))
     n_lines = -(-len(methods) // len(inputs) // 2)
-    figure = Figure(figsize=(_COST[0] * len(inputs), _COST[1] + 0.14 * n_lines), dpi=300, layout="constrained")
-    axes = figure.subplots(1, len(inputs), squeeze=False, sharey=True)[0]
-    for place, input_ in zip(axes, inputs, strict=True):
-        for cell, precision in curves:
-            if cell.line.input == input_:
-                place.plot(RECALLS, precision, lw=1, ms=2.5, label=cell.line.method, **looks[cell.line.method])
-        place.set_title(f"{clean(table.data['name'])}, {input_}", fontsize=8, **_TEXT)
-        place.set_xlabel("recall", fontsize=8)
+    figure, axes = _panels(table, inputs, 0.14 * n_lines, "recall", "precision")
+    for place in axes:
         place.set_xlim(0, 1.02)
         place.set_ylim(0, 1.03)
-        _plain_frame(place, "top", "right")
-    axes[0].set_ylabel("precision", fontsize=8)
+    for cell, precision in curves:
+        place = axes[inputs.index(cell.line.input)]
+        place.plot(RECALLS, precision, lw=1, ms=2.5, label=cell.line.method, **looks[cell.line.method])
     handles = {label: line for place in axes for line, label in zip(*place.get_legend_handles_labels(), strict=True)}
     names = {cell.line.method: _shortened(clean(cell.line.title), 34).replace("$", r"\$") for cell, _ in curves}
     figure.legend(
@@ -292,20 +295,17 @@ def confusion_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
     """
     cells = ranked_cells(table, artefacts)
     names = classes_of(cells)
-    panels = [(cell, counts) for cell in cells if (counts := cell.confusion(CLASSES))][:_MOST_PANELS]
+    counted = ((cell, cell.confusion(CLASSES, names)) for cell in cells)
+    panels = [*islice(((cell, counts) for cell, counts in counted if counts.any()), _MOST_PANELS)]
     _inputs(cell for cell, _ in panels)
     columns = min(_PANELS, len(panels))
     rows, side = -(-len(panels) // columns), WIDTH / max(columns, 2)
     figure = Figure(figsize=(side * columns, (side + 0.15) * rows), dpi=300, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    place_of = {name: k for k, name in enumerate(names)}
     for place in axes[len(panels) :]:
         place.axis("off")
     for order, (place, (cell, counts)) in enumerate(zip(axes, panels, strict=False)):
-        values = np.zeros((len(names), len(names)))
-        for (query, match), n_queries in counts.items():
-            values[place_of[query], place_of[match]] = n_queries
-        values /= np.maximum(values.sum(axis=1, keepdims=True), 1)
+        values = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         image = _heat_map(place, values, names, names if order % columns == 0 else [])
         place.set_title(f"{_shortened(clean(cell.line.title), 20)}, {cell.line.input}", fontsize=_SIZE, **_TEXT)
     bar = figure.colorbar(image, ax=axes, fraction=0.02, pad=0.01, format=PercentFormatter(1))
