@@ -110,12 +110,16 @@ class Sheets:
         Index k of each shape on the sheets of all methods: position k % 50 on sheet k // 50.
     reasons
         Reason why a form has no picture, by method and shape; "" if it has one.
+    files
+        Files to which finished sheets are added.
     """
 
     stem: str
     titles: dict[str, str]
     places: dict[str, int] = field(default_factory=dict)
     reasons: dict[str, dict[str, str]] = field(default_factory=dict)
+    files: Files = field(default_factory=dict, repr=False)
+    _open: dict[int, Image.Image] = field(default_factory=dict, repr=False)
 
     @property
     def numbers(self) -> dict[str, int]:
@@ -129,6 +133,25 @@ class Sheets:
             "methods": [{"name": name, "title": title} for name, title in self.titles.items()],
             "cells": {shape: [of_method.get(shape, NOT_STORED) for of_method in reasons] for shape in shapes},
         }
+
+    def add(self, name: str, meshes: Mapping[str, Mesh]) -> None:
+        """Draw a shape and its forms by method at the next place."""
+        place = self.places[name] = len(self.places)
+        row, column = divmod(place % _ON_SHEET, ACROSS)
+        values = outwardness(meshes[SHAPE])
+        for method, mesh in meshes.items():
+            own = values if np.array_equal(mesh.faces, meshes[SHAPE].faces) else outwardness(mesh)
+            picture = painted(mesh.vertices, mesh.faces, own, SIDE, _MARGIN * reach(mesh.vertices))
+            sheet = self._open.setdefault(self.numbers[method], Image.new("RGBA", (SIDE * ACROSS, SIDE * DOWN)))
+            sheet.paste(picture, (SIDE * column, SIDE * row))
+        if len(self.places) % _ON_SHEET == 0:
+            self.close()
+
+    def close(self) -> None:
+        """Write the sheets with pictures."""
+        for number, image in self._open.items():
+            add_picture(self.files, f"{self.stem}-{number}-{(len(self.places) - 1) // _ON_SHEET}", image)
+        self._open.clear()
 
 
 @dataclass
@@ -210,19 +233,31 @@ def draw_set(
     entries.sort(key=lambda entry: (order[entry.subject], drawn.files.get(entry.identifier, len(entries))))
     shown = [entry.identifier for entry in spread(entries, _MOST_PICTURES)]
     with_forms = beside.union(spread(shown, room[1]))
+    with_pictures = beside.union(shown)
+    entries = [entry for entry in entries if entry.identifier in with_pictures]
     for input_ in INPUTS:
         by_method: dict[str, dict[str, Record]] = {}
         for record in (record for record in records if record["input"] == input_):
-            sheets = drawn.sheets.setdefault(input_, Sheets(f"{stem}-{input_}", {}))
+            sheets = drawn.sheets.setdefault(input_, Sheets(f"{stem}-{input_}", {}, files=files))
             sheets.titles.setdefault(record["method"], brief(record["title"]))
             of_method = by_method.get(record["method"], {})
             by_method[record["method"]] = dict.fromkeys(record["shapes"], record) | of_method
-        if by_method:
-            drawing = _Drawing(drawn, input_, by_method, artefacts, files, say)
-            for _, of_class in groupby(entries, key=lambda entry: entry.subject):
-                of_page = [entry for entry in of_class if entry.identifier in beside.union(shown)]
-                drawing.draw_class(of_page, beside, with_forms)
-            drawing.close()
+        if not by_method:
+            continue
+        for _, of_class in groupby(entries, key=lambda entry: entry.subject):
+            models: dict[str, Points] = {}
+            large: dict[str, dict[str, Mesh]] = {}
+            for entry in of_class:
+                meshes = _posed(entry, by_method, artefacts, models, sheets, is_drawn=entry.identifier in with_forms)
+                if meshes:
+                    sheets.add(entry.identifier, meshes)
+                    if len(sheets.places) % _ON_SHEET == 0:
+                        say(f"{len(sheets.places)} shapes drawn with their forms")
+                if meshes and entry.identifier in beside:
+                    large[entry.identifier] = meshes
+            if large:
+                _add_large(drawn, sheets, large)
+        sheets.close()
     return drawn
 
 
@@ -233,97 +268,56 @@ def _dataset(records: Sequence[Record], artefacts: ArtefactReader) -> Dataset | 
     return None
 
 
-@dataclass
-class _Drawing:
-    """Drawing of one data set for one input."""
+def _posed(
+    entry: Entry,
+    by_method: Mapping[str, Mapping[str, Record]],
+    artefacts: ArtefactReader,
+    models: dict[str, Points],
+    sheets: Sheets,
+    *,
+    is_drawn: bool,
+) -> dict[str, Mesh]:
+    """Return a shape and its forms by method, and note the reasons for missing ones; empty if it is not stored."""
+    name = entry.identifier
+    records = {method: of_method[name] for method, of_method in by_method.items() if name in of_method}
+    if not records:
+        return {}
+    forms = posed(entry, next(iter(records.values())), records if is_drawn else {}, artefacts, models)
+    for method in by_method:
+        form = forms.get(method, _NOT_DRAWN if method in records else _ABSENT)
+        sheets.reasons.setdefault(method, {})[name] = brief(form) if isinstance(form, str) else ""
+    return {method: form for method, form in forms.items() if isinstance(form, Mesh)}
 
-    drawn: DrawnSet
-    input: Input
-    by_method: Mapping[str, Mapping[str, Record]]
-    artefacts: ArtefactReader
-    files: Files
-    say: Progress
-    _open: dict[int, Image.Image] = field(default_factory=dict)
 
-    def draw_class(self, entries: Sequence[Entry], beside: set[str], with_forms: set[str]) -> None:
-        """Draw the small pictures of a class, and large ones of some shapes, with all forms of a method aligned."""
-        models: dict[str, Points] = {}
-        large: list[tuple[Entry, dict[str, Mesh]]] = []
-        for entry in entries:
-            meshes = self._posed(entry, models, entry.identifier in with_forms)
-            if meshes:
-                self._add_small(entry, meshes)
-            if meshes and entry.identifier in beside:
-                large.append((entry, meshes))
-        if large:
-            self._add_large(large)
-
-    def _posed(self, entry: Entry, models: dict[str, Points], is_drawn: bool) -> dict[str, Mesh]:
-        """Return a shape and its forms by method; empty if the shape is not stored."""
-        name, sheets = entry.identifier, self.drawn.sheets[self.input]
-        records = {method: of_method[name] for method, of_method in self.by_method.items() if name in of_method}
-        if not records:
-            return {}
-        record = next(iter(records.values()))
-        forms = posed(entry, record, records if is_drawn else {}, self.artefacts, models)
-        for method in self.by_method:
-            form = forms.get(method, _NOT_DRAWN if method in records else _ABSENT)
-            sheets.reasons.setdefault(method, {})[name] = brief(form) if isinstance(form, str) else ""
-        return {method: form for method, form in forms.items() if isinstance(form, Mesh)}
-
-    def _add_small(self, entry: Entry, meshes: Mapping[str, Mesh]) -> None:
-        sheets, shape = self.drawn.sheets[self.input], meshes[SHAPE]
-        place = sheets.places[entry.identifier] = len(sheets.places)
-        row, column = divmod(place % _ON_SHEET, ACROSS)
-        values = outwardness(shape)
+def _add_large(drawn: DrawnSet, sheets: Sheets, shapes: Mapping[str, Mapping[str, Mesh]]) -> None:
+    """Write pictures of each shape and its forms as a strip, and surfaces as a script, at one scale per method."""
+    rows = sheets.numbers
+    widths: dict[str, float] = {}
+    for method, mesh in chain.from_iterable(meshes.items() for meshes in shapes.values()):
+        widths[method] = max(widths.get(method, 0.0), _MARGIN * reach(mesh.vertices))
+    strips = []
+    for shape, meshes in shapes.items():
+        strip = Image.new("RGBA", (TILE, TILE * len(rows)))
+        shared = _Thinned.of(meshes[SHAPE])
+        surfaces: dict[str, Any] = {}
         for method, mesh in meshes.items():
-            own = values if np.array_equal(mesh.faces, shape.faces) else outwardness(mesh)
-            picture = painted(mesh.vertices, mesh.faces, own, SIDE, _MARGIN * reach(mesh.vertices))
-            number = sheets.numbers[method]
-            if number not in self._open:
-                self._open[number] = Image.new("RGBA", (SIDE * ACROSS, SIDE * DOWN))
-            self._open[number].paste(picture, (SIDE * column, SIDE * row))
-        if place % _ON_SHEET == _ON_SHEET - 1:
-            self.close()
-            self.say(f"{place + 1} shapes drawn with their forms")
-
-    def close(self) -> None:
-        """Write the sheets with pictures."""
-        sheets = self.drawn.sheets[self.input]
-        for number, image in self._open.items():
-            add_picture(self.files, f"{sheets.stem}-{number}-{(len(sheets.places) - 1) // _ON_SHEET}", image)
-        self._open.clear()
-
-    def _add_large(self, shapes: Sequence[tuple[Entry, Mapping[str, Mesh]]]) -> None:
-        """Write pictures of each shape and its forms as a strip, and surfaces as a script, at one scale per method."""
-        rows = {method: row for row, method in enumerate((SHAPE, *self.by_method))}
-        widths: dict[str, float] = {}
-        for _, meshes in shapes:
-            for method, mesh in meshes.items():
-                widths[method] = max(widths.get(method, 0.0), _MARGIN * reach(mesh.vertices))
-        strips = []
-        for entry, meshes in shapes:
-            strip = Image.new("RGBA", (TILE, TILE * len(rows)))
-            shared = _Thinned.of(meshes[SHAPE])
-            surfaces: dict[str, Any] = {}
-            for method, mesh in meshes.items():
-                is_shared = np.array_equal(mesh.faces, meshes[SHAPE].faces)
-                thin = shared if is_shared else _Thinned.of(mesh)
-                points = mesh.vertices[thin.chosen] / widths[method]
-                surfaces[method] = {"at": _packed(_steps(points))} | ({} if is_shared else thin.topology())
-                strip.paste(painted(points, thin.faces, thin.values, TILE, 1.0), (0, TILE * rows[method]))
-            name = f"forms-{self.drawn.stem}-{self.input}-{self.drawn.files[entry.identifier]}"
-            add_picture(self.files, name, strip)
-            add_script(self.files, name, {"shape": entry.identifier, **shared.topology(), "surfaces": surfaces})
-            self.drawn.n_forms += len(meshes) - 1
-            strips.append(strip)
-        row = next((rows[method] for method in self.by_method if all(method in meshes for _, meshes in shapes)), 0)
-        if row and not self.drawn.hero:
-            image = Image.new("RGBA", (TILE * len(strips), 2 * TILE))
-            for column, strip in enumerate(strips):
-                image.paste(strip.crop((0, 0, TILE, TILE)), (TILE * column, 0))
-                image.paste(strip.crop((0, TILE * row, TILE, TILE * (row + 1))), (TILE * column, TILE))
-            self.drawn.hero = add_picture(self.files, f"hero-{self.drawn.stem}", image)
+            is_shared = np.array_equal(mesh.faces, meshes[SHAPE].faces)
+            thin = shared if is_shared else _Thinned.of(mesh)
+            points = mesh.vertices[thin.chosen] / widths[method]
+            surfaces[method] = {"at": _packed(_steps(points))} | ({} if is_shared else thin.topology())
+            strip.paste(painted(points, thin.faces, thin.values, TILE, 1.0), (0, TILE * rows[method]))
+        name = f"forms-{sheets.stem}-{drawn.files[shape]}"
+        add_picture(sheets.files, name, strip)
+        add_script(sheets.files, name, {"shape": shape, **shared.topology(), "surfaces": surfaces})
+        drawn.n_forms += len(meshes) - 1
+        strips.append(strip)
+    row = next((rows[method] for method in sheets.titles if all(method in meshes for meshes in shapes.values())), 0)
+    if row and not drawn.hero:
+        image = Image.new("RGBA", (TILE * len(strips), 2 * TILE))
+        for column, strip in enumerate(strips):
+            image.paste(strip.crop((0, 0, TILE, TILE)), (TILE * column, 0))
+            image.paste(strip.crop((0, TILE * row, TILE, TILE * (row + 1))), (TILE * column, TILE))
+        drawn.hero = add_picture(sheets.files, f"hero-{drawn.stem}", image)
 
 
 @dataclass(frozen=True, eq=False)
