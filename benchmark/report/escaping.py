@@ -6,9 +6,10 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import ROUND_HALF_UP, Decimal
 from html import escape
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -143,13 +144,26 @@ def markdown_document(template: str, **content: object) -> str:
     return _DOCUMENTS.get_template(f"{template}.md").render(content)
 
 
-_DOCUMENTS = Environment(
-    loader=PackageLoader("benchmark.report"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    finalize=lambda value: value if isinstance(value, Markup) else Markup(markdown_text(value)),  # noqa: S704
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
+def environment(package: str, finalize: Callable[[object], str], **marks: Any) -> Environment:
+    """Return an environment for the templates of a package that escapes all values; without blanks around blocks.
+
+    Parameters
+    ----------
+    package
+        The package.
+    finalize
+        Escapes a value, unless it is markup.
+    **marks
+        Marks of blocks, variables and comments, instead of the usual ones.
+    """
+    return Environment(
+        loader=PackageLoader(package), autoescape=True, undefined=StrictUndefined, finalize=finalize,
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, **marks,
+    )  # fmt: skip
+
+
+_DOCUMENTS = environment(
+    "benchmark.report",
+    lambda value: value if isinstance(value, Markup) else Markup(markdown_text(value)),  # noqa: S704
 )
 _DOCUMENTS.filters |= {"line": lambda text: Markup(markdown_line(text)), "number": number}  # noqa: S704

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from itertools import chain, pairwise
 from typing import Any, Literal, TypeVar
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from benchmark.datasets.decimated import parsed_decimation
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.perturbations.dataset import parsed
@@ -25,7 +23,7 @@ from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.plugins.scorers import DEFAULT, scorers
 from benchmark.reference.paper import is_listed
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import latex_prose, latex_text, number
+from benchmark.report.escaping import environment, latex_prose, latex_text, number
 from benchmark.report.frame import Extra, Style, figures, labels, printed
 from benchmark.report.notes import notes
 from benchmark.report.results import MISSING
@@ -293,21 +291,10 @@ def _finalized(value: object) -> Latex:
 
 
 #: All values in templates are cleaned and escaped, except LaTeX.
-ENVIRONMENT = Environment(
-    loader=PackageLoader("benchmark.report.paper"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    finalize=_finalized,
-    block_start_string="<%",
-    block_end_string="%>",
-    variable_start_string="<<",
-    variable_end_string=">>",
-    comment_start_string="<#",
-    comment_end_string="#>",
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
+ENVIRONMENT = environment(
+    "benchmark.report.paper", _finalized, block_start_string="<%", block_end_string="%>",
+    variable_start_string="<<", variable_end_string=">>", comment_start_string="<#", comment_end_string="#>",
+)  # fmt: skip
 #: Template of a table; all its values are LaTeX.
 _TEMPLATE = ENVIRONMENT.overlay(autoescape=False, finalize=None).get_template("table.tex")
 ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number, "quoted": _quoted}

@@ -11,7 +11,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from benchmark.datasets.own import is_own
@@ -22,7 +21,7 @@ from benchmark.pipeline.storage.records import EXTERNAL, Record
 from benchmark.plugins.parameters import split_name
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import BLANK, html_line, html_text, millionths, number
+from benchmark.report.escaping import BLANK, environment, html_line, html_text, millionths, number
 from benchmark.report.frame import Style, lines
 from benchmark.report.html.data import chart_data, write_queries
 from benchmark.report.html.forms import DrawnSet, Files, Progress, add_script, draw_set, script_json
@@ -297,15 +296,7 @@ def _assets() -> Files:
 
 
 #: All values in templates are cleaned and escaped, except markup.
-ENVIRONMENT = Environment(
-    loader=PackageLoader("benchmark.report.html"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    finalize=html_text,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
+ENVIRONMENT = environment("benchmark.report.html", html_text)
 ENVIRONMENT.filters |= {
     "json": lambda value: Markup(script_json(value)),
     "line": html_line,
