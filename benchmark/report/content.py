@@ -19,7 +19,7 @@ from benchmark.protocols.tables import ABLATION, INPUTS, ONLY_ABLATED, TABLES, T
 from benchmark.reference import paper
 from benchmark.report.escaping import number
 from benchmark.report.results import MISSING, Figures, Result, line_of, tables_of
-from benchmark.report.significance import CONTROL, TableSignificance, table_significance
+from benchmark.report.significance import CONTROL, FigureSignificance, TableSignificance, table_significance
 from benchmark.text import LONGEST_NAME, brief
 
 if TYPE_CHECKING:
@@ -111,6 +111,10 @@ class TableContent:
         if self.whole is None:
             return table_significance(self.lines)
         return {place: judged for place, judged in self.whole.significance.items() if place[1] in self.inputs}
+
+    def judged(self, line: Any) -> Mapping[str, FigureSignificance]:
+        """Return the significance of the scores of a line by measure; empty without scores of all its jobs."""
+        return self.significance.get((line.method, line.input), {})
 
     @cached_property
     def departures(self) -> Mapping[str, str]:

@@ -15,7 +15,7 @@ from benchmark.report.latex import Notes, latex_files, latex_rows
 from benchmark.report.notes import notes
 from benchmark.report.reproduction import paper_tables, reproduction_markdown
 from benchmark.report.results import Figures
-from benchmark.report.significance import DRAWS, RESAMPLES, FigureSignificance
+from benchmark.report.significance import DRAWS, RESAMPLES
 from retrieval.measures import PRINTED
 
 _STYLE = Style("**{}**", "*{}*")
@@ -94,7 +94,7 @@ def intervals_markdown(table: TableContent) -> str:
     """Return the computed scores as Markdown, with intervals, spread over codebooks, and tests against the best row."""
     body = []
     for line in (line for input_ in table.inputs for line in table.of(input_).lines):
-        if judged := _judged(table, line):
+        if judged := table.judged(line):
             codebooks = [record["codebook_deviation"] for record in line.records if record.get("codebook_deviation")]
             spread = sum(deviation["NN"] for deviation in codebooks) / len(codebooks) if codebooks else None
             body.append([
@@ -105,7 +105,7 @@ def intervals_markdown(table: TableContent) -> str:
                 *("best" if one.is_best else number(one.probability, 4) for one in judged.values()),
             ])  # fmt: skip
     head = ["Method", "input", *PRINTED, "codebooks NN", *(f"p {measure}" for measure in PRINTED)]
-    has_ties = any(judged.is_tied for judged in table.significance.values())
+    has_ties = any(line.n_tied and table.judged(line) for line in table.lines)
     more = {"has_ties": has_ties, "tied": TIED, "draws": DRAWS, "exchanges": RESAMPLES + 1}
     return markdown_document("intervals", table=table, rows=markdown_table(head, body, 2), **more)
 
@@ -167,7 +167,7 @@ def rows_as_json(tables: Sequence[TableContent]) -> list[dict[str, Any]]:
 
 
 def _json_row(table: TableContent, line: Any) -> dict[str, Any]:
-    scores, judged = line.scores, _judged(table, line)
+    scores, judged = line.scores, table.judged(line)
     return {
         "table": table.identifier,
         "dataset": table.data["name"],
@@ -199,12 +199,6 @@ def _json_row(table: TableContent, line: Any) -> dict[str, Any]:
         **({"departs": line.departs} if line.departs else {}),
         "status": line.status,
     }
-
-
-def _judged(table: TableContent, line: Any) -> dict[str, FigureSignificance]:
-    """Return the significance of the scores of a line by measure; empty without scores."""
-    judged = {name: table.significance.get((line.method, line.input, name)) for name in PRINTED}
-    return {name: one for name, one in judged.items() if one is not None}
 
 
 def _rounded(values: Figures | None) -> Mapping[str, float | None] | None:

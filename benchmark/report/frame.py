@@ -93,7 +93,7 @@ def _figure(table: TableContent, row: Any | None, kind: str, input_: Input | Non
     line = table.line(row.method, input_)
     if line is None or not line.scores:
         return {}
-    judged, ours = table.significance.get((row.method, input_, measure)), number(line.scores.get(measure))
+    judged, ours = table.judged(line).get(measure), number(line.scores.get(measure))
     interval = f"{number(judged.low)} to {number(judged.high)}" if judged else ""
     if kind == "difference":
         return {"text": _difference(ours, number(theirs)), "interval": interval}

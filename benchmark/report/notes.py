@@ -43,7 +43,8 @@ def notes(table: TableContent, *, reasons: bool = True, most: int | None = None)
     lines = ["Quick run: some poses of each subject were omitted."] if table.quick else []
     if table.n_galleries > 1 or any(line.deviation for line in table.lines):
         lines.append(_OF_MEANS if table.n_galleries > 1 else _OF_TRAININGS)
-    lines += [_MARKS] if any(judged.is_inseparable for judged in table.significance.values()) else []
+    judged = (one for line in table.lines for one in table.judged(line).values())
+    lines += [_MARKS] if any(one.is_inseparable for one in judged) else []
     lines += [*_tied(table), *_preparations(table), *_refused(table), *_trainings(table), *_area(table)]
     lines += [line for of_line in table.lines for line in _of_jobs(of_line)]
     failed = (

@@ -85,7 +85,6 @@ class Results:
     _galleries: dict[tuple[str, bool], dict[str, Gallery]] = field(default_factory=dict, repr=False)
     _data: dict[tuple[str, bool, str, str], dict[str, Any]] = field(default_factory=dict, repr=False)
     _shapes: dict[tuple[str, str], str] = field(default_factory=dict, repr=False)
-    _outdated: dict[str, str] = field(default_factory=dict, repr=False)
 
     def all(
         self, seed: int = 0, *, fresh: bool = False, scorer: str = DEFAULT,
@@ -135,11 +134,6 @@ class Results:
 
     def outdated(self, record: Record) -> str:
         """Describe what changed since a record was computed, as far as known; "" if nothing did."""
-        if record["key"] not in self._outdated:
-            self._outdated[record["key"]] = self._what_changed(record)
-        return self._outdated[record["key"]]
-
-    def _what_changed(self, record: Record) -> str:
         recipe = record["recipe"]
         if "unavailable" in recipe:
             return ""

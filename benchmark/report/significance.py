@@ -241,8 +241,8 @@ class FigureSignificance:
         return self.probability is not None and millionths(self.probability) >= ALPHA and not self.is_tied
 
 
-#: Significance by method, input and measure, for rows with scores.
-TableSignificance = dict[tuple[str, Input, str], FigureSignificance]
+#: Significance by method and input, and by measure, for rows with scores.
+TableSignificance = dict[tuple[str, Input], dict[str, FigureSignificance]]
 
 
 def table_significance(lines: Iterable[Any]) -> TableSignificance:
@@ -273,9 +273,9 @@ def _of_input(lines: Sequence[Any]) -> TableSignificance:
     tested = permutation_test(np.hstack(gains)).reshape(len(PRINTED), -1) if gains else np.zeros((len(PRINTED), 0))
     probabilities = [dict(zip(others[m], holm(tested[m]), strict=True)) for m in range(len(PRINTED))]
     return {
-        (line.method, line.input, measure): FigureSignificance(
-            float(ends[m, k, 0]), float(ends[m, k, 1]), k == best[m], probabilities[m].get(k), line.n_tied > 0
-        )
-        for m, measure in enumerate(PRINTED)
+        (line.method, line.input): {
+            measure: FigureSignificance(low, high, k == best[m], probabilities[m].get(k), line.n_tied > 0)
+            for m, (measure, (low, high)) in enumerate(zip(PRINTED, ends[:, k].tolist(), strict=True))
+        }
         for k, line in enumerate(lines)
     }

@@ -119,7 +119,7 @@ def test_a_row_without_one_of_its_folds_is_neither_compared_nor_given_an_interva
     results = of_folds("classic-mds", "gps")
     partial = [r for r in results if (r.record["method"], r.record["gallery"]) != ("gps", "humans fold 2")]
     table = next(table for table in contents(partial) if table.identifier == "I")
-    assert {method for method, _, _ in table.significance} == {"classic-mds"}
+    assert {method for method, _ in table.significance} == {"classic-mds"}
     assert set(of(reproduced_figures([table]), "gps", table="I").values()) == {"not comparable"}
     claim = Claim("", "I", "classic-mds", ("gps",), "mesh", MEASURES)
     assert assess_claims({"I": table}, [claim])[0].missing == ("gps",)

@@ -121,7 +121,7 @@ def test_a_row_on_other_shapes_than_the_newest_is_marked_and_not_compared(rods, 
         store.write_record(of_job(job, shapes=["cat0", "cat1", name, "dog1"], finished=finished))
     assert {name: result.outdated for name, result in chosen(store).items()} == {"identity": "other shapes", "pca": ""}
     (table,) = contents(Results(store, methods()).all())
-    assert table.significance["identity", "mesh", "NN"].probability is None
+    assert table.significance["identity", "mesh"]["NN"].probability is None
 
 
 def test_the_newest_of_this_code_counts_else_the_newest_with_scores(rods, store):

@@ -66,7 +66,7 @@ def test_both_sides_of_a_half_are_one_figure_and_both_are_best_in_every_format()
 def test_the_best_row_is_the_first_of_those_that_print_alike():
     above, below = 0.575, float(np.nextafter(0.575, 0))
     judged = table(result(below), result(above)).significance
-    assert [judged[name, "mesh", "NN"].is_best for name in ("m0", "m1")] == [True, False]
+    assert [judged[name, "mesh"]["NN"].is_best for name in ("m0", "m1")] == [True, False]
 
 
 def test_half_of_the_clean_value_is_not_below_half():
@@ -102,7 +102,7 @@ def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
     without, having = (table(best, tied(NN, tied_queries=count)) for count in (0, 1))
     marks = [figures(each).query("measure == 'NN'")["mark"].tolist()[:2] for each in (without, having)]
     assert marks == [["best", "inseparable"], ["best", ""]]
-    assert not any(judged.is_inseparable for judged in having.significance.values())
+    assert not any(one.is_inseparable for judged in having.significance.values() for one in judged.values())
     files = render([having], ("latex", "markdown"))
     assert "| M1 ‡ " in files["table-rods.md"]
     assert "| M0  " in files["table-rods.md"]

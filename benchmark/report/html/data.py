@@ -48,13 +48,12 @@ def chart_data(table: TableContent, cells: Sequence[RankedCell]) -> dict[str, An
     for cell in cells:
         line = cell.line
         method, input_ = line.method, line.input
-        judged = {name: table.significance.get((method, input_, name)) for name in PRINTED}
         attraction, by_chance = cell.attraction()
         if by_chance is not None:
             at_random.setdefault(input_, by_chance)
         rows[method]["inputs"][input_] = {
             "scores": {name: line.scores[name] for name in PRINTED},
-            "intervals": {name: [one.low, one.high] for name, one in judged.items() if one is not None},
+            "intervals": {name: [one.low, one.high] for name, one in table.judged(line).items()},
             "phases": line.phases,
             "seconds": line.seconds,
             "peak": line.peak_mib,

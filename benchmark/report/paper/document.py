@@ -156,7 +156,7 @@ def leads(table: TableContent, measure: str) -> list[dict[str, Any]]:
     leaders = []
     for input_ in table.inputs:
         lines = [line for line in table.lines if line.input == input_]
-        judged = [(row, one) for row in lines if (one := table.significance.get((row.method, input_, measure)))]
+        judged = [(row, table.judged(row)[measure]) for row in lines if table.judged(row)]
         others = [(row, one) for row, one in judged if one.probability is not None and not one.is_tied]
         for row, best in [(row, one) for row, one in judged if one.is_best][:1]:
             leaders.append(

@@ -99,15 +99,15 @@ def _panels(
 def _cost_panel(
     place: Axes, table: TableContent, input_: Input, measure: str, points: Mapping[str, tuple[float, float]]
 ) -> None:
-    rows = {row.method: row for row in table.rows}
+    lines = {line.method: line for line in table.lines if line.input == input_}
     front = pareto_front(costs_and_scores(table, input_, measure, with_controls=False))
     if front:
         seconds, scores = zip(*(points[name] for name in front), strict=True)
         place.step(seconds, scores, where="post", color="#2f6fb7", lw=1.2, zorder=1)
     lows = [table.chance[measure]]
     for name, (cost, score) in points.items():
-        colour, mark = _FAMILIES.get(rows[name].family, _FAMILIES["extended"])
-        if judged := table.significance.get((name, input_, measure)):
+        colour, mark = _FAMILIES.get(lines[name].family, _FAMILIES["extended"])
+        if judged := table.judged(lines[name]).get(measure):
             place.plot([cost] * 2, [judged.low, judged.high], color=colour, lw=0.7, alpha=0.35)
             lows.append(judged.low)
         edge = "black" if name in front else "none"
@@ -116,7 +116,7 @@ def _cost_panel(
     names = []
     for order, name in enumerate(sorted(points, key=lambda name: (points[name], name)), 1):
         place.annotate(str(order), points[name], fontsize=4.8, color="white", ha="center", va="center", zorder=4)
-        names.append(f"{order} {_shortened(clean(rows[name].title), 20)}")
+        names.append(f"{order} {_shortened(clean(lines[name].title), 20)}")
     third = -(-len(names) // 3)
     for column in range(3):
         text = "\n".join(names[column * third : (column + 1) * third])
@@ -162,10 +162,10 @@ def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> 
 
 def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Any], input_: Input, measure: str) -> None:
     for height, row in enumerate(rows):
-        line, judged = table.line(row.method, input_), table.significance.get((row.method, input_, measure))
+        line = table.line(row.method, input_)
         if line is None or not line.scores:
             continue
-        colour = _FAMILIES.get(row.family, _FAMILIES["extended"])[0]
+        colour, judged = _FAMILIES.get(row.family, _FAMILIES["extended"])[0], table.judged(line).get(measure)
         leads = judged is not None and (judged.is_best or judged.is_inseparable)
         if judged is not None:
             place.plot([judged.low, judged.high], [height, height], color=colour, lw=1, alpha=0.6)

@@ -198,9 +198,8 @@ def _records(jobs: Sequence[Job]) -> dict[str, Record]:
         raise ConfigurationError("none of the methods computes forms", "name one that does with -m; see 'list methods'")
     return {
         job.method.name: {
-            **job.facts, "key": job.name, "method": job.method.name, "title": job.method.title, "input": job.input,
-            "data": {"source": job.dataset, "name": job.gallery}, "shapes": job.identifiers,
-            "recipe": {"seed": job.seed},
+            **job.facts, "key": job.name, "data": {"source": job.dataset, "name": job.gallery},
+            "shapes": job.identifiers, "recipe": {"seed": job.seed},
         }
         for job in jobs
         if not job.method.describes
