@@ -46,14 +46,6 @@ class Ranking:
     precision: NDArray[np.float64]
 
 
-def mean_distances(matrices: Iterable[ArrayLike]) -> NDArray[np.float64] | None:
-    """Return the mean of the matrices of several codebooks, shape (N, N); None if there are none."""
-    total, count = np.zeros(()), 0
-    for matrix in matrices:
-        total, count = total + np.asarray(matrix, dtype=np.float64), count + 1
-    return total / count if count else None
-
-
 def ranking(distances: ArrayLike, labels: Sequence[str], n_nearest: int = NEAREST) -> Ranking:
     """Rank the gallery for each of its shapes.
 
@@ -256,8 +248,11 @@ def _poses(record: Record, artefacts: ArtefactReader) -> dict[str, str]:
 
 
 def _ranking(record: Record, artefacts: ArtefactReader) -> Ranking | None:
-    matrix = mean_distances(artefacts.distances(record))
+    """Rank a gallery by the mean of the matrices of all codebooks; None if they are not stored."""
+    total, count = np.zeros(()), 0
+    for matrix in artefacts.distances(record):
+        total, count = total + np.asarray(matrix, dtype=np.float64), count + 1
     try:
-        return None if matrix is None else ranking(matrix, answered_labels(record))
+        return ranking(total / count, answered_labels(record)) if count else None
     except BenchmarkError:
         return None  # damaged, for example a NaN

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import count, islice
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,7 +129,7 @@ def _cost_panel(
     place.set_ylim(max(0.0, min(lows) - 0.06), 1.02)
 
 
-def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> Figure | None:
+def scores_figure(table: TableContent, width: float) -> Figure | None:
     """Draw a panel of scores for each input of a table, and one of seconds per shape; None for a table without scores.
 
     Markers of the best row, and of rows that do not differ from it significantly, are filled.
@@ -140,8 +140,6 @@ def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> 
         The table.
     width
         Width in inches.
-    measure
-        The measure.
     """
     scored = {line.method for line in table.lines if line.scores}
     rows = [row for row in table.rows if row.method in scored]
@@ -150,7 +148,7 @@ def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> 
     figure = Figure(figsize=(width, min(_FRAME + _LINE * len(rows), _TALLEST)), dpi=300, layout="constrained")
     axes = figure.subplots(1, len(table.inputs) + 1, sharey=True, squeeze=False)[0]
     for place, input_ in zip(axes, table.inputs, strict=False):
-        _scores_panel(place, table, rows, input_, measure)
+        _scores_panel(place, table, rows, input_)
     _costs_panel(axes[-1], table, rows)
     axes[0].set_yticks(range(len(rows)), [_shortened(clean(row.label), 44) for row in rows], parse_math=False)
     axes[0].set_ylim(len(rows) - 0.4, -0.6)
@@ -160,21 +158,21 @@ def scores_figure(table: TableContent, width: float, measure: str = MEASURE) -> 
     return figure
 
 
-def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Any], input_: Input, measure: str) -> None:
+def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Any], input_: Input) -> None:
     for height, row in enumerate(rows):
         line = table.line(row.method, input_)
         if line is None or not line.scores:
             continue
-        colour, judged = _FAMILIES.get(row.family, _FAMILIES["extended"])[0], table.judged(line).get(measure)
+        colour, judged = _FAMILIES.get(row.family, _FAMILIES["extended"])[0], table.judged(line).get(MEASURE)
         leads = judged is not None and (judged.is_best or judged.is_inseparable)
         if judged is not None:
             place.plot([judged.low, judged.high], [height, height], color=colour, lw=1, alpha=0.6)
-        place.plot(line.scores[measure], height, "o", ms=4, color=colour, mfc=colour if leads else "white", mew=0.9)
-    place.axvline(table.chance[measure], color="0.6", lw=0.8, ls=(0, (4, 3)), zorder=0)
+        place.plot(line.scores[MEASURE], height, "o", ms=4, color=colour, mfc=colour if leads else "white", mew=0.9)
+    place.axvline(table.chance[MEASURE], color="0.6", lw=0.8, ls=(0, (4, 3)), zorder=0)
     place.set_xlim(0, 1.02)
     place.set_xticks([0, 0.5, 1], ["0", "0.5", "1"])
     place.set_title(input_, fontsize=_SIZE + 1)
-    place.set_xlabel(measure, fontsize=_SIZE)
+    place.set_xlabel(MEASURE, fontsize=_SIZE)
 
 
 def _costs_panel(place: Axes, table: TableContent, rows: Sequence[Any]) -> None:
@@ -193,12 +191,10 @@ def _costs_panel(place: Axes, table: TableContent, rows: Sequence[Any]) -> None:
     place.set_xlabel("seconds a shape", fontsize=_SIZE)
 
 
-def draw_curves(frames: Sequence[DataFrame], folder: Path) -> list[Path]:
-    """Write a picture of curves for each data set and input, and return the paths."""
-    paths = [folder / f"{file_stem(frame)}.png" for frame in frames]
-    for frame, path in zip(frames, paths, strict=True):
-        save(curves_figure(frame), path)
-    return paths
+def draw_curves(frames: Sequence[DataFrame], folder: Path) -> None:
+    """Write a picture of curves for each data set and input."""
+    for frame in frames:
+        save(curves_figure(frame), folder / f"{file_stem(frame)}.png")
 
 
 def curves_figure(frame: DataFrame) -> Figure:
@@ -208,9 +204,7 @@ def curves_figure(frame: DataFrame) -> Figure:
     rows = -(-(n_curves + 1) // columns)
     figure = Figure(figsize=(3.2 * columns, 2.8 * rows), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
-    looks = {
-        method: look | {"markersize": 3, "linewidth": 1} for method, look in zip(titles(frame), _looks(), strict=False)
-    }
+    looks = {method: look | {"markersize": 3, "linewidth": 1} for method, look in _looks(titles(frame)).items()}
     for place, (perturbation, part) in zip(axes, frame.groupby("perturbation", sort=False), strict=False):
         known = PERTURBATIONS[str(perturbation)]
         for method, curve in part.groupby("method", sort=False):
@@ -244,9 +238,8 @@ def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> F
     """
     curves = [(cell, precision) for cell in ranked_cells(table, artefacts) if (precision := cell.precision())]
     inputs = _inputs(cell for cell, _ in curves)
-    methods = dict.fromkeys(cell.line.method for cell, _ in curves)
-    looks = dict(zip(methods, _looks(), strict=False))
-    n_lines = -(-len(methods) // len(inputs) // 2)
+    looks = _looks(dict.fromkeys(cell.line.method for cell, _ in curves))
+    n_lines = -(-len(looks) // len(inputs) // 2)
     figure, axes = _panels(table, inputs, 0.14 * n_lines, "recall", "precision")
     for place in axes:
         place.set_xlim(0, 1.02)
@@ -257,14 +250,14 @@ def precision_recall_figure(table: TableContent, artefacts: ArtefactReader) -> F
     handles = {label: line for place in axes for line, label in zip(*place.get_legend_handles_labels(), strict=True)}
     names = {cell.line.method: _shortened(clean(cell.line.title), 34).replace("$", r"\$") for cell, _ in curves}
     figure.legend(
-        [handles[name] for name in methods], [names[name] for name in methods],
+        [handles[name] for name in looks], [names[name] for name in looks],
         loc="outside lower center", ncols=2 * len(inputs), fontsize=5.5, frameon=False,
     )  # fmt: skip
     return figure
 
 
-def classes_figure(table: TableContent, artefacts: ArtefactReader, measure: str = MEASURE) -> Figure:
-    """Draw a panel for each input of a table: the mean of a measure over the queries of each class, by method."""
+def classes_figure(table: TableContent, artefacts: ArtefactReader) -> Figure:
+    """Draw a panel for each input of a table: the mean DCG over the queries of each class, by method."""
     cells = ranked_cells(table, artefacts)
     inputs, classes = _inputs(cells), classes_of(cells)
     counts = [sum(cell.line.input == input_ for cell in cells) for input_ in inputs]
@@ -273,9 +266,9 @@ def classes_figure(table: TableContent, artefacts: ArtefactReader, measure: str 
     axes = figure.subplots(len(inputs), 1, squeeze=False, height_ratios=counts)[:, 0]
     for place, input_ in zip(axes, inputs, strict=True):
         shown = [cell for cell in cells if cell.line.input == input_]
-        values = np.array([cell.by_class(classes)[measure] for cell in shown], dtype=float)
+        values = np.array([cell.by_class(classes)[MEASURE] for cell in shown], dtype=float)
         image = _heat_map(place, values, classes, [_shortened(clean(cell.line.title), 34) for cell in shown])
-        place.set_title(f"{measure}, {input_}", fontsize=_SIZE + 1)
+        place.set_title(f"{MEASURE}, {input_}", fontsize=_SIZE + 1)
         if len(classes) <= _MOST_NAMES // 2:
             for line, column in np.argwhere(np.isfinite(values)):
                 value = values[line, column]
@@ -334,11 +327,11 @@ def _heat_map(place: Axes, values: Any, columns: Sequence[str], rows: Sequence[s
     return image
 
 
-def _looks() -> Iterator[dict[str, Any]]:
-    """Return an infinite iterator over colours and marks of lines."""
+def _looks(methods: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return colour and mark of the line of each method."""
     colours = mpl.colormaps["tab20"].colors  # type: ignore[attr-defined]
-    for order in count():
-        yield {"color": colours[order % len(colours)], "marker": _MARKERS[order % len(_MARKERS)]}
+    pairs = zip(methods, cycle(colours), cycle(_MARKERS), strict=False)
+    return {method: {"color": colour, "marker": mark} for method, colour, mark in pairs}
 
 
 def _log_axis(place: Axes, steps: Sequence[float]) -> None:
