@@ -102,7 +102,7 @@ def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
     without, having = (table(best, tied(NN, tied_queries=count)) for count in (0, 1))
     marks = [figures(each).query("measure == 'NN'")["mark"].tolist()[:2] for each in (without, having)]
     assert marks == [["best", "inseparable"], ["best", ""]]
-    assert not any(one.is_inseparable for judged in having.significance.values() for one in judged.values())
+    assert not any(one.is_inseparable for line in having.lines for one in having.judged(line).values())
     files = render([having], ("latex", "markdown"))
     assert "| M1 ‡ " in files["table-rods.md"]
     assert "| M0  " in files["table-rods.md"]

@@ -170,11 +170,10 @@ def test_each_shape_has_its_form_and_its_pose_on_sheets_or_a_reason(tmp_path):
         filled = np.asarray(sheet)[..., 3].reshape(DOWN, SIDE, ACROSS, SIDE).max(axis=(1, 3)) > 0
     assert filled[0].tolist() == [False] + [True] * 5 + [False] * 4
     assert not filled[1:].any()
-    _, told = received((tmp_path / "parts" / "data" / "table-rods.js").read_text())
+    _, told = received((tmp_path / "parts/data/table-rods.js").read_text())
     ours = next(row["inputs"]["mesh"] for row in told["rows"] if row["method"] == "method-0")
     assert [sum(n for *_, n in ours["confusion"][kind]) for kind in ("classes", "poses")] == [5, 5]
-    for shares in (ours["attraction"], told["attraction"]["mesh"]):
-        assert sum(shares.values()) == pytest.approx(1, abs=2e-4)
+    assert [sum(each.values()) for each in (ours["attraction"], told["attraction"]["mesh"])] == pytest.approx([1, 1])
 
 
 def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts):
