@@ -138,7 +138,7 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
     passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
     _check_executor(options)
-    with Claims.of(store) as claims:
+    with Claims(store.root) as claims:
         fine &= not to_run or _carry_out(to_run, store, options, claims)
         if claims.is_last():
             store.drop_scratch()

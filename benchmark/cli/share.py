@@ -41,7 +41,7 @@ def merge(options: Merge) -> bool:
         records = [record for source in stores for record in records_under(source)]
     finally:
         name_skipped(*stores)
-    with Claims.of(store) as claims:
+    with Claims(store.root) as claims:
         merged = publish(records, store.published) if options.published else merge_records(records, store.records)
         if claims.is_last():
             sweep_leftovers(store)
@@ -58,7 +58,7 @@ def merge(options: Merge) -> bool:
 def prune(options: Prune) -> None:
     """Delete unneeded files, and print how much was freed."""
     store = Store.open(options.results)
-    with Claims.of(store) as claims:
+    with Claims(store.root) as claims:
         if not (options.dry_run or claims.is_last()):
             raise ConfigurationError(
                 f"a run in {options.results} is using these files", "wait for it to end, or prune where file locks work"

@@ -8,8 +8,6 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from benchmark.pipeline.storage.store import Store
-
 #: Byte locked while any run is in progress; the bytes of jobs follow it.
 _RUN = 0
 
@@ -22,8 +20,9 @@ class Claims:
 
     Parameters
     ----------
-    path
-        The file; it is created if necessary and stays empty.
+    folder
+        Folder of the file, which is created if necessary and stays empty. Use one object per process, because locks
+        belong to processes.
 
     Raises
     ------
@@ -31,15 +30,10 @@ class Claims:
         If it cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    def __init__(self, folder: Path) -> None:
+        self._file = os.open(folder / "claims", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         with suppress(OSError):  # a file system without locks: two runs then repeat each other's work
             fcntl.lockf(self._file, fcntl.LOCK_SH, 1, _RUN)
-
-    @classmethod
-    def of(cls, store: Store) -> Claims:
-        """Return the locks on the jobs of a store; use one object per process, because locks belong to processes."""
-        return cls(store.root / "claims")
 
     def __enter__(self) -> Claims:
         return self

@@ -26,7 +26,7 @@ from distributed import Client, get_worker
 from benchmark.api.learning import card_digest, read_card
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
-from benchmark.execution.job_specs import Job, Status, Task, job_of, task_of, to_json
+from benchmark.execution.job_specs import Job, Status, Task, task_of, to_json
 from benchmark.execution.plan import changed_names
 from benchmark.execution.pools import LOST, LocalPool, Running
 from benchmark.execution.processes.calls import call_apart
@@ -131,8 +131,8 @@ class DaskPool:
             "plugin": {name: source for job in jobs for name, source in job.recipe.get("plugin", {}).items()},
             "models": {str(model.folder): card_digest(model.card) for job in jobs for model in job.models.values()},
         }
-        texts = [to_json(replace(job, identifiers=(), trainings={})) for job in jobs]
-        self._question = json.dumps({"jobs": texts, "marker": str(self._marker), "written": self._name})
+        task = to_json(Task(tuple(replace(job, identifiers=(), trainings={}) for job in jobs)))
+        self._question = json.dumps({"task": task, "marker": str(self._marker), "written": self._name})
         self._reached = self._useful = time.monotonic()
         self._over = threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
@@ -388,8 +388,8 @@ def inspect(question: str) -> str:
     Parameters
     ----------
     question
-        JSON with ``jobs``, written by :func:`benchmark.execution.job_specs.to_json`, and the path ``marker`` of a file
-        in the results folder with the text ``written``.
+        JSON with a ``task`` of these jobs, written by :func:`benchmark.execution.job_specs.to_json`, and the path
+        ``marker`` of a file in the results folder with the text ``written``.
     """
     what, hint = "the inspection of this machine", "look at the log of the worker"
     try:
@@ -410,7 +410,7 @@ def _inventory(question: Mapping[str, Any]) -> dict[str, Any]:
         )
     close_to_plugins()
     inventory = suite() | {"plugin": {}, "models": {}}
-    for job in map(job_of, question["jobs"]):
+    for job in task_of(question["task"]).jobs:
         dataset = open_dataset(job.dataset, job.data_root)
         inventory["plugin"] |= recipes.job_plugins(dataset, job.method, job.scorer).get("plugin", {})
         inventory["models"] |= {

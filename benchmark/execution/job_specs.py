@@ -7,7 +7,7 @@ import secrets
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import msgspec
 
@@ -21,8 +21,6 @@ from benchmark.plugins.scorers import DEFAULT, ScorerSpec
 from benchmark.protocols.models import Model
 
 State = Literal["cached", "failed", "stale", "published", "missing", "unavailable", "unsupported"]
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,23 +169,14 @@ class Status:
     is_starting: bool = False
 
 
-def to_json(task: Task | Job) -> str:
-    """Write a task or a job as JSON; parameters of methods are written as text and parsed again on reading."""
+def to_json(task: Task) -> str:
+    """Write a task as JSON; parameters of methods are written as text and parsed again on reading."""
     return json.dumps(msgspec.to_builtins(task, enc_hook=format_value))
 
 
 def task_of(text: str) -> Task:
     """Read a task; raise ``ConfigurationError`` if its method or scorer does not exist here."""
-    return _read(text, Task)
-
-
-def job_of(text: str) -> Job:
-    """Read a job; see :func:`task_of`."""
-    return _read(text, Job)
-
-
-def _read(text: str, kind: type[T]) -> T:
-    return msgspec.convert(json.loads(text), kind, dec_hook=lambda custom, value: custom(value))
+    return msgspec.convert(json.loads(text), Task, dec_hook=lambda custom, value: custom(value))
 
 
 def first_tasks(jobs: Iterable[Job]) -> list[Task]:

@@ -14,9 +14,9 @@ from typing import Any
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message, one_line
-from benchmark.execution.job_specs import Job, Status, Task, job_of
+from benchmark.execution.job_specs import Job, Status, Task
 from benchmark.execution.plan import CHANGED, UNSAVED, difference
-from benchmark.execution.processes.process import ForeignError, is_child
+from benchmark.execution.processes.process import ForeignError, ProcessEnded, is_child
 from benchmark.pipeline import recipes
 from benchmark.pipeline.method_run import MethodRun, Preparation, in_random_order
 from benchmark.pipeline.ranking import GalleryRanking
@@ -72,22 +72,12 @@ def failure(status: str, reason: str, trace: str = "") -> dict[str, Any]:
     return {"status": status, "reason": reason, "traceback": trace}
 
 
-def make_forms(description: str, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
-    """Compute and store the forms of shapes of a job, in a child process.
+def make_forms(job: Job, identifiers: Iterable[str], say: Callable[[str], None]) -> None:
+    """Compute and store the forms of shapes of a job, in a child process; ``say`` gets each finished shape.
 
     If a shape is refused, the reason is stored.
-
-    Parameters
-    ----------
-    description
-        The job, written by :func:`benchmark.execution.job_specs.to_json`.
-    identifiers
-        The shapes.
-    say
-        Called with the identifier of each finished shape.
     """
     close_to_plugins()
-    job = job_of(description)
     store = Store.open(job.results)
     run = _method_run(job, _preparation(job, store), store)
 
@@ -214,6 +204,8 @@ def _guarded(job: Job, store: Store, identifier: str = "") -> Iterator[None]:
         keep(job, store, failure("failed", f"{where}{message(error)}"))
     except ForeignError as error:
         keep(job, store, failure("failed", f"{where}{error}", error.trace))
+    except ProcessEnded:
+        raise  # the scheduler finds out which job is to blame
     except BaseException as error:  # including SystemExit: a method must not end the run
         if isinstance(error, KeyboardInterrupt) and not is_child():
             raise  # Ctrl-C with jobs that run in the main process

@@ -7,11 +7,10 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, distributions
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, one_line
 from benchmark.execution.processes.process import is_child
@@ -160,35 +159,16 @@ _HINT = "correct the package, or uninstall it"
 Faults = dict[str, tuple[str, str]]
 
 
-@dataclass(frozen=True)
-class Installed(Generic[S]):
-    """Methods or scorers of installed packages.
-
-    Parameters
-    ----------
-    specs
-        Usable plugins.
-    faults
-        Errors of unusable plugins, by name.
-    news
-        One line for each package with an unusable plugin.
-    """
-
-    specs: tuple[S, ...]
-    faults: Mapping[str, ConfigurationError]
-    news: tuple[str, ...]
-
-
 def entry_points_of(kind: type[S]) -> str:
     """Return the group of entry points for plugins of a kind."""
     return f"canonical_forms.{kind.kind}s"
 
 
 @cache
-def installed(kind: type[S], taken: frozenset[str]) -> Installed[S]:
-    """Find the installed packages with plugins of a kind, ordered by name.
+def installed(kind: type[S], taken: frozenset[str]) -> tuple[list[S], dict[str, ConfigurationError], list[str]]:
+    """Return the plugins of installed packages, errors of unusable ones by name, and a line for each package with such.
 
-    A package that fails on import, or whose plugins cannot be created, loses only its own plugins.
+    Packages are ordered by name. One that fails on import, or whose plugins cannot be created, loses only its own.
 
     Parameters
     ----------
@@ -207,7 +187,7 @@ def installed(kind: type[S], taken: frozenset[str]) -> Installed[S]:
         errors |= {name: _error(package, kind, {name: fault}) for name, fault in faults.items()}
         usable |= {name: target for name, target in targets.items() if name not in faults}
     errors = {name: error for name, error in errors.items() if name not in usable}
-    return Installed(tuple(kind(*pair) for pair in usable.items()), errors, tuple(news))
+    return [kind(*pair) for pair in usable.items()], errors, news
 
 
 def _error(package: str, kind: type[S], faults: Faults) -> ConfigurationError:

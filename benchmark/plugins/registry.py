@@ -90,10 +90,10 @@ class KnownPlugins(dict[str, S]):
 
     def __init__(self, kind: type[S], built_in: Mapping[str, str], plugins: Iterable[Path]) -> None:
         super().__init__({name: kind(name, target) for name, target in built_in.items()})
-        self._kind, self._installed = kind.kind, installed(kind, frozenset(built_in))  # type: ignore[arg-type]
         #: A line for each installed package with unusable plugins, which are omitted.
-        self.news = self._installed.news
-        self.update({spec.name: spec for spec in self._installed.specs})
+        found, self._faults, self.news = installed(kind, frozenset(built_in))  # type: ignore[arg-type]
+        self._kind = kind.kind
+        self.update({spec.name: spec for spec in found})
         for spec in (spec for path in plugins for spec in plugins_of(kind, path)):
             if spec.name in self:
                 raise ConfigurationError(
@@ -103,7 +103,7 @@ class KnownPlugins(dict[str, S]):
             self[spec.name] = spec
 
     def __missing__(self, name: str) -> NoReturn:
-        raise self._installed.faults.get(name) or unknown(self._kind, name, self)
+        raise self._faults.get(name) or unknown(self._kind, name, self)
 
 
 def methods(plugins: Iterable[Path] = ()) -> KnownPlugins[MethodSpec]:

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, FloatArray, Shape
 from benchmark.api.scoring import SignatureArrays
 from benchmark.arrays import Arrays
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.execution.processes.calls import BrokenCall, KilledCall, call_apart
-from benchmark.execution.processes.process import Process, Serve, is_child
+from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, Serve, is_child
 from benchmark.geometry.mesh import Mesh
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.storage.costs import Cost
@@ -145,12 +145,17 @@ class Remote:
             if place not in _processes:
                 self._start(place, limit)
             begun = time.perf_counter()
-            answer, results = _processes[place].request_or_end_alike(self._message(work, facts or {}), arrays, limit)
+            answer, results = _processes[place].request(self._message(work, facts or {}), arrays, limit=limit)
             return {**answer, "elapsed": time.perf_counter() - begun}, results
         except TimeoutError as error:
             _processes.pop(place).end()
             problem = f"{self.kind} '{self.base_name}' does not answer '{work}' within {LIMIT:g} s"
             raise ConfigurationError(problem, "correct the plugin") from error
+        except (ProcessEnded, ForeignError) as error:
+            if is_child():
+                raise
+            verb = "ended its process:" if isinstance(error, ProcessEnded) else "raises"
+            raise BenchmarkError(f"a plugin {verb} {error}", "correct it; 'check' shows more") from error
         finally:
             process = _processes.get(place)
             if process and process.is_occupied and place == shared and work != "facts":  # facts import the plugin
@@ -162,7 +167,7 @@ class Remote:
         try:
             memory = None if is_child() else memory_per_process()
             _processes[place] = Process(self.serve, is_plugin=True, memory=memory)
-            _processes[place].request_or_end_alike(self._message("facts", {}), limit=limit)
+            _processes[place].request(self._message("facts", {}), limit=limit)
         finally:
             _starting(False)
 

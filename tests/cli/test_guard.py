@@ -51,10 +51,10 @@ def refused(done):
 
 
 def test_a_place_without_rights_is_no_full_disk(call, monkeypatch, tmp_path):
-    def denied(store):
+    def denied(folder):
         raise PermissionError(13, "Permission denied", "runs/claims")
 
-    monkeypatch.setattr("benchmark.execution.claims.Claims.of", denied)
+    monkeypatch.setattr("benchmark.cli.share.Claims", denied)
     said = refused(call("prune", "--results", tmp_path / "results"))
     assert said == "error: runs/claims: Permission denied; change its permissions or choose another place"
 

@@ -21,17 +21,15 @@ time.sleep(3600)
 """
 
 
-def hold(path, key):
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLDER, str(path), key], stdout=subprocess.PIPE, text=True, cwd=ROOT
-    )
+def hold(folder, key):
+    words = [sys.executable, "-c", HOLDER, str(folder), key]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     assert process.stdout.readline() == "taken\n"
     return process
 
 
 def test_a_job_of_another_run_is_not_taken_until_that_run_is_gone(tmp_path):
-    path = tmp_path / "claims"
-    with hold(path, "one") as other, Claims(path) as claims:
+    with hold(tmp_path, "one") as other, Claims(tmp_path) as claims:
         assert not claims.take("one")
         assert claims.take("two")
         assert not claims.is_last()
@@ -39,7 +37,7 @@ def test_a_job_of_another_run_is_not_taken_until_that_run_is_gone(tmp_path):
         other.wait()
         assert claims.take("one")
         assert claims.is_last()
-    assert path.read_bytes() == b""
+    assert (tmp_path / "claims").read_bytes() == b""
 
 
 def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monkeypatch):
@@ -53,7 +51,7 @@ def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monke
     def run():
         return run_plan([], store, RunOptions(executor="serial"))
 
-    with hold(store.root / "claims", "one") as other:
+    with hold(store.root, "one") as other:
         assert run()
         assert (store.scratch / "needed.npz").exists()
         other.kill()
@@ -72,7 +70,7 @@ def test_nothing_is_pruned_while_a_run_is_under_way(tmp_path):
     store = Store.open(tmp_path)
     (store.scratch / "ab").mkdir()
     (store.scratch / "ab" / "needed.npz").write_text("")
-    with hold(store.root / "claims", "one") as other:
+    with hold(store.root, "one") as other:
         done = CliRunner().invoke(cli, ["prune", "--results", str(tmp_path)])
         assert f"a run in {tmp_path} is using these files; wait" in str(done.exception)
         assert CliRunner().invoke(cli, ["prune", "--results", str(tmp_path), "--dry-run"]).exit_code == 0

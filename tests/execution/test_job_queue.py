@@ -19,7 +19,7 @@ from tests.toy import write_rods
 def queue(tmp_path, monkeypatch):
     """Queue of two forms and a descriptor of three shapes, which count as many, all of them treated."""
     monkeypatch.setattr(module, "LARGE", 3)
-    with Claims(tmp_path / "claims") as claims:
+    with Claims(tmp_path) as claims:
         queue = JobQueue({job.key: job for job in orders(tmp_path)}, Store.open(tmp_path), claims)
         while (task := queue.take(1, 1)).identifiers:
             queue.finish(task)
@@ -45,7 +45,7 @@ def test_a_comparison_that_nobody_finished_waits_again_unless_its_job_is_over(qu
 
 
 def test_a_job_tried_alone_leaves_the_others_of_its_task(tmp_path):
-    with Claims(tmp_path / "claims") as claims:
+    with Claims(tmp_path) as claims:
         queue = JobQueue({job.key: job for job in orders(tmp_path)}, Store.open(tmp_path), claims)
         task = queue.take(1, 1)
         queue.put_apart(task, 1, "rods pca")

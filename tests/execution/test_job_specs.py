@@ -8,7 +8,7 @@ import pytest
 from benchmark.cli.options import RunOptions
 from benchmark.cli.run import run_plan
 from benchmark.errors import ConfigurationError
-from benchmark.execution.job_specs import Task, job_of, task_of, to_json
+from benchmark.execution.job_specs import Task, task_of, to_json
 from benchmark.execution.plan import make_plan
 from benchmark.pipeline.storage.keys import plain
 from benchmark.pipeline.storage.store import Store
@@ -41,7 +41,7 @@ def test_methods_and_scorers_of_plugins_are_written_so_that_a_worker_does_not_im
     plugin.write_text("raise AssertionError('imported')")
     mine = MethodSpec("mine", f"{plugin}:Mine")
     own = ScorerSpec("own", f"{plugin}:Own")
-    after = job_of(to_json(replace(jobs[0], method=mine, scorer=own)))
+    (after,) = task_of(to_json(Task((replace(jobs[0], method=mine, scorer=own),)))).jobs
     assert (after.method, after.scorer) == (mine, own)
 
 

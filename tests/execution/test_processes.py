@@ -24,7 +24,7 @@ from benchmark.errors import BenchmarkError, UnsupportedShape
 from benchmark.execution.processes import process as processes
 from benchmark.execution.processes.calls import BrokenCall, call_apart
 from benchmark.execution.processes.channel import Channel
-from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded, end_like
+from benchmark.execution.processes.process import ForeignError, Process, ProcessEnded
 from benchmark.plugins import close_process
 from benchmark.plugins.modules import import_module
 from benchmark.text import DATA_VARIABLE
@@ -76,11 +76,8 @@ def serve(facts, arrays, tell):
     return {}, {}
 
 
-def end_as_another_ends(work, facts, arrays, tell):
-    try:
-        Process(serve).request({"work": work})
-    except ProcessEnded as error:
-        end_like(error.code)
+def ask_another(work, facts, arrays, tell):
+    Process(serve).request({"work": work})
 
 
 @pytest.fixture(scope="module")
@@ -157,14 +154,14 @@ def test_it_says_what_has_left_threads_or_processes(work, process):
     assert not process.is_occupied  # they are those of the work before
 
 
-def test_one_that_crashes_says_where_and_whoever_asks_may_end_alike(own_process):
+def test_one_that_crashes_says_where_also_to_whoever_asked_the_one_that_asked_it(own_process):
     with pytest.raises(ProcessEnded) as found:
         own_process.request({"work": "crash"})
     assert found.value.code == -signal.SIGSEGV
     assert "in serve" in own_process.trace
     for work, code in (("crash", -signal.SIGSEGV), ("exit", 3)):
         with pytest.raises(ProcessEnded) as found:
-            Process(partial(end_as_another_ends, work), quiet=True).request({})
+            Process(partial(ask_another, work), quiet=True).request({})
         assert found.value.code == code
 
 

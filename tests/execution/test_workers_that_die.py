@@ -81,7 +81,7 @@ def run(tmp_path, monkeypatch):
                 )
             )  # fmt: skip
         Store.open(tmp_path)
-        with Claims(tmp_path / "claims") as claims:
+        with Claims(tmp_path) as claims:
             done = Scheduler(orders, ScriptedPool(script), claims, timeout, lambda names, steps: None).records()
             return {order.method.name: found for order, found in done}
 

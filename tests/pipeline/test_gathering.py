@@ -144,7 +144,7 @@ def test_merging_gathers_what_was_made_here_and_not_while_a_run_writes(tmp_path)
     for each in MADE:
         write_text(store.records.folder / f"{each['key']}.json", as_text(each))
     words = ["merge", str(tmp_path), "--results", str(tmp_path)]
-    with Claims.of(store) as claims:
+    with Claims(store.root) as claims:
         claims.take(MADE[0]["key"])
         run = subprocess.run([sys.executable, "-m", "benchmark", *words], capture_output=True, text=True, check=True)
         assert len(list(store.records.folder.glob("*.json"))) == 4, run.stderr

@@ -20,7 +20,7 @@ from benchmark.errors import BenchmarkError, as_facts, one_line
 from benchmark.execution.processes import process, reaper
 from benchmark.execution.processes.channel import Channel, Facts
 from benchmark.execution.processes.opened_files import opened_files, watch_opened_files
-from benchmark.execution.processes.process import ANSWER, BEGUN, ERROR, KIND, PROGRESS, RAISED, Serve, Tell
+from benchmark.execution.processes.process import ANSWER, BEGUN, ENDED, ERROR, KIND, PROGRESS, RAISED, Serve, Tell
 from benchmark.text import DATA_VARIABLE, say
 
 #: ``PR_SET_PDEATHSIG`` of Linux.
@@ -87,6 +87,8 @@ def _answer(serve: Serve, facts: Facts, arrays: Arrays, tell: Tell) -> tuple[Fac
         return {**answer, KIND: ANSWER}, results
     except BenchmarkError as error:
         return {**as_facts(error), KIND: ERROR}, {}
+    except process.ProcessEnded as error:  # the parent must see the cause
+        return {KIND: ENDED, "code": error.code}, {}
     except MemoryError:
         return {KIND: RAISED, "reason": "MemoryError: out of memory", "trace": ""}, {}
     except BaseException as error:  # SystemExit included

@@ -7,7 +7,6 @@ the suite alone, or the code of one plugin file. No other module starts processe
 
 from __future__ import annotations
 
-import faulthandler
 import itertools
 import os
 import pickle
@@ -22,12 +21,12 @@ import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from benchmark.arrays import Arrays
-from benchmark.errors import BenchmarkError, from_facts
+from benchmark.errors import from_facts
 from benchmark.execution.processes import reaper
 from benchmark.execution.processes.channel import Channel, Facts, Message
 
@@ -54,7 +53,7 @@ BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGIN
 
 #: Key of the kind of a message in its facts.
 KIND = "message"
-BEGUN, PROGRESS, ANSWER, ERROR, RAISED = "begun", "progress", "answer", "error", "raised"
+BEGUN, PROGRESS, ANSWER, ERROR, RAISED, ENDED = "begun", "progress", "answer", "error", "raised", "ended"
 
 #: Program of a new process.
 _PROGRAM = (
@@ -184,7 +183,7 @@ class Process:
         ForeignError
             If the handler raised anything else.
         ProcessEnded
-            If the process ended, or sent something that is not a message.
+            If the process, or one that it relied on, ended, or sent something that is not a message.
         """
         until = self._end_of(limit)
         while (message := self._next(until)) is not None:
@@ -223,24 +222,6 @@ class Process:
             raise TimeoutError
         return answer
 
-    def request_or_end_alike(self, facts: Facts, arrays: Arrays | None = None, limit: float | None = None) -> Message:
-        """Send a request; if the process dies, a child process dies the same way, so that its parent sees the cause.
-
-        Raises
-        ------
-        BenchmarkError
-            In the main process, also if the process ends or raises a foreign error.
-        """
-        try:
-            return self.request(facts, arrays, limit=limit)
-        except (ProcessEnded, ForeignError) as error:
-            if not is_child():
-                verb = "ended its process:" if isinstance(error, ProcessEnded) else "raises"
-                raise BenchmarkError(f"a plugin {verb} {error}", "correct it; 'check' shows more") from error
-            if isinstance(error, ForeignError):
-                raise
-            end_like(error.code)
-
     def _next(self, until: float) -> Message | None:
         while True:
             is_over = self.exit_code is not None
@@ -261,9 +242,15 @@ class Process:
             self.files = {str(path): str(digest) for path, digest in facts.pop("files", {}).items()}
             if (kind := facts.pop(KIND)) == ANSWER:
                 return facts, arrays
-            reason, trace = str(facts.get("reason")), str(facts.get("trace"))
-            is_memory = reason.startswith("MemoryError")
-            raised = from_facts(facts) if kind == ERROR else MemoryError() if is_memory else ForeignError(reason, trace)
+            raised: Exception
+            if kind == ERROR:
+                raised = from_facts(facts)
+            elif kind == ENDED:
+                raised = ProcessEnded(int(facts["code"]))
+            elif (reason := str(facts.get("reason"))).startswith("MemoryError"):
+                raised = MemoryError()
+            else:
+                raised = ForeignError(reason, str(facts.get("trace")))
         except Exception as error:  # not an answer
             raise self._ended() from error
         raise raised
@@ -315,16 +302,6 @@ def ending(code: int) -> str:
         return signal.Signals(-code).name
     except ValueError:
         return f"signal {-code}"
-
-
-def end_like(code: int) -> NoReturn:
-    """End this process with the exit code, or by the signal, that ended another one."""
-    faulthandler.disable()  # the other process has written its traceback
-    if code < 0:
-        with suppress(OSError):  # some signals cannot have a handler
-            signal.signal(-code, signal.SIG_DFL)
-        os.kill(os.getpid(), -code)
-    os._exit(abs(code))
 
 
 def is_child() -> bool:

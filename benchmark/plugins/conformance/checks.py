@@ -57,9 +57,9 @@ _ROTATION = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
 _MOST_ANOMALIES = 3
 
 
-def _listed(problems: list[str], praise: str, separator: str = "; ") -> str:
+def _listed(problems: list[str], praise: str) -> str:
     if problems:
-        raise Failed(separator.join(problems))
+        raise Failed("; ".join(problems))
     return praise
 
 

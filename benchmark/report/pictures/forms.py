@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmark.datasets.base import Entry
 from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
-from benchmark.execution.job_specs import Job, to_json
+from benchmark.execution.job_specs import Job
 from benchmark.execution.processes.calls import call_apart
 from benchmark.execution.runner import make_forms
 from benchmark.geometry.mesh import Mesh, Points
@@ -245,10 +245,8 @@ def _make(
         elif missing:
             reasons[name] = "it cannot be stored"
             try:
-                call_apart(
-                    make_forms, to_json(job), missing, what=job.name, hint="run it to see more", limit=limit,
-                    say=lambda _: None,
-                )  # fmt: skip
+                hint = "run it to see more"
+                call_apart(make_forms, job, missing, what=job.name, hint=hint, limit=limit, say=lambda _: None)
             except BenchmarkError as error:
                 reasons[name] = str(error)
     return reasons
