@@ -32,8 +32,8 @@ from benchmark.pipeline.storage.records import Record, answered_shapes, as_text,
 from benchmark.pipeline.storage.store import StorageError
 from benchmark.plugins.modules import helpers_of
 from benchmark.plugins.registry import MethodSpec
+from benchmark.plugins.remote import folded
 from benchmark.plugins.scorers import BUILT_IN, DEFAULT, scorer_of, scorers
-from benchmark.plugins.serving import folded
 from benchmark.report.artefact_reader import ArtefactReader
 
 #: Parts of a record that cannot be checked or that describe the machine that computed it.

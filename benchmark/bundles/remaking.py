@@ -23,9 +23,8 @@ from benchmark.pipeline.storage.records import Record, answered_shapes, scorer_n
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import MethodSpec, methods, variant
-from benchmark.plugins.remote import close_to_plugins
+from benchmark.plugins.remote import close_to_plugins, unfolded
 from benchmark.plugins.scorers import DEFAULT, scorer_of, scorers
-from benchmark.plugins.serving import unfolded
 from benchmark.report.artefact_reader import ArtefactReader
 
 

@@ -29,9 +29,9 @@ from benchmark.pipeline.storage.records import Record, answered_shapes, place, s
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
 from benchmark.plugins.registry import BUILT_IN, methods, variant
+from benchmark.plugins.remote import unfolded
 from benchmark.plugins.scorers import BUILT_IN as SCORERS
 from benchmark.plugins.scorers import ScorerSpec, scorer_of, scorers
-from benchmark.plugins.serving import unfolded
 from benchmark.protocols.galleries import Gallery
 from benchmark.report.escaping import number
 from benchmark.report.results import galleries_of

@@ -54,9 +54,6 @@ SILENCE = 60.0
 #: Seconds for a worker to write the traceback of a stopped task.
 _LAST_WORDS = 10.0
 
-#: Parts of an inventory that determine results.
-_PARTS = ("code", "packages", "plugin", "models")
-
 
 @dataclass
 class WorkerNode:
@@ -127,6 +124,7 @@ class DaskPool:
         self._client.subscribe_topic(self._name, self._hear)
         self._marker = self._store.progress / f"{os.getpid()}-{self._name}"
         self._marker.write_text(self._name, encoding="utf-8")
+        #: What determines results.
         self._inventory = suite() | {
             "plugin": {name: source for job in jobs for name, source in job.recipe.get("plugin", {}).items()},
             "models": {str(model.folder): card_digest(model.card) for job in jobs for model in job.models.values()},
@@ -277,7 +275,7 @@ class DaskPool:
             inventory = json.loads(node.inventory.result()[node.address])
             hint, problem = inventory.get("hint", hint), inventory.get("problem", "")
             if not problem:
-                parts = ((part, self._inventory[part], inventory[part]) for part in _PARTS)
+                parts = ((part, own, inventory[part]) for part, own in self._inventory.items())
                 problem = "; ".join(changed_names(part, own, other) for part, own, other in parts if own != other)
         except KeyError:
             problem = "another version of this suite"

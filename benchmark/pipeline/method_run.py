@@ -30,9 +30,8 @@ from benchmark.pipeline.storage.lock import key_of
 from benchmark.pipeline.storage.store import Artefact, StorageError, Store
 from benchmark.plugins.output_checks import REFUSED, signature_of
 from benchmark.plugins.registry import MethodSpec
-from benchmark.plugins.remote import Foreign
+from benchmark.plugins.remote import Foreign, SharedStages
 from benchmark.plugins.scorers import ScorerSpec
-from benchmark.plugins.serving import SharedStages
 from benchmark.protocols.models import Model
 
 

@@ -250,7 +250,7 @@ def describe_package(package: str, kind: str, targets: Mapping[str, str]) -> tup
         If the package, which is imported here, changes a module on which the suite relies.
     """
     faults: Faults = {}
-    plugins = []
+    plugins: list[Facts] = []
     with _unchanged(f"package {package}"):
         for name, target in targets.items():
             spec = KINDS[kind](name, target)

@@ -114,22 +114,13 @@ def described(cls: type[Any]) -> list[ParameterText]:
 
 def explained(docstring: str) -> dict[str, str]:
     """Return the descriptions in the section ``Parameters`` of a numpydoc docstring by name, on one line each."""
-    lines = inspect.cleandoc(docstring).splitlines()
-    rules = [place for place, line in enumerate(lines) if place and re.fullmatch("-{3,}", line.strip())]
-    start = next((place for place in rules if lines[place - 1].strip() == "Parameters"), None)
-    if start is None:
-        return {}
-    end = min((place - 1 for place in rules if place > start), default=len(lines))
-    texts_of: dict[str, list[str]] = {}
-    names: list[str] = []
-    for line in lines[start + 1 : end]:
-        if line and not line[0].isspace():
-            names = [name.strip().lstrip("*") for name in line.partition(" : ")[0].split(",")]
-            texts_of |= {name: [] for name in names}
-        elif line.strip():
-            for name in names:
-                texts_of[name].append(_plain(line.strip()))
-    return {name: " ".join(texts) for name, texts in texts_of.items()}
+    _, *sections = re.split(r"^(\S.*)\n-{3,} *$", inspect.cleandoc(docstring), flags=re.MULTILINE)
+    section = dict(zip(sections[::2], sections[1::2], strict=True)).get("Parameters", "")
+    texts: dict[str, str] = {}
+    for names, text in re.findall(r"^(\S.*)((?:\n(?: .*)?)*)", section, re.MULTILINE):
+        for name in names.partition(" : ")[0].split(","):
+            texts[name.strip().lstrip("*")] = _plain(" ".join(text.split()))
+    return texts
 
 
 def _plain(text: str) -> str:

@@ -31,8 +31,7 @@ from benchmark.plugins import is_closed
 from benchmark.plugins.modules import import_module, sources_of
 from benchmark.plugins.output_checks import problems_of_entries, problems_of_learner
 from benchmark.plugins.parameters import ParameterText, described, quoted
-from benchmark.plugins.remote import Facts, Foreign, Remote, RemoteDescriptor, RemoteLearner, RemoteMethod, RemoteScorer
-from benchmark.plugins.serving import Answer, OpenedDataset, answer
+from benchmark.plugins.remote import Answer, OpenedDataset, Remote, answer
 from benchmark.source_code import FIRST_PARTY
 
 Info = TypeVar("Info", MethodInfo, ScorerInfo, DatasetInfo)
@@ -170,7 +169,7 @@ class PluginSpec(Generic[Info, Instance]):
         return sources_of(self.module, getattr(self.info, "files", ())) if self.is_foreign else {}
 
     @property
-    def facts(self) -> Facts:
+    def facts(self) -> dict[str, Any]:
         """All facts as plain values for other processes.
 
         Raises
@@ -208,7 +207,7 @@ class PluginSpec(Generic[Info, Instance]):
             If the class refuses them, or the object does not implement the protocol.
         """
         if self.is_elsewhere:
-            return cast(Instance, self._stand_in())
+            return cast(Instance, self.remote.stand_in(self))
         cls = self.load()
         try:
             with one_of_us():
@@ -223,10 +222,6 @@ class PluginSpec(Generic[Info, Instance]):
         if not isinstance(created, self.contracts):
             raise ConfigurationError(f"{self.target} {self.lacking}", self.hint)
         return cast(Instance, created)
-
-    def _stand_in(self) -> Foreign:
-        """Return an object that forwards requests to its process."""
-        return RemoteScorer(self.remote, self.info)
 
     def key_parameters(self) -> dict[str, Any]:
         """Return parameters for keys, without defaults for plugins of the suite, whose golden results include them."""
@@ -288,13 +283,6 @@ class MethodSpec(PluginSpec[MethodInfo, Method | Descriptor]):
         folder = getattr(learner, "model_folder", None)
         folder = folder if isinstance(folder, Path) else None
         return LearnerFacts(learner.model_name, learner.split, learner.shipped_models, folder)
-
-    def _stand_in(self) -> Foreign:
-        if self.describes:
-            return RemoteDescriptor(self.remote, self.info)
-        if self.learner is None:
-            return RemoteMethod(self.remote, self.info)
-        return RemoteLearner(self.remote, self.info, **vars(self.learner))
 
 
 @dataclass(frozen=True)

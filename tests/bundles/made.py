@@ -17,7 +17,7 @@ from benchmark.arrays import digest_of, load_arrays, save_arrays
 from benchmark.cli.main import cli
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import as_text
-from benchmark.plugins.serving import folded, unfolded
+from benchmark.plugins.remote import folded, unfolded
 from tests.toy import write_rods
 from tests.verbs import call
 

@@ -6,6 +6,7 @@ import ctypes
 import faulthandler
 import os
 import pickle
+import resource
 import signal
 import socket
 import sys
@@ -140,9 +141,7 @@ def _report(raised: Any) -> None:
 
 def _die_with(parent: int) -> None:
     """Ask the system to kill this process when its parent ends."""
-    if sys.platform != "linux":
-        return
-    with suppress(OSError, AttributeError):
+    with suppress(OSError, AttributeError):  # Linux alone can do so
         ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:
         os._exit(1)  # the parent ended before the call
@@ -150,9 +149,5 @@ def _die_with(parent: int) -> None:
 
 def _limit_memory(limit: int) -> None:
     """Limit the memory of this process, so that a job fails with ``MemoryError`` before the machine does."""
-    try:
-        import resource
-
+    with suppress(ValueError, OSError):  # not supported by every system
         resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))
-    except (ImportError, ValueError, OSError):
-        return  # not supported by every system
