@@ -22,7 +22,7 @@ from benchmark.text import say, say_lines
 def check(options: Check) -> bool:
     """Print the results of the checks of a method or file."""
     schedule = tuple(assignments(options.assigned).items())
-    target = Target(options.target, options.chosen, tuple(map(str, options.plugins)), schedule)
+    target = Target(options.target, options.chosen, tuple(options.plugins), schedule)
     report = check_apart(target, options.timeout)
     say_lines(str(report))
     return bool(report)

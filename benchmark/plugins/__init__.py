@@ -12,9 +12,3 @@ def close_process() -> None:
 def is_closed() -> bool:
     """Return whether no foreign code may be imported into this process."""
     return _is_closed
-
-
-def require_open_process(module: str) -> None:
-    """Raise ``AssertionError`` if no foreign code may be imported into this process."""
-    if _is_closed:
-        raise AssertionError(f"{module} must not be imported into this process")

@@ -166,9 +166,9 @@ def entry_points_of(kind: type[S]) -> str:
 
 @cache
 def installed(kind: type[S], taken: frozenset[str]) -> tuple[list[S], dict[str, ConfigurationError], list[str]]:
-    """Return the plugins of installed packages, errors of unusable ones by name, and a line for each package with such.
+    """Find the plugins of a kind in installed packages, ordered by the name of the package.
 
-    Packages are ordered by name. One that fails on import, or whose plugins cannot be created, loses only its own.
+    A package that fails on import, or whose plugins cannot be created, loses only its own plugins.
 
     Parameters
     ----------
@@ -176,6 +176,11 @@ def installed(kind: type[S], taken: frozenset[str]) -> tuple[list[S], dict[str, 
         Methods or scorers.
     taken
         Names that packages cannot use.
+
+    Returns
+    -------
+    tuple
+        The usable plugins, the errors of unusable ones by name, and one line for each package with an unusable one.
     """
     usable: dict[str, str] = {}
     errors: dict[str, ConfigurationError] = {}
@@ -186,7 +191,6 @@ def installed(kind: type[S], taken: frozenset[str]) -> tuple[list[S], dict[str, 
             news.append(str(_error(package, kind, faults)))
         errors |= {name: _error(package, kind, {name: fault}) for name, fault in faults.items()}
         usable |= {name: target for name, target in targets.items() if name not in faults}
-    errors = {name: error for name, error in errors.items() if name not in usable}
     return [kind(*pair) for pair in usable.items()], errors, news
 
 

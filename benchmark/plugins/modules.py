@@ -21,7 +21,7 @@ from typing import TypeVar
 from benchmark.errors import ConfigurationError, did_you_mean, one_line
 from benchmark.execution.processes.opened_files import NOT_OF_PLUGINS, digest_of_file, leave_out
 from benchmark.execution.processes.process import adopt, one_of_us
-from benchmark.plugins import require_open_process
+from benchmark.plugins import is_closed
 from benchmark.source_code import FIRST_PARTY, digest_of_source
 
 Info = TypeVar("Info")
@@ -70,7 +70,8 @@ def import_module(place: str, what: str = "") -> ModuleType:
     if name in sys.modules:
         return sys.modules[name]
     if place.partition(".")[0] not in FIRST_PARTY:
-        require_open_process(place)
+        if is_closed():
+            raise AssertionError(f"{place} must not be imported into this process")
         adopt()
     if is_file:
         require_file(place)

@@ -2,17 +2,18 @@
 
 import json
 import signal
+from dataclasses import replace
 
 import pytest
 
 from benchmark.errors import BenchmarkError
 from benchmark.execution import pools, scheduler
 from benchmark.execution.claims import Claims
-from benchmark.execution.job_specs import Job, Status, Task, to_json
+from benchmark.execution.job_specs import Status, Task, to_json
 from benchmark.execution.pools import UNWRITTEN, Running
 from benchmark.execution.scheduler import Scheduler
 from benchmark.pipeline.storage.store import StorageError, Store
-from benchmark.plugins.registry import methods, select
+from tests.execution.test_executors import orders
 from tests.records import record
 
 #: Key of the job that comes first.
@@ -69,21 +70,16 @@ def run(tmp_path, monkeypatch):
 
     def run_(*script, timeout=None):
         monkeypatch.setattr(scheduler, "_PATIENCE", 0.0)
-        orders = []
-        for spec in select(("surface-area", "identity"), methods()):
-            made = record(method=spec.name)
-            told = ("gallery", "input", "method", "title", "family", "parameters", "data", "target")
-            orders.append(
-                Job(
-                    key=made["key"], facts={name: made[name] for name in told}, dataset="rods", data_root=None,
-                    identifiers=("a", "b", "c"), input="mesh", method=spec, seed=0, models={}, results=tmp_path,
-                    recipe=made["recipe"], table="",
-                )
-            )  # fmt: skip
+        told = ("gallery", "input", "method", "title", "family", "parameters", "data", "target")
+        jobs = []
+        for job in orders(tmp_path, ("surface-area", "identity")):
+            made = record(method=job.method.name)
+            facts = {name: made[name] for name in told}
+            jobs.append(replace(job, key=made["key"], facts=facts, recipe=made["recipe"]))
         Store.open(tmp_path)
         with Claims(tmp_path) as claims:
-            done = Scheduler(orders, ScriptedPool(script), claims, timeout, lambda names, steps: None).records()
-            return {order.method.name: found for order, found in done}
+            done = Scheduler(jobs, ScriptedPool(script), claims, timeout, lambda names, steps: None).records()
+            return {job.method.name: found for job, found in done}
 
     return run_
 

@@ -46,8 +46,8 @@ def test_a_fault_is_found_by_its_check(findings_in, old, new, check, message):
 
 
 def test_a_scorer_is_checked_by_name_and_with_parameters(tmp_path):
-    target = conformance.Target("distance-distribution[bins=8]", plugins=(str(EXAMPLE),))
+    target = conformance.Target("distance-distribution[bins=8]", plugins=(EXAMPLE,))
     assert [(spec.kind, spec.name) for spec in target.specs()] == [("scorer", "distance-distribution[bins=8]")]
     assert [(spec.kind, spec.name) for spec in conformance.Target("cm-bof").specs()] == [("scorer", "cm-bof")]
     with pytest.raises(ConfigurationError, match="write a whole number of at least 2"):
-        conformance.Target("distance-distribution[bins=1]", plugins=(str(EXAMPLE),)).specs()
+        conformance.Target("distance-distribution[bins=1]", plugins=(EXAMPLE,)).specs()

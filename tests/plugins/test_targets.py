@@ -1,5 +1,7 @@
 """What the verb ``check`` is asked to check."""
 
+from pathlib import Path
+
 import pytest
 
 from benchmark.errors import ConfigurationError
@@ -33,8 +35,8 @@ def specs(tmp_path):
         return value.replace("FILE", str(tmp_path / "two.py"))
 
     def of(target):
-        chosen = {key: filled(v) if isinstance(v, str) else tuple(map(filled, v)) for key, v in target.items()}
-        return conformance.Target(**chosen).specs()
+        kinds = {"name": filled, "methods": tuple, "plugins": lambda names: tuple(Path(filled(name)) for name in names)}
+        return conformance.Target(**{key: kinds[key](value) for key, value in target.items()}).specs()
 
     return of
 

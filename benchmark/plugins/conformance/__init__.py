@@ -47,7 +47,7 @@ class Target:
 
     name: str
     methods: tuple[str, ...] = ()
-    plugins: tuple[str, ...] = ()
+    plugins: tuple[Path, ...] = ()
     options: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -64,11 +64,10 @@ class Target:
         ConfigurationError
             If there is no such method, a parameter is invalid, or the file cannot be imported.
         """
-        plugins = list(map(Path, self.plugins))
-        return self._named(plugins) if self.file is None else self._of_file(self.file, plugins)
+        return self._named() if self.file is None else self._of_file(self.file)
 
-    def _named(self, plugins: list[Path]) -> list[PluginSpec[Any, Any]]:
-        known, known_scorers, data_sets = methods(plugins), scorers(plugins), data_sets_of(plugins)
+    def _named(self) -> list[PluginSpec[Any, Any]]:
+        known, known_scorers, data_sets = methods(self.plugins), scorers(self.plugins), data_sets_of(self.plugins)
         base = self.name.partition("[")[0].strip()
         others: list[PluginSpec[Any, Any]] = []
         if base in known_scorers and base not in known:
@@ -78,8 +77,8 @@ class Target:
         names = self.methods if others else (self.name, *self.methods)
         return [*(spec for name in names for spec in variants(name, known)), *others]
 
-    def _of_file(self, path: Path, plugins: list[Path]) -> list[PluginSpec[Any, Any]]:
-        known = methods({path, *plugins})
+    def _of_file(self, path: Path) -> list[PluginSpec[Any, Any]]:
+        known = methods({path, *self.plugins})
         names = [spec.name for spec in plugin_methods(path)]
         brackets = self.name.strip().removeprefix(str(path)).strip()
         if brackets and self.methods:
