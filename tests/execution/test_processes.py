@@ -71,6 +71,8 @@ def serve(facts, arrays, tell):
             os.kill(os.getpid(), signal.SIGSEGV)
         case "exit":
             os._exit(3)
+        case "claim":
+            raise ProcessEnded(256)
         case "return objects":
             return {}, {"numbers": np.array([UserDict()], dtype=object)}
     return {}, {}
@@ -163,6 +165,13 @@ def test_one_that_crashes_says_where_also_to_whoever_asked_the_one_that_asked_it
         with pytest.raises(ProcessEnded) as found:
             Process(partial(ask_another, work), quiet=True).request({})
         assert found.value.code == code
+
+
+def test_no_process_can_claim_an_end_that_it_cannot_have(own_process):
+    """Codes from 256 on belong to the suite, for such as a full disk."""
+    with pytest.raises(ProcessEnded) as found:
+        own_process.request({"work": "claim"})
+    assert found.value.code == 1
 
 
 def test_one_that_hangs_is_stopped_and_says_where_it_was(own_process):

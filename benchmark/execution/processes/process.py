@@ -51,6 +51,9 @@ _LONGEST_TRACE = 2**16
 #: Signals that end a process through no fault of its own: sent by a user, or by the system when memory runs out.
 BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT})
 
+#: Exit codes, and minus the numbers of signals.
+_CODES = range(-64, 256)
+
 #: Key of the kind of a message in its facts.
 KIND = "message"
 BEGUN, PROGRESS, ANSWER, ERROR, RAISED, ENDED = "begun", "progress", "answer", "error", "raised", "ended"
@@ -246,7 +249,7 @@ class Process:
             if kind == ERROR:
                 raised = from_facts(facts)
             elif kind == ENDED:
-                raised = ProcessEnded(int(facts["code"]))
+                raised = ProcessEnded(_CODES[_CODES.index(facts["code"])])
             elif (reason := str(facts.get("reason"))).startswith("MemoryError"):
                 raised = MemoryError()
             else:
