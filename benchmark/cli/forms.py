@@ -166,7 +166,7 @@ def plain_form(source: Path, options: Canonicalise) -> Plain:
         shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=options.seed)
         form = form_with_fit(maker, shape, {})
         if vertices == "all":
-            form = _at_vertices(mesh, prepared, form, options.method)
+            form = _at_vertices(mesh, prepared, form, spec.info.name)
     return form.vertices.tolist(), form.faces.tolist(), form.notes
 
 
