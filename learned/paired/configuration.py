@@ -61,6 +61,7 @@ CONFIGURATIONS: dict[str, Configuration] = {
     configuration.name: configuration
     for configuration in (
         LITERAL,
+        replace(LITERAL, name="as_printed"),
         replace(LITERAL, name="without_srf", short_range=False),
         replace(LITERAL, name="without_lrf", long_range=False),
         replace(LITERAL, name="without_weighting", schedule=MappingProxyType({"early_epochs": 0})),

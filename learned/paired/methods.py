@@ -56,7 +56,7 @@ class Learned(DepthImageLearner):
         departs=(
             "One sentence of the source gives each of nine short-range blocks a convolution and a transposed one; "
             "here five have the former, four the latter. Widths, output functions, camera and canonical pose, which "
-            "it leaves open, are ours, and so are fewer pixels and, for people, epochs."
+            "it leaves open, are ours, and so are, unless 'as_printed', fewer pixels and, for people, epochs."
         ),
         requires=("torch", "safetensors"),
         inputs=("view",),
