@@ -62,13 +62,11 @@ BUILT_IN: dict[str, str] = {
 
 _FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
 
-#: Variants that get rows next to their method, unless the method is selected by name; those of learners if there are
-#: models.
+#: Variants that get rows next to their method, unless the method is selected by name.
 VARIANTS: Mapping[str, tuple[Mapping[str, str], ...]] = {
     "classic-mds": _FURTHER_METRICS,
     "least-squares-mds": _FURTHER_METRICS,
     "euclidean-distance": ({"points": "local"},),
-    "learned": ({"configuration": "as_printed"},),
 }
 
 

@@ -33,6 +33,9 @@ ABLATION = {row.method for row in paper.ABLATION} | {"learned-without-weighting"
 #: Methods that have rows only in the ablation, unless they are selected by name.
 ONLY_ABLATED = ABLATION - {row.method for row in paper.ROWS}
 
+#: The network with the paper's pixels and epochs, next to the one of the other tables.
+AS_PRINTED: Mapping[str, tuple[Mapping[str, str], ...]] = {"learned": ({"configuration": "as_printed"},)}
+
 #: Independent implementations: they have rows only if they are selected by name.
 ONLY_NAMED = frozenset({"scikit-learn-classical-mds", "scikit-learn-smacof", "scikit-learn-isomap"})
 
@@ -54,7 +57,7 @@ class Rows:
     names
         Other methods that have rows.
     variants
-        Parameters of additional rows of methods.
+        Parameters of additional rows of methods; those of learners if there is a model.
     trainings
         Trainings of additional rows by learner, by data set, if there is a model.
     averaged
@@ -178,6 +181,7 @@ def _in_words(number: int) -> str:
 #: interpretation of the paper's "other animals", and on sampled bodies outside the data set. The latter have no row on
 #: the generated animals, which are the centre of the sampled distribution.
 _ANIMALS = Rows(
+    variants={**VARIANTS, **AS_PRINTED},
     trainings={
         "tosca": {"learned": ("tosca-III-people",), "learned-wide-extra": ("animals-sampled",)},
         "animals": {"learned": ("animals-III-people",)},
@@ -202,6 +206,15 @@ TABLES: tuple[Table, ...] = (
         rows=Rows(learners=frozenset()),
         part_of="I",
         split_size=len(SUBJECT_FOLDS[0]),
+    ),
+    Table(
+        "I-printed",
+        "Retrieval of synthetic humans by the network as printed (without figures of the paper)",
+        dataset="shrec14-synthetic",
+        stand_in="humans",
+        folds=SUBJECT_FOLDS[:2],
+        rows=Rows(families=_PAPER, variants=AS_PRINTED),
+        part_of="I",
     ),
     Table(
         "I-random",

@@ -28,7 +28,7 @@ def test_without_data_the_stand_ins_run_and_say_so():
 
 def test_tables_of_synthetic_humans_have_a_gallery_for_each_fold_of_the_subjects():
     chosen = galleries()
-    between = ["I-whole", *["I-random"] * 3, "II", "III", "III-held-out"]
+    between = ["I-whole", "I-printed", "I-printed", *["I-random"] * 3, "II", "III", "III-held-out"]
     assert [gallery.table.identifier for gallery in chosen] == ["I"] * 3 + between + ["IV"] * 3
     for folds in chosen[:3], chosen[-3:]:
         assert [gallery.name for gallery in folds] == [f"humans fold {k}" for k in range(3)]
@@ -36,7 +36,7 @@ def test_tables_of_synthetic_humans_have_a_gallery_for_each_fold_of_the_subjects
         assert [len({entry.subject for entry in gallery.entries}) for gallery in folds] == [5, 5, 5]
         assert len({entry.identifier for gallery in folds for entry in gallery.entries}) == 300
     assert [gallery.entries for gallery in chosen[:3]] == [gallery.entries for gallery in chosen[-3:]]
-    assert [gallery.part for gallery in chosen[3:7]] == [""] * 4
+    assert [gallery.part for gallery in chosen[3:9]] == ["", "fold 0", "fold 1", "", "", ""]
     # By hand: places 0, 5, 7, 9, 14 of the set.
     first = ["man-1", "child-2", "woman-3", "child-4", "woman-5"]
     assert list(dict.fromkeys(entry.subject for entry in chosen[0].entries)) == first
@@ -47,7 +47,8 @@ def test_the_official_synthetic_humans_have_the_same_folds(tmp_path):
     folder.mkdir(parents=True)
     for number in range(300):
         (folder / f"{number}.off").touch()
-    *folds, whole = galleries(["I"], data_root=tmp_path)
+    *folds, whole, first, second = galleries(["I"], data_root=tmp_path)
+    assert [first.entries, second.entries] == [gallery.entries for gallery in folds[:2]]
     assert (whole.name, len(whole.entries)) == ("shrec14-synthetic", 300)
     assert [gallery.name for gallery in folds] == [f"shrec14-synthetic fold {k}" for k in range(3)]
     assert [list(dict.fromkeys(entry.subject for entry in gallery.entries)) for gallery in folds] == [
@@ -84,7 +85,7 @@ def test_a_set_brings_all_its_tables_and_in_quick_runs_the_main_one():
 
     assert tables("animals") == ["III", "III-held-out"]
     assert tables("animals", quick=True) == ["III"]
-    assert tables("humans") == ["I"] * 3 + ["I-whole"] + ["IV"] * 3
+    assert tables("humans") == ["I"] * 3 + ["I-whole", "I-printed", "I-printed"] + ["IV"] * 3
     assert tables("humans", quick=True) == ["I"]
     assert tables("humans-scanlike", quick=True) == ["II"]
 
