@@ -111,6 +111,8 @@ class Table:
     folds
         Subjects of each fold by index in the data set, if each fold is a gallery and a row is the mean over them; empty
         for a single gallery of ``subjects``.
+    fold_name
+        Name of its folds, a different one if its galleries shall not share the records of another table.
     rows
         Methods that have rows.
     runs
@@ -136,6 +138,7 @@ class Table:
     mean_over_sets: bool = False
     subjects: tuple[int | str, ...] = ()
     folds: tuple[tuple[int, ...], ...] = ()
+    fold_name: str = "fold"
     rows: Rows = Rows()
     runs: Literal["quick", "full", "named"] = "full"
     part_of: str = ""
@@ -168,7 +171,7 @@ class Table:
     def parts(self) -> tuple[str, ...]:
         """Names of its galleries in the data set; "" for the whole data set."""
         if self.folds:
-            return tuple(f"fold {number}" for number in range(len(self.folds)))
+            return tuple(f"{self.fold_name} {number}" for number in range(len(self.folds)))
         return ("held out",) if self.subjects else ("",)
 
 
@@ -212,7 +215,9 @@ TABLES: tuple[Table, ...] = (
         "Retrieval of synthetic humans by the network as printed (without figures of the paper)",
         dataset="shrec14-synthetic",
         stand_in="humans",
+        # In Table I, the fold without a model would count as 0.
         folds=SUBJECT_FOLDS[:2],
+        fold_name="printed fold",
         rows=Rows(families=_PAPER, variants=AS_PRINTED),
         part_of="I",
     ),
