@@ -33,8 +33,8 @@ ABLATION = {row.method for row in paper.ABLATION} | {"learned-without-weighting"
 #: Methods that have rows only in the ablation, unless they are selected by name.
 ONLY_ABLATED = ABLATION - {row.method for row in paper.ROWS}
 
-#: The network with the paper's pixels and epochs, next to the one of the other tables.
-AS_PRINTED: Mapping[str, tuple[Mapping[str, str], ...]] = {"learned": ({"configuration": "as_printed"},)}
+#: Parameters of the network with the paper's pixels and epochs, which has rows only where a table names them.
+AS_PRINTED: Mapping[str, str] = {"configuration": "as_printed"}
 
 #: Independent implementations: they have rows only if they are selected by name.
 ONLY_NAMED = frozenset({"scikit-learn-classical-mds", "scikit-learn-smacof", "scikit-learn-isomap"})
@@ -111,8 +111,6 @@ class Table:
     folds
         Subjects of each fold by index in the data set, if each fold is a gallery and a row is the mean over them; empty
         for a single gallery of ``subjects``.
-    fold_name
-        Name of its folds, a different one if its galleries shall not share the records of another table.
     rows
         Methods that have rows.
     runs
@@ -138,7 +136,6 @@ class Table:
     mean_over_sets: bool = False
     subjects: tuple[int | str, ...] = ()
     folds: tuple[tuple[int, ...], ...] = ()
-    fold_name: str = "fold"
     rows: Rows = Rows()
     runs: Literal["quick", "full", "named"] = "full"
     part_of: str = ""
@@ -171,7 +168,7 @@ class Table:
     def parts(self) -> tuple[str, ...]:
         """Names of its galleries in the data set; "" for the whole data set."""
         if self.folds:
-            return tuple(f"{self.fold_name} {number}" for number in range(len(self.folds)))
+            return tuple(f"fold {number}" for number in range(len(self.folds)))
         return ("held out",) if self.subjects else ("",)
 
 
@@ -184,7 +181,7 @@ def _in_words(number: int) -> str:
 #: interpretation of the paper's "other animals", and on sampled bodies outside the data set. The latter have no row on
 #: the generated animals, which are the centre of the sampled distribution.
 _ANIMALS = Rows(
-    variants={**VARIANTS, **AS_PRINTED},
+    variants={**VARIANTS, "learned": (AS_PRINTED,)},
     trainings={
         "tosca": {"learned": ("tosca-III-people",), "learned-wide-extra": ("animals-sampled",)},
         "animals": {"learned": ("animals-III-people",)},
@@ -217,8 +214,7 @@ TABLES: tuple[Table, ...] = (
         stand_in="humans",
         # In Table I, the fold without a model would count as 0.
         folds=SUBJECT_FOLDS[:2],
-        fold_name="printed fold",
-        rows=Rows(families=_PAPER, variants=AS_PRINTED),
+        rows=Rows(families=_PAPER, variants={"learned": (AS_PRINTED,)}),
         part_of="I",
     ),
     Table(

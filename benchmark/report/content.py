@@ -15,7 +15,7 @@ from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
-from benchmark.protocols.tables import ABLATION, INPUTS, ONLY_ABLATED, TABLES, Table
+from benchmark.protocols.tables import ABLATION, AS_PRINTED, INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.escaping import number
 from benchmark.report.results import MISSING, Figures, Result, line_of, tables_of
@@ -294,12 +294,15 @@ def _content(table: Table, name: str, results: Sequence[Result], *, blanks: bool
 def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
     """Return whether a table shows a record; an ablation shows only learners.
 
-    Records that belong only to an ablation, such as seeds of a training, appear elsewhere only if everything does.
+    Records that belong only to an ablation, such as seeds of a training, or to a table that names them, appear
+    elsewhere only if everything does.
     """
-    base = result.record["method"].partition("[")[0]
+    base, parameters = result.record["method"].partition("[")[0], result.record["parameters"]
+    is_printed = parameters.items() >= AS_PRINTED.items()
     if table.ablation:
-        return base in ABLATION
-    return everything or (_TRAINING_SEED not in result.record["parameters"] and base not in ONLY_ABLATED)
+        return base in ABLATION and not is_printed
+    is_named = not is_printed or AS_PRINTED in table.rows.variants.get(base, ())
+    return everything or (is_named and _TRAINING_SEED not in parameters and base not in ONLY_ABLATED)
 
 
 def row_of(table: Table, record: Mapping[str, Any]) -> str:

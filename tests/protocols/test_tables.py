@@ -36,7 +36,7 @@ def test_tables_of_synthetic_humans_have_a_gallery_for_each_fold_of_the_subjects
         assert [len({entry.subject for entry in gallery.entries}) for gallery in folds] == [5, 5, 5]
         assert len({entry.identifier for gallery in folds for entry in gallery.entries}) == 300
     assert [gallery.entries for gallery in chosen[:3]] == [gallery.entries for gallery in chosen[-3:]]
-    assert [gallery.part for gallery in chosen[3:9]] == ["", "printed fold 0", "printed fold 1", "", "", ""]
+    assert [gallery.part for gallery in chosen[3:9]] == ["", "fold 0", "fold 1", "", "", ""]
     # By hand: places 0, 5, 7, 9, 14 of the set.
     first = ["man-1", "child-2", "woman-3", "child-4", "woman-5"]
     assert list(dict.fromkeys(entry.subject for entry in chosen[0].entries)) == first
