@@ -15,7 +15,7 @@ from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
-from benchmark.protocols.tables import ABLATION, AS_PRINTED, INPUTS, ONLY_ABLATED, TABLES, Table
+from benchmark.protocols.tables import AS_PRINTED, INPUTS, ONLY_ABLATED, TABLES, Table
 from benchmark.reference import paper
 from benchmark.report.escaping import number
 from benchmark.report.results import MISSING, Figures, Result, line_of, tables_of
@@ -298,11 +298,11 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
     elsewhere only if everything does.
     """
     base, parameters = result.record["method"].partition("[")[0], result.record["parameters"]
-    is_printed = parameters.items() >= AS_PRINTED.items()
+    is_named = not parameters.items() >= AS_PRINTED.items() or AS_PRINTED in table.rows.variants.get(base, ())
+    is_seed = _TRAINING_SEED in parameters
     if table.ablation:
-        return base in ABLATION and not is_printed
-    is_named = not is_printed or AS_PRINTED in table.rows.variants.get(base, ())
-    return everything or (is_named and _TRAINING_SEED not in parameters and base not in ONLY_ABLATED)
+        return base in table.rows.names and is_named and (not is_seed or bool(table.rows.averaged))
+    return everything or (is_named and not is_seed and base not in ONLY_ABLATED)
 
 
 def row_of(table: Table, record: Mapping[str, Any]) -> str:

@@ -201,10 +201,11 @@ def test_what_is_no_record_is_passed_over(records):
         ),
     ],
 )
-def test_the_reason_says_what_is_wrong(records, content, why):
+def test_the_reason_says_what_is_wrong_and_a_run_makes_the_record_again(records, content, why):
     records.folder.mkdir()
     path = records.folder / f"{GOOD['key']}.json"
     path.write_text(content)
+    assert GOOD["key"] not in records
     assert records.read(GOOD["key"]) is None
     assert records.news() == [f"skipped {path}: {why}; remove it or move it elsewhere"]
     assert records.news() == []

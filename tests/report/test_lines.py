@@ -21,7 +21,7 @@ HUMANS = {"name": "humans", "title": "Humans", "stand_in_for": "shrec14-syntheti
 def of_fold(fold, nn, *, training_seed=0, digest="a", make=record, method="learned", **more):
     """Record of a learner on a fold of the synthetic humans."""
     name = f"{method}[training_seed={training_seed}]" if training_seed else method
-    parameters = {"training_seed": training_seed} if training_seed else {}
+    parameters = {"training_seed": training_seed} if training_seed else more.pop("parameters", {})
     if make is record:
         more = {"models": [MODEL | {"digest": digest}]} | more
         more["nn"] = nn
@@ -106,12 +106,22 @@ FOUR = (
 
 def test_table_one_is_the_mean_of_the_folds_and_table_four_of_the_trainings_as_well():
     found = tables_of(*FOUR)
-    assert list(found) == ["I", "IV"]
-    one, four = (found[name].line("learned", "view") for name in found)
+    assert list(found) == ["I", "I-printed", "IV"]
+    one, printed, four = (found[name].line("learned", "view") for name in found)
+    assert (printed.scores["NN"], printed.n_averaged) == (pytest.approx(0.55), 2)
     assert (one.scores["NN"], one.n_averaged) == (pytest.approx(0.5), 3)
     assert (four.scores["NN"], four.n_averaged) == (pytest.approx(1.7 / 3), 4)  # the first fold has .7 on average
     assert found["I"].n_galleries == 3
     assert "3 x 4 shapes, 2 classes" in markdown(found["I"])
+
+
+def test_the_network_as_printed_has_a_row_only_in_tables_that_name_it():
+    name = "learned[configuration=as_printed]"
+    records = [of_fold(k, 0.4, method=name, parameters={"configuration": "as_printed"}) for k in range(2)]
+    found = tables_of(*FOUR, *records)
+    assert {table: {row.method for row in found[table].rows} >= {name} for table in found} == {
+        "I": False, "I-printed": True, "IV": False,
+    }  # fmt: skip
 
 
 def test_all_formats_print_mean_deviation_and_number_of_models():

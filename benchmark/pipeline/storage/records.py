@@ -134,7 +134,7 @@ class Records:
         return len(files)
 
     def __contains__(self, key: str) -> bool:
-        return self._path(key).is_file() or key in self._lines
+        return self.read(key) is not None  # a damaged one must not keep a run from replacing it
 
     def __iter__(self) -> Iterator[Record]:
         """Yield all records, oldest first; the order does not depend on where they are stored."""
