@@ -1,5 +1,7 @@
 """The queue of a run: towards the end, batches are cut into parts, and draws of large jobs are compared apart."""
 
+from dataclasses import replace
+
 import pytest
 from click.testing import CliRunner
 
@@ -7,11 +9,12 @@ from benchmark.cli.main import cli
 from benchmark.execution import scheduler as module
 from benchmark.execution.claims import Claims
 from benchmark.execution.pools import LocalPool
-from benchmark.execution.runner import failure, keep
 from benchmark.execution.scheduler import JobQueue
+from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import outcome
 from benchmark.pipeline.storage.store import Store
 from tests.execution.test_executors import orders
+from tests.records import failed
 from tests.toy import write_rods
 
 
@@ -20,7 +23,8 @@ def queue(tmp_path, monkeypatch):
     """Queue of two forms and a descriptor of three shapes, which count as many, all of them treated."""
     monkeypatch.setattr(module, "LARGE", 3)
     with Claims(tmp_path) as claims:
-        queue = JobQueue({job.key: job for job in orders(tmp_path)}, Store.open(tmp_path), claims)
+        jobs = [replace(job, key=digest({"job": job.method.name})) for job in orders(tmp_path)]
+        queue = JobQueue({job.key: job for job in jobs}, Store.open(tmp_path), claims)
         while (task := queue.take(1, 1)).identifiers:
             queue.finish(task)
         queue.put_back(task)
@@ -36,7 +40,7 @@ def test_a_comparison_that_nobody_finished_waits_again_unless_its_job_is_over(qu
     queue.put_back(first)
     assert list(queue.ended()) == []
     (job,) = second.jobs
-    keep(job, queue.store, failure("failed", "a form is too much for the scorer"))
+    queue.store.write_record(failed(recipe={"job": job.method.name}))
     assert [each.key for each, _ in queue.ended()] == [job.key]
     assert queue.take(2, 2).jobs[0].method.name == "surface-area"
     for task in (second, third):
