@@ -125,10 +125,10 @@ class JobQueue:
     def ended(self) -> Iterator[tuple[Job, Record]]:
         """Yield the finished jobs with their records."""
         for key, job in list(self.pending.items()):
-            if key not in self.store.records and (self._open[key] or key in self.elsewhere):
+            record = self.store.records.read(key)
+            if record is None and (self._open[key] or key in self.elsewhere):
                 continue
-            reason = "the job left no record; run it again"
-            record = self.store.records.read(key) or keep(job, self.store, failure("crashed", reason))
+            record = record or keep(job, self.store, failure("crashed", "the job left no record; run it again"))
             del self.pending[key]
             self.elsewhere.pop(key, None)
             yield job, record

@@ -129,11 +129,12 @@ class Gallery:
             yield spec
         if spec.named or spec.parameters:
             return
-        further = rows.variants.get(spec.base_name, ()) if included else ()
+        if included:
+            yield from (spec.with_parameters(dict(parameters)) for parameters in rows.variants.get(spec.base_name, ()))
         trainings = rows.trainings.get(clean_name(self.dataset.name), {}).get(spec.base_name, ())
-        for parameters in (*further, *({"training": name} for name in trainings)):
+        for parameters in (*rows.models.get(spec.base_name, ()), *({"training": name} for name in trainings)):
             variant = spec.with_parameters(dict(parameters))
-            if not spec.learns or has_models(variant, self, trained_here):
+            if has_models(variant, self, trained_here):
                 yield variant
 
     def _averaged(self, spec: MethodSpec, rows: Rows, trained_here: Path | None) -> Iterator[MethodSpec]:

@@ -57,11 +57,13 @@ class Rows:
     names
         Other methods that have rows.
     variants
-        Parameters of additional rows of methods; those of learners if there is a model.
+        Parameters of additional rows of methods.
     trainings
         Trainings of additional rows by learner, by data set, if there is a model.
     averaged
         Parameter of learners over whose values a row is averaged, if there are models; "" for none.
+    models
+        Parameters of further rows of learners, if there is a model.
     """
 
     families: frozenset[str] = _ALL
@@ -70,6 +72,7 @@ class Rows:
     variants: Mapping[str, tuple[Mapping[str, str], ...]] = field(default_factory=lambda: VARIANTS)
     trainings: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
     averaged: str = ""
+    models: Mapping[str, tuple[Mapping[str, str], ...]] = field(default_factory=dict)
 
     def quick(self) -> Rows:
         """Rows of a quick run: the methods of the paper and :data:`QUICK_CONTROLS`, without variants."""
@@ -181,7 +184,7 @@ def _in_words(number: int) -> str:
 #: interpretation of the paper's "other animals", and on sampled bodies outside the data set. The latter have no row on
 #: the generated animals, which are the centre of the sampled distribution.
 _ANIMALS = Rows(
-    variants={**VARIANTS, "learned": (AS_PRINTED,)},
+    models={"learned": (AS_PRINTED,)},
     trainings={
         "tosca": {"learned": ("tosca-III-people",), "learned-wide-extra": ("animals-sampled",)},
         "animals": {"learned": ("animals-III-people",)},
@@ -214,7 +217,7 @@ TABLES: tuple[Table, ...] = (
         stand_in="humans",
         # In Table I, the fold without a model would count as 0.
         folds=SUBJECT_FOLDS[:2],
-        rows=Rows(families=frozenset(), names=("learned",), variants={"learned": (AS_PRINTED,)}),
+        rows=Rows(families=frozenset(), names=("learned",), variants={}, models={"learned": (AS_PRINTED,)}),
         part_of="I",
         ablation=True,
     ),

@@ -298,7 +298,7 @@ def _belongs(table: Table, result: Result, *, everything: bool) -> bool:
     elsewhere only if everything does.
     """
     base, parameters = result.record["method"].partition("[")[0], result.record["parameters"]
-    is_named = not parameters.items() >= AS_PRINTED.items() or AS_PRINTED in table.rows.variants.get(base, ())
+    is_named = not parameters.items() >= AS_PRINTED.items() or AS_PRINTED in table.rows.models.get(base, ())
     is_seed = _TRAINING_SEED in parameters
     if table.ablation:
         return base in table.rows.names and is_named and (not is_seed or bool(table.rows.averaged))

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from benchmark.reference import paper
+from benchmark.report.escaping import number
 from benchmark.results import open_results
 from retrieval.chance import chance_levels
 from retrieval.measures import PRINTED
@@ -84,8 +85,8 @@ def test_the_scores_of_each_seed_are_those_of_the_records(ablation: pd.DataFrame
 
 
 def as_printed(scores: pd.Series) -> str:
-    """Measures as pages write them, halves rounded up."""
-    return " ".join(f"{value + 1e-9:.2f}".lstrip("0") for value in scores)
+    """Measures as pages write them, rounded as in tables."""
+    return " ".join(number(value).lstrip("0") for value in scores)
 
 
 def test_the_scores_of_the_network_as_printed_are_those_of_the_records(records: pd.DataFrame) -> None:
