@@ -36,16 +36,9 @@ from benchmark.errors import ConfigurationError
 from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
-    from benchmark.execution.sharding import Shard
     from benchmark.pipeline.storage.store import Store
 
 OK, NOT_OK, USAGE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
-
-
-def _shard(text: str) -> "Shard":
-    from benchmark.execution.sharding import Shard
-
-    return Shard.parse(text)
 
 
 def _require_folder(_: click.Context, __: click.Parameter, root: Path | None) -> Path | None:
@@ -105,7 +98,6 @@ class RunOptions:
     repeat: Annotated[int, ("type", click.IntRange(min=2))] | None = option(
         "--repeat N", "Repeat each gallery N times with jittered vertices, and print the spread."
     )
-    shard: "Shard | None" = option("--shard I/N", "Run part I of N of the jobs; 'merge' joins the parts.", type=_shard)
     workers: Count | None = option("-j --jobs N", "Number of parallel jobs. [all cores]")
     executor: Literal["serial", "processes", "dask"] = option("--executor", default="processes")
     scheduler: str = option("--scheduler URL", "Scheduler of a dask cluster, such as tcp://HOST:8786.", "")
@@ -131,7 +123,7 @@ class RunOptions:
 _SELECTION = (
     "tables", "methods", "datasets", "scorer", "inputs", "plugins", "results", "data_root", "seed", "quick",
 )  # fmt: skip
-_PLAN = ("everything", *_SELECTION, "paper", "repeat", "shard")
+_PLAN = ("everything", *_SELECTION, "paper", "repeat")
 
 
 #: Commands by section of ``--help``, in the order of this module, and those of the group ``data``.

@@ -48,7 +48,7 @@ def scorer_spec(options: RunOptions) -> ScorerSpec:
 
 
 def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
-    """Plan a run or its shard; without tables and data sets, plan those of the plugin files."""
+    """Plan a run; without tables and data sets, plan those of the plugin files."""
     specs = select(_method_names(options, store), methods(options.plugins), options.plugins)
     if not options.methods or EVERY in options.methods:
         name_unusable()
@@ -66,9 +66,6 @@ def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
     if options.paper:
         jobs = _of_paper(jobs)
-    if options.shard is not None:
-        say(options.shard.description(jobs))
-        jobs = options.shard.of(jobs)
     return jobs
 
 

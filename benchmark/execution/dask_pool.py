@@ -404,7 +404,7 @@ def _inventory(question: Mapping[str, Any]) -> dict[str, Any]:
     if not _is_shared(marker, question["written"]):
         raise ConfigurationError(
             f"it does not see the results folder {marker.parents[2]}, or may not write there",
-            "mount the folder there under the same path, or run parts with --shard and merge them",
+            "mount the folder there under the same path",
         )
     close_to_plugins()
     inventory = suite() | {"plugin": {}, "models": {}}

@@ -33,7 +33,7 @@ def records_under(results: Store) -> list[Record]:
     Raises
     ------
     StorageError
-        If it has neither records nor a folder for them, which even a shard without jobs has.
+        If it has neither records nor a folder for them.
     """
     records = results.all_records()
     if not (records or results.records.folder.is_dir()):

@@ -282,7 +282,7 @@ def test_workers_that_do_not_see_the_results_folder_are_refused_before_work_begi
     look_round = dask_pool.DaskPool._look_round
     monkeypatch.setattr(dask_pool.DaskPool, "_look_round", without_marker)
     cluster.worker()
-    said = f"worker tcp.*: it does not see the results folder {place}/results, .*; mount .* or run parts with --shard"
+    said = f"worker tcp.*: it does not see the results folder {place}/results, .*; mount .*"
     with pytest.raises(ConfigurationError, match=said):
         run(*selection(place, "results"), *on(cluster))
     assert not (place / "notes" / "done").exists()
