@@ -468,7 +468,7 @@ def try_place(case: Case, expression: str) -> None:
     """Check that every verb that needs a results folder names an unusable one in one line."""
     evaluate(expression, case.results, case)
     at, selection = ["--results", case.results], case.selection()
-    for words in (["run", *selection], ["plan", *selection], ["tables", *selection], ["prune", *at],
+    for words in (["run", *selection], ["plan", *selection], ["tables", *selection],
                   ["merge", case.results, *at]):  # fmt: skip
         done = case.run(*words, rights=False)
         if done.code == USAGE:
@@ -553,14 +553,13 @@ def try_damage(case: Case, expression: str) -> None:
                 case.require(near, f"scores: tables show {row['method']} otherwise than it was scored")
     case.run("why", INNOCENT, *selection, may_trace=True)
     for words in (["tables", *selection], ["compare", INNOCENT, "light-size", "--plugin", case.light, *at],
-                  ["prune", "--dry-run", *at], ["list", "models", *at],
+                  ["list", "models", *at],
                   ["merge", case.results, "--results", case.folder / "merged"]):  # fmt: skip
         case.run(*words)
     case.run_all(codes=(OK,))
     lost = (before.items() & damaged.items()) - case.record_files().items()
     case.require(not lost, f"lost: records that were whole: {lost}")
     case.check_scores(*METHODS, names=set(before))
-    case.run("prune", *at, codes=(OK,))
 
 
 # Command lines -------------------------------------------------------------------------------------------------------

@@ -451,13 +451,6 @@ class Merge(RunOptions):
     published: bool = flag("--published", "Merge into RESULTS/records, without quick runs and own data.")
 
 
-@verb("Results", "share.prune", ..., "results")
-class Prune(RunOptions):
-    """Delete data that no record needs, and remains of killed processes."""
-
-    dry_run: bool = flag("--dry-run", "Only say what would be deleted.")
-
-
 @verb("Results", "share.submit", "path", "datasets", "inputs", "scorer", "plugins", "results", "data_root", "seed")
 class Submit(RunOptions):
     """Write the finished jobs of a method into a bundle that anyone can verify."""

@@ -1,4 +1,4 @@
-"""``merge``, ``prune``, ``submit``, ``verify`` and ``score``: results folders, bundles and external distances."""
+"""``merge``, ``submit``, ``verify`` and ``score``: results folders, bundles and external distances."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmark.bundles.outcomes import Outcome, RowOutcome, keep, worst
 from benchmark.bundles.packing import write_bundle
 from benchmark.bundles.rows import Request
 from benchmark.bundles.verification import verify as verify_bundle
-from benchmark.cli.options import NOT_OK, OK, USAGE, Merge, Prune, Score, Submit, Verify, explained, name_skipped
+from benchmark.cli.options import NOT_OK, OK, USAGE, Merge, Score, Submit, Verify, explained, name_skipped
 from benchmark.cli.plan import scores_in_words
 from benchmark.cli.selection import recorded
 from benchmark.datasets.catalogue import is_known, open_dataset
@@ -22,7 +22,7 @@ from benchmark.external.files import read_distances, read_labels, read_ranked
 from benchmark.external.records import keep_distances
 from benchmark.external.scoring import FORMATS, Task, evaluated
 from benchmark.pipeline.storage.merging import job_name, merge_records, publish, records_under
-from benchmark.pipeline.storage.store import Store, remove, sweep_leftovers, unneeded
+from benchmark.pipeline.storage.store import Store, sweep_leftovers
 from benchmark.plugins.registry import methods, variant
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.escaping import number
@@ -53,20 +53,6 @@ def merge(options: Merge) -> bool:
         say(f"conflict: {job_name(existing)} ({existing['key'][:12]}): {scores}")
     say(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
     return not merged.conflicts
-
-
-def prune(options: Prune) -> None:
-    """Delete unneeded files, and print how much was freed."""
-    store = Store.open(options.results)
-    with Claims(store.root) as claims:
-        if not (options.dry_run or claims.is_last()):
-            raise ConfigurationError(
-                f"a run in {options.results} is using these files", "wait for it to end, or prune where file locks work"
-            )
-        paths = list(unneeded(store))
-        size = sum(path.stat().st_size for path in paths) if options.dry_run else remove(paths)
-    name_skipped(store)
-    say(f"{'would free' if options.dry_run else 'freed'} {size / 2**20:.1f} MiB in {len(paths)} files")
 
 
 def submit(options: Submit) -> None:

@@ -59,22 +59,3 @@ def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monke
     while (store.scratch / "needed.npz").exists() and time.monotonic() < deadline:
         assert run()
     assert not (store.scratch / "needed.npz").exists()
-
-
-def test_nothing_is_pruned_while_a_run_is_under_way(tmp_path):
-    from click.testing import CliRunner
-
-    from benchmark.cli.main import cli
-    from benchmark.pipeline.storage.store import Store
-
-    store = Store.open(tmp_path)
-    (store.scratch / "ab").mkdir()
-    (store.scratch / "ab" / "needed.npz").write_text("")
-    with hold(store.root, "one") as other:
-        done = CliRunner().invoke(cli, ["prune", "--results", str(tmp_path)])
-        assert f"a run in {tmp_path} is using these files; wait" in str(done.exception)
-        assert CliRunner().invoke(cli, ["prune", "--results", str(tmp_path), "--dry-run"]).exit_code == 0
-        other.kill()
-    assert (store.scratch / "ab" / "needed.npz").exists()
-    assert "in 1 files" in CliRunner().invoke(cli, ["prune", "--results", str(tmp_path)]).output
-    assert not (store.scratch / "ab" / "needed.npz").exists()

@@ -209,7 +209,6 @@ def test_each_verb_names_each_alien_once_on_stderr(rods, store):
     assert said_of_files("why", key, *results) == told
     assert said_of_files("merge", store.root.parent, *results) == told
     assert said_of_files("compare", "identity", "surface-area", *results) == told
-    assert said_of_files("prune", *results) == told[1:]
 
 
 def test_a_key_that_its_recipe_does_not_give_is_refused_wherever_it_lies(rods, store, tmp_path):

@@ -20,8 +20,8 @@ from benchmark.files import is_alive, leftovers, write_atomically
 from benchmark.pipeline.storage.costs import Cost, Meter
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.keys import bare_key, is_edited, plain
-from benchmark.pipeline.storage.lock import CODE_FILE, EDITED, RECIPE, adopt_edited, edited, key_of, stale_edits
-from benchmark.pipeline.storage.records import Record, Records, place
+from benchmark.pipeline.storage.lock import CODE_FILE, EDITED, RECIPE, adopt_edited, edited, key_of
+from benchmark.pipeline.storage.records import Record, Records
 
 _COST, _ENVIRONMENT, _DIGEST = "__cost__", "__environment__", "__digest__"
 
@@ -266,20 +266,6 @@ def _load(path: Path, key: str, wanted: Callable[[str], bool] | None = None) -> 
 def _is_undone(record: Record) -> bool:
     """Return whether a record was made by edited code that is no longer there."""
     return is_edited(record["key"]) and key_of(record["recipe"]) != record["key"]
-
-
-def unneeded(store: Store) -> Iterator[Path]:
-    """Yield the files that can be removed: all except the artefacts of the newest record of each place.
-
-    They include the artefacts of stopped jobs, which would then restart from the beginning.
-    """
-    current = (record for record in store.records if not _is_undone(record))
-    newest = {(place(record), is_edited(record["key"])): record for record in current}
-    needed = {key for record in newest.values() for key in record.get("artefacts", ())}
-    yield from (path for path in store.artefact_files() if path.stem not in needed)
-    yield from store.scratch.glob("*/*.npz")
-    yield from (path for edit in stale_edits(store.root) for path in edit.rglob("*") if path.is_file())
-    yield from _leftovers(store)
 
 
 def sweep_leftovers(store: Store) -> None:
