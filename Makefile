@@ -22,7 +22,7 @@ FAMILY := report -d humans --input mesh --force $(addprefix --shape woman-3_,sta
 METRICS := diffusion commute-time biharmonic
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 
-.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean boundscheck golden reference portability faults
+.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean boundscheck golden reference portability
 
 setup: $(READY)
 
@@ -81,10 +81,6 @@ boundscheck: setup
 
 portability: setup
 	$(BIN)/python -m tools.portability
-
-# Kills, bad plugins, damaged files, full disks, odd command lines; over an hour, or give ARGS="-k kills".
-faults: setup
-	$(BIN)/python -m pytest tools/faults.py -v $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

@@ -50,15 +50,6 @@ def refused(done):
     return line
 
 
-def test_a_place_without_rights_is_no_full_disk(call, monkeypatch, tmp_path):
-    def denied(folder):
-        raise PermissionError(13, "Permission denied", "runs/claims")
-
-    monkeypatch.setattr("benchmark.cli.share.Claims", denied)
-    said = refused(call("merge", tmp_path, "--results", tmp_path / "results"))
-    assert said == "error: runs/claims: Permission denied; change its permissions or choose another place"
-
-
 # Arguments -----------------------------------------------------------------------------------------------------------
 
 LONG = "x" * 5000
