@@ -83,8 +83,7 @@ class ResultsFolder:
             ("" for a descriptor), ``seed``, ``status``, ``reason``; each measure, a mean over queries in [0, 1], NaN
             without scores; chance levels (``chance_NN``, ...); ``n_shapes``, ``n_classes``, ``unsupported`` (number of
             shapes without a result), ``coverage`` (share of shapes with one); measures over these shapes only
-            (``NN_supported``, ...), if some have no result; standard deviations over jittered preparations
-            (``NN_preparation_sd``, ...), if there are at least two; ``seconds`` per shape, ``peak_mib``, ``finished``,
+            (``NN_supported``, ...), if some have no result; ``seconds`` per shape, ``peak_mib``, ``finished``,
             ``origin`` (``"here"`` or ``"published"``), and ``outdated`` (what has changed since the run; "" if nothing
             has).
         """
@@ -328,7 +327,6 @@ def _row(result: Result) -> dict[str, Any]:
         "unsupported": len(record.get("unsupported", ())),
         "coverage": line["coverage"],
         **{f"{name}_supported": value for name, value in line["supported"].items()},
-        **{f"{name}_preparation_sd": value for name, value in (line["preparation_sd"] or {}).items()},
         "seconds": np.nan if line["seconds"] is None else line["seconds"],
         "peak_mib": record.get("peak_mib"),
         "finished": record.get("finished", ""),

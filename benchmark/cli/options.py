@@ -95,9 +95,6 @@ class RunOptions:
     quick: bool = flag("--quick", "Fewer poses per subject, and only the paper's methods.")
     everything: bool = flag("--all", "All tables but camera and robustness (default of 'plan').")
     paper: bool = flag("--paper", "Only the rows of the paper.")
-    repeat: Annotated[int, ("type", click.IntRange(min=2))] | None = option(
-        "--repeat N", "Repeat each gallery N times with jittered vertices, and print the spread."
-    )
     workers: Count | None = option("-j --jobs N", "Number of parallel jobs. [all cores]")
     executor: Literal["serial", "processes", "dask"] = option("--executor", default="processes")
     scheduler: str = option("--scheduler URL", "Scheduler of a dask cluster, such as tcp://HOST:8786.", "")
@@ -123,7 +120,7 @@ class RunOptions:
 _SELECTION = (
     "tables", "methods", "datasets", "scorer", "inputs", "plugins", "results", "data_root", "seed", "quick",
 )  # fmt: skip
-_PLAN = ("everything", *_SELECTION, "paper", "repeat")
+_PLAN = ("everything", *_SELECTION, "paper")
 
 
 #: Commands by section of ``--help``, in the order of this module, and those of the group ``data``.

@@ -54,7 +54,7 @@ def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
         name_unusable()
     named = bool(options.datasets or options.tables or options.everything)
     datasets = sources(options.datasets if named else tuple(data_sets_of(options.plugins)), options.plugins)
-    chosen = galleries(options.tables, datasets, options.data_root, options.quick, options.repeat or 0)
+    chosen = galleries(options.tables, datasets, options.data_root, options.quick)
     for gallery in chosen:
         for input_ in options.inputs:
             gallery.check_input(input_)

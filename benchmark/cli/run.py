@@ -22,7 +22,6 @@ from benchmark.cli.selection import results_of
 from benchmark.cli.terminal import counting, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present, sources
 from benchmark.datasets.folder import unread_files
-from benchmark.datasets.jittered import parsed_jitter
 from benchmark.errors import ConfigurationError
 from benchmark.execution.claims import Claims
 from benchmark.execution.job_specs import Job
@@ -85,11 +84,7 @@ def run(options: Run) -> bool:
 def _results(jobs: Sequence[Job], options: RunOptions, store: Store) -> list[Result]:
     """Return the results of a plan, including those of the same shapes in a folder with another name."""
     known, keys, shown = results_of(options, store), {job.key for job in jobs}, {job.gallery for job in jobs}
-    places = by_place(
-        record
-        for record in store.all_records()
-        if record["gallery"] in shown or record["key"] in keys or parsed_jitter(str(record["data"]["name"]))
-    )
+    places = by_place(record for record in store.all_records() if record["gallery"] in shown or record["key"] in keys)
     results: dict[object, Result] = {}
     for result in known.all(options.seed, scorer=scorer_spec(options).name, places=places):
         record = result.record

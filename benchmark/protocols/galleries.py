@@ -19,7 +19,7 @@ from benchmark.datasets.catalogue import (
     table_name,
 )
 from benchmark.datasets.decimated import decimated_name, parsed_decimation
-from benchmark.datasets.jittered import Jittered, clean_name, jittered_name
+from benchmark.datasets.jittered import clean_name
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.plugins.registry import MethodSpec
@@ -96,13 +96,6 @@ class Gallery:
             "drop --input view, or name the data set without decimation",
         )
 
-    def jittered(self, number: int) -> Gallery:
-        """Return the same shapes with the n-th jitter as another gallery."""
-        dataset = Jittered(self.dataset, number)
-        identifiers = {entry.identifier for entry in self.entries}
-        entries = tuple(entry for entry in dataset.entries if entry.identifier in identifiers)
-        return replace(self, source=jittered_name(self.source, number), dataset=dataset, entries=entries)
-
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
         """Return the methods that are tested on it, some in several variants.
 
@@ -155,7 +148,6 @@ def galleries(
     dataset_names: Iterable[str] = (),
     data_root: Path | None = None,
     quick: bool = False,
-    repeat: int = 0,
 ) -> list[Gallery]:
     """Return the galleries for a selection on the command line.
 
@@ -174,8 +166,6 @@ def galleries(
     quick
         Use at most :data:`QUICK_POSES` poses of each subject, only the first fold and, unless methods are selected by
         name, only the methods of the paper and :data:`QUICK_CONTROLS`.
-    repeat
-        Number of additional, jittered preparations of each gallery that is neither perturbed nor decimated.
 
     Raises
     ------
@@ -209,9 +199,7 @@ def galleries(
         except DatasetError:
             if not table.part_of or table.identifier in wanted_tables:
                 raise
-    # Jitter after a perturbation or a decimation would show too small a spread.
-    repeated = [g for g in chosen if not parsed(g.dataset.name) and not parsed_decimation(g.dataset.name)]
-    return chosen + [gallery.jittered(number) for gallery in repeated for number in range(1, repeat + 1)]
+    return chosen
 
 
 def _is_selected(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
@@ -107,8 +106,8 @@ def compare_methods(records: Iterable[Record], first: str, second: str, scorer: 
 
 
 def _newest(records: Iterable[Record]) -> dict[Place, Record]:
-    """Return the newest record with scores of each place, without jittered preparations."""
-    scored = (record for record in records if record["status"] == "ok" and not parsed_jitter(record["data"]["name"]))
+    """Return the newest record with scores of each place."""
+    scored = (record for record in records if record["status"] == "ok")
     return {place: rivals[-1] for place, rivals in by_place(scored).items()}
 
 

@@ -147,7 +147,6 @@ def as_csv(tables: Sequence[TableContent]) -> str:
     names += ["n_shapes", "n_classes", "unsupported", "coverage", "seconds", "peak_mib"]
     names += _of_measures("low", "high", "p_best", "spread")
     names += ["n_models", "n_galleries", "origin", "status", "outdated"]
-    names += _of_measures("preparation_sd") if any("preparation_sd" in row for row in rows) else []
     return csv_text(names, rows)
 
 
@@ -193,7 +192,6 @@ def _json_row(table: TableContent, line: Any) -> dict[str, Any]:
         "n_models": len(line.models) or None,
         "n_galleries": table.n_galleries,
         **({"scorer": table.scorer} if table.scorer else {}),
-        **({"preparation_sd": _rounded(line.preparation_sd)} if line.preparation_sd else {}),
         "origin": line.origin or None,
         "outdated": line.outdated or None,
         **({"departs": line.departs} if line.departs else {}),

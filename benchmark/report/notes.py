@@ -22,7 +22,6 @@ _MARKS = (
     "for other poses of these subjects (paired permutation test over queries, Holm's correction, 5 %)."
 )
 
-_OF_PREPARATIONS = "Standard deviation over {} preparations of vertices jittered by a millionth of the extent, {}: {}."
 
 _OF_MEANS = "Mean ± standard deviation (n - 1) over the galleries, each ranked by itself."
 _OF_TRAININGS = "Mean ± standard deviation (n - 1) over the trainings."
@@ -45,7 +44,7 @@ def notes(table: TableContent, *, reasons: bool = True, most: int | None = None)
         lines.append(_OF_MEANS if table.n_galleries > 1 else _OF_TRAININGS)
     judged = (one for line in table.lines for one in table.judged(line).values())
     lines += [_MARKS] if any(one.is_inseparable for one in judged) else []
-    lines += [*_tied(table), *_preparations(table), *_refused(table), *_trainings(table), *_area(table)]
+    lines += [*_tied(table), *_refused(table), *_trainings(table), *_area(table)]
     lines += [line for of_line in table.lines for line in _of_jobs(of_line)]
     failed = (
         (f"{line.input}: {': '.join(filter(None, (line.status, brief(line.reason))))}", line.title)
@@ -83,18 +82,6 @@ def _tied(table: TableContent) -> Iterator[str]:
     ]
     if tied:
         yield f"{TIED} Ties at the first rank: scores are means over their orders, and never italic: {'; '.join(tied)}."
-
-
-def _preparations(table: TableContent) -> Iterator[str]:
-    """Describe the spread over preparations, for rows with repeated preparations."""
-    for input_ in table.inputs:
-        spreads: dict[int, list[str]] = {}
-        for line in table.lines:
-            if line.input == input_ and line.preparation_sd:
-                figures = " ".join(number(line.preparation_sd[measure], 3) for measure in PRINTED)
-                spreads.setdefault(line.n_repeats, []).append(f"{line.title} {figures}")
-        for count, rows in spreads.items():
-            yield _OF_PREPARATIONS.format(count, f"{input_} {' '.join(PRINTED)}", "; ".join(rows))
 
 
 def _refused(table: TableContent) -> Iterator[str]:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.datasets.catalogue import CATALOGUE, is_present
-from benchmark.datasets.jittered import parsed_jitter
 from benchmark.datasets.own import sources_in
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.execution.plan import data_recipe, difference
@@ -37,7 +36,7 @@ from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import TABLES
 from benchmark.report.significance import UNIT
 
-__all__ = ["MISSING", "Figures", "Result", "Results", "line_of", "with_repeats"]
+__all__ = ["MISSING", "Figures", "Result", "Results", "line_of"]
 
 
 @dataclass(frozen=True)
@@ -52,14 +51,11 @@ class Result:
         Change since it was computed; "" if nothing changed or it is unknown.
     origin
         ``"here"`` if it ran in this results folder, ``"published"`` if it came with the suite.
-    repeats
-        Records with scores of its jittered preparations, by the number of the jitter.
     """
 
     record: Record
     outdated: str = ""
     origin: str = ""
-    repeats: Mapping[int, Record] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
@@ -92,8 +88,6 @@ class Results:
     ) -> list[Result]:  # fmt: skip
         """Return one result for each place: the newest that is up to date, otherwise the newest with scores.
 
-        Jittered preparations are part of the result that they repeat.
-
         Parameters
         ----------
         seed
@@ -111,7 +105,7 @@ class Results:
             if place.seed == seed and (place.scorer == scorer or not all(map(scorer_name, rivals)))
         ]
         results = _of_same_shapes([self._best(rivals) for rivals in wanted])
-        return with_repeats(result for result in results if not (fresh and result.outdated))
+        return [result for result in results if not (fresh and result.outdated)]
 
     def _best(self, records: Iterable[Record]) -> Result:
         own = self.store.records
@@ -212,41 +206,6 @@ def _of_same_shapes(results: list[Result]) -> list[Result]:
     return [replace(r, outdated=OTHER_SHAPES) if not r.outdated and is_other(r.record) else r for r in results]
 
 
-def with_repeats(results: Iterable[Result]) -> list[Result]:
-    """Return the results without jitter, each with its jittered preparations by the same code and settings."""
-    clean: list[Result] = []
-    jittered: dict[tuple[str, str, str, str], dict[int, Record]] = {}
-    for result in results:
-        record, name = result.record, str(result.record["data"]["name"])
-        if jitter := parsed_jitter(name):
-            gallery = jitter[0] + record["gallery"].removeprefix(name)
-            if record["status"] == "ok":
-                jittered.setdefault(_repeated(record, gallery), {})[jitter[1]] = record
-        else:
-            clean.append(result)
-
-    def repeats(result: Result) -> dict[int, Record]:
-        record = result.record
-        rivals = jittered.get(_repeated(record, record["gallery"]), {})
-        return {number: rivals[number] for number in sorted(rivals) if _is_repeat(rivals[number], record)}
-
-    return [replace(result, repeats=repeats(result)) for result in clean] if jittered else clean
-
-
-def _repeated(record: Record, gallery: str) -> tuple[str, str, str, str]:
-    """Return a key that a record shares with records that may repeat it."""
-    return gallery, str(record["input"]), str(record["method"]), scorer_name(record)
-
-
-def _is_repeat(record: Record, of: Record) -> bool:
-    """Return whether two records differ only in the source of their shapes."""
-    parts = ("parameters", "models", "seed", "scorer", "plugin")
-    then, now = record["recipe"], of["recipe"]
-    versions, clean = then.get("versions", {}), now.get("versions", {})
-    is_same_code = {name: version for name, version in versions.items() if name != "change/jitter"} == clean
-    return is_same_code and all(then.get(part) == now.get(part) for part in parts)
-
-
 @cache
 def tables_of(gallery: str, dataset: str, *, quick: bool) -> tuple[str, ...]:
     """Return the identifiers of the tables that show a gallery; data sets in no table have their own."""
@@ -266,8 +225,8 @@ Figures = Mapping[str, float]
 MISSING = "missing"
 
 _EMPTY: Mapping[str, Any] = {
-    "status": MISSING, "reason": "", "scores": None, "coverage": 0.0, "deviation": None, "preparation_sd": None,
-    "n_repeats": 0, "chance": None, "supported": {}, "codebook_deviation": None, "splits": None, "n_averaged": 0,
+    "status": MISSING, "reason": "", "scores": None, "coverage": 0.0, "deviation": None,
+    "chance": None, "supported": {}, "codebook_deviation": None, "splits": None, "n_averaged": 0,
     "n_wanted": 1, "is_complete": False, "n_shapes": None, "n_classes": None, "n_queries": 0, "n_tied": 0,
     "unsupported": (), "seen": (), "models": (), "notes": {}, "phases": {}, "seconds": None, "peak_mib": None,
     "origin": "", "outdated": "", "records": (),
@@ -291,8 +250,8 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
     dict
         ``status`` ("missing" without a record) and ``reason``; ``scores`` by measure, or None, and ``coverage``, means
         over galleries; ``deviation``, their standard deviation (n - 1) over galleries if there are several, otherwise
-        over trainings, None for a single job; ``preparation_sd``, that over ``n_repeats`` jittered preparations, if
-        there are at least two; ``chance``; ``supported``, ``codebook_deviation`` and ``splits`` of a single job;
+        over trainings, None for a single job; ``chance``; ``supported``, ``codebook_deviation`` and ``splits`` of a
+        single job;
         ``n_averaged`` and ``n_wanted``, the numbers of averaged and of expected jobs, and ``is_complete``, whether they
         are equal; ``n_shapes``, ``n_classes``, ``n_queries``, and ``n_tied`` (queries with ties for the first rank,
         whose NN is a mean over orders);
@@ -330,7 +289,6 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
         "coverage": scores.pop("coverage"),
         "scores": scores,
         "deviation": None if is_single else _deviations(spread_over, scores),
-        **_over_preparations(results, [*scores], n_galleries),
         "chance": _means([chance_of(record) for record in records]),
         "supported": only.get("supported", {}),
         "codebook_deviation": only.get("codebook_deviation"),
@@ -373,14 +331,6 @@ def _deviations(figures: Sequence[Figures], names: Iterable[str]) -> dict[str, f
     if len(figures) < 2:
         return None
     return {name: statistics.stdev(row[name] for row in figures) for name in names}
-
-
-def _over_preparations(results: Sequence[Result], names: Sequence[str], n_galleries: int) -> dict[str, Any]:
-    """Return the spread of the row over the jittered preparations that all its jobs have."""
-    numbers = sorted(set(results[0].repeats).intersection(*(result.repeats for result in results)))
-    repeats = [[result.repeats[number] for result in results] for number in numbers]
-    scores = [_means(_of_galleries(records, names, n_galleries)) for records in repeats]
-    return {"n_repeats": len(scores), "preparation_sd": _deviations(scores, names)} if len(scores) > 1 else {}
 
 
 def _union(items: Iterable[Any]) -> list[Any]:

@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import is_present, open_dataset
 from benchmark.datasets.jittered import AMOUNT, clean_name, jittered_name, parsed_jitter
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.cleaning import extent_of
-from benchmark.protocols.galleries import galleries
 
 
 def test_names_are_read_as_they_are_written():
@@ -32,24 +29,3 @@ def test_vertices_move_by_a_millionth_and_each_number_moves_them_in_its_own_way(
     np.testing.assert_array_equal(moves[0], moves[1])
     assert abs(np.corrcoef(moves[0].ravel(), moves[2].ravel())[0, 1]) < 0.1
     np.testing.assert_array_equal(meshes[1].faces, meshes[0].faces)
-
-
-def test_a_selection_repeats_its_galleries_but_not_those_under_a_perturbation(rods):
-    plain = galleries([], [str(rods)])
-    repeated = galleries([], [str(rods)], repeat=2)
-    assert [gallery.name for gallery in repeated] == ["rods", "rods[jitter=1]", "rods[jitter=2]"]
-    assert [gallery.table for gallery in repeated] == 3 * [plain[0].table]
-    assert all(open_dataset(gallery.source, None).name == gallery.dataset.name for gallery in repeated)
-    assert not [
-        g for g in galleries(["robustness"], ["animals-few"], repeat=2) if "noise" in g.name and "jitter" in g.name
-    ]
-
-
-def test_a_plan_has_repeats_where_they_are_asked_for(rods, tmp_path):
-    def planned(*options):
-        words = ["plan", "-d", str(rods), "-m", "pca", "--input", "mesh", "--results", str(tmp_path), *options]
-        return CliRunner().invoke(cli, words)
-
-    assert "1 of 1 jobs to run" in planned().output
-    assert "rods[jitter=2] mesh pca" in planned("--repeat", "2").output
-    assert planned("--repeat", "1").exit_code == 2  # one is no spread

@@ -186,7 +186,7 @@ def _run(tables: Sequence[TableContent]) -> dict[str, Any]:
         "in_paper": any(table.has_paper for table in tables),
         "n_methods": len({record["method"] for record in records}),
         "n_jobs": len(records),
-        "repeats": any(line.n_repeats for line in lines),
+        "repeats": False,
         "scorers": [Latex(text) for text in scorers],
         "seeds": sorted({str(table.seed) for table in tables}),
         "own": list(dict.fromkeys(line.title for line in lines if line.method.partition("[")[0] not in BUILT_IN)),
