@@ -91,11 +91,11 @@ def _humans_scanlike(_: Path) -> Dataset:
     return HumansScanlike()
 
 
-def _humans_random(draw: int) -> Loader:
+def _people(draw: int) -> Loader:
     def load(_: Path) -> Dataset:
-        from benchmark.datasets.humans_random import HumansRandom
+        from benchmark.datasets.people import People
 
-        return HumansRandom(draw)
+        return People(draw)
 
     return load
 
@@ -148,12 +148,12 @@ CATALOGUE: dict[str, DatasetSource] = {
     "humans-scanlike": DatasetSource(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
     ),
-    "humans-random": DatasetSource(
-        "generated humans drawn at random, 15 subjects x 20 poses: the first draw of three", _humans_random(0), 300, 15
+    "people": DatasetSource(
+        "generated humans drawn at random, 15 subjects x 20 poses: the first draw of three", _people(0), 300, 15
     ),
     **{
-        f"humans-random[draw={draw}]": DatasetSource(
-            f"generated humans drawn at random, 15 subjects x 20 poses, draw {draw}", _humans_random(draw), 300, 15
+        f"people[draw={draw}]": DatasetSource(
+            f"generated humans drawn at random, 15 subjects x 20 poses, draw {draw}", _people(draw), 300, 15
         )
         for draw in range(3)
     },

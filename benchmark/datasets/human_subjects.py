@@ -92,66 +92,66 @@ def adults() -> Mapping[str, Subject]:
 
 
 RANDOM_SEED = 20261124
-"""Seed of the subjects of ``humans-random``, the date of the draw."""
+"""Seed of the subjects of ``people``, the date of the draw."""
 
-RANDOM_SUBJECTS: tuple[Mapping[str, Subject], ...] = (
+PEOPLE: tuple[Mapping[str, Subject], ...] = (
     {
-        "man-1": Subject(0.0, 0.77, 0.74, 0.68, 0.55, 0.50),
-        "woman-1": Subject(1.0, 0.64, 0.52, 0.25, 0.53, 0.35),
-        "child-1": Subject(1.0, 0.31, 0.67, 0.20, 0.47, 0.27),
-        "man-2": Subject(0.0, 0.60, 0.33, 0.46, 0.52, 0.31),
-        "woman-2": Subject(1.0, 0.88, 0.74, 0.63, 0.41, 0.84),
-        "child-2": Subject(1.0, 0.28, 0.22, 0.59, 0.53, 0.87),
-        "man-3": Subject(0.0, 0.76, 0.75, 0.14, 0.29, 0.80),
-        "woman-3": Subject(1.0, 0.85, 0.21, 0.22, 0.44, 0.63),
-        "child-3": Subject(1.0, 0.29, 0.73, 0.36, 0.11, 0.55),
-        "man-4": Subject(0.0, 0.71, 0.59, 0.82, 0.11, 0.86),
-        "woman-4": Subject(1.0, 0.63, 0.73, 0.89, 0.27, 0.41),
-        "child-4": Subject(0.0, 0.35, 0.53, 0.72, 0.26, 0.91),
-        "man-5": Subject(0.0, 0.94, 0.21, 0.55, 0.54, 0.77),
-        "woman-5": Subject(1.0, 0.75, 0.79, 0.33, 0.47, 0.75),
-        "child-5": Subject(1.0, 0.36, 0.70, 0.56, 0.24, 0.78),
+        "man-a1": Subject(0.0, 0.77, 0.74, 0.68, 0.55, 0.50),
+        "woman-a1": Subject(1.0, 0.64, 0.52, 0.25, 0.53, 0.35),
+        "child-a1": Subject(1.0, 0.31, 0.67, 0.20, 0.47, 0.27),
+        "man-a2": Subject(0.0, 0.60, 0.33, 0.46, 0.52, 0.31),
+        "woman-a2": Subject(1.0, 0.88, 0.74, 0.63, 0.41, 0.84),
+        "child-a2": Subject(1.0, 0.28, 0.22, 0.59, 0.53, 0.87),
+        "man-a3": Subject(0.0, 0.76, 0.75, 0.14, 0.29, 0.80),
+        "woman-a3": Subject(1.0, 0.85, 0.21, 0.22, 0.44, 0.63),
+        "child-a3": Subject(1.0, 0.29, 0.73, 0.36, 0.11, 0.55),
+        "man-a4": Subject(0.0, 0.71, 0.59, 0.82, 0.11, 0.86),
+        "woman-a4": Subject(1.0, 0.63, 0.73, 0.89, 0.27, 0.41),
+        "child-a4": Subject(0.0, 0.35, 0.53, 0.72, 0.26, 0.91),
+        "man-a5": Subject(0.0, 0.94, 0.21, 0.55, 0.54, 0.77),
+        "woman-a5": Subject(1.0, 0.75, 0.79, 0.33, 0.47, 0.75),
+        "child-a5": Subject(1.0, 0.36, 0.70, 0.56, 0.24, 0.78),
     },
     {
-        "man-1": Subject(0.0, 0.80, 0.16, 0.56, 0.11, 0.31),
-        "woman-1": Subject(1.0, 0.64, 0.69, 0.45, 0.13, 0.92),
-        "child-1": Subject(0.0, 0.38, 0.19, 0.64, 0.46, 0.51),
-        "man-2": Subject(0.0, 0.80, 0.27, 0.76, 0.20, 0.17),
-        "woman-2": Subject(1.0, 0.96, 0.33, 0.65, 0.59, 0.88),
-        "child-2": Subject(0.0, 0.42, 0.52, 0.24, 0.28, 0.73),
-        "man-3": Subject(0.0, 0.73, 0.36, 0.51, 0.10, 0.32),
-        "woman-3": Subject(1.0, 0.87, 0.85, 0.47, 0.38, 0.71),
-        "child-3": Subject(1.0, 0.45, 0.82, 0.46, 0.12, 0.25),
-        "man-4": Subject(0.0, 0.67, 0.82, 0.26, 0.59, 0.40),
-        "woman-4": Subject(1.0, 0.69, 0.80, 0.36, 0.22, 0.94),
-        "child-4": Subject(1.0, 0.46, 0.75, 0.74, 0.32, 0.59),
-        "man-5": Subject(0.0, 0.67, 0.92, 0.38, 0.44, 0.46),
-        "woman-5": Subject(1.0, 1.00, 0.75, 0.38, 0.09, 0.67),
-        "child-5": Subject(1.0, 0.35, 0.26, 0.26, 0.55, 0.16),
+        "man-b1": Subject(0.0, 0.80, 0.16, 0.56, 0.11, 0.31),
+        "woman-b1": Subject(1.0, 0.64, 0.69, 0.45, 0.13, 0.92),
+        "child-b1": Subject(0.0, 0.38, 0.19, 0.64, 0.46, 0.51),
+        "man-b2": Subject(0.0, 0.80, 0.27, 0.76, 0.20, 0.17),
+        "woman-b2": Subject(1.0, 0.96, 0.33, 0.65, 0.59, 0.88),
+        "child-b2": Subject(0.0, 0.42, 0.52, 0.24, 0.28, 0.73),
+        "man-b3": Subject(0.0, 0.73, 0.36, 0.51, 0.10, 0.32),
+        "woman-b3": Subject(1.0, 0.87, 0.85, 0.47, 0.38, 0.71),
+        "child-b3": Subject(1.0, 0.45, 0.82, 0.46, 0.12, 0.25),
+        "man-b4": Subject(0.0, 0.67, 0.82, 0.26, 0.59, 0.40),
+        "woman-b4": Subject(1.0, 0.69, 0.80, 0.36, 0.22, 0.94),
+        "child-b4": Subject(1.0, 0.46, 0.75, 0.74, 0.32, 0.59),
+        "man-b5": Subject(0.0, 0.67, 0.92, 0.38, 0.44, 0.46),
+        "woman-b5": Subject(1.0, 1.00, 0.75, 0.38, 0.09, 0.67),
+        "child-b5": Subject(1.0, 0.35, 0.26, 0.26, 0.55, 0.16),
     },
     {
-        "man-1": Subject(0.0, 0.70, 0.92, 0.86, 0.14, 0.90),
-        "woman-1": Subject(1.0, 0.85, 0.27, 0.17, 0.34, 0.16),
-        "child-1": Subject(1.0, 0.27, 0.91, 0.23, 0.56, 0.45),
-        "man-2": Subject(0.0, 0.71, 0.29, 0.51, 0.12, 0.25),
-        "woman-2": Subject(1.0, 0.76, 0.68, 0.85, 0.44, 0.38),
-        "child-2": Subject(0.0, 0.34, 0.30, 0.41, 0.34, 0.80),
-        "man-3": Subject(0.0, 0.80, 0.24, 0.92, 0.30, 0.82),
-        "woman-3": Subject(1.0, 0.75, 0.21, 0.93, 0.10, 0.76),
-        "child-3": Subject(1.0, 0.28, 0.89, 0.68, 0.29, 0.60),
-        "man-4": Subject(0.0, 0.96, 0.15, 0.67, 0.42, 0.80),
-        "woman-4": Subject(1.0, 0.73, 0.39, 0.75, 0.09, 0.36),
-        "child-4": Subject(1.0, 0.34, 0.53, 0.61, 0.19, 0.88),
-        "man-5": Subject(0.0, 0.92, 0.43, 0.52, 0.44, 0.90),
-        "woman-5": Subject(1.0, 0.97, 0.64, 0.93, 0.38, 0.22),
-        "child-5": Subject(0.0, 0.44, 0.17, 0.75, 0.36, 0.44),
+        "man-c1": Subject(0.0, 0.70, 0.92, 0.86, 0.14, 0.90),
+        "woman-c1": Subject(1.0, 0.85, 0.27, 0.17, 0.34, 0.16),
+        "child-c1": Subject(1.0, 0.27, 0.91, 0.23, 0.56, 0.45),
+        "man-c2": Subject(0.0, 0.71, 0.29, 0.51, 0.12, 0.25),
+        "woman-c2": Subject(1.0, 0.76, 0.68, 0.85, 0.44, 0.38),
+        "child-c2": Subject(0.0, 0.34, 0.30, 0.41, 0.34, 0.80),
+        "man-c3": Subject(0.0, 0.80, 0.24, 0.92, 0.30, 0.82),
+        "woman-c3": Subject(1.0, 0.75, 0.21, 0.93, 0.10, 0.76),
+        "child-c3": Subject(1.0, 0.28, 0.89, 0.68, 0.29, 0.60),
+        "man-c4": Subject(0.0, 0.96, 0.15, 0.67, 0.42, 0.80),
+        "woman-c4": Subject(1.0, 0.73, 0.39, 0.75, 0.09, 0.36),
+        "child-c4": Subject(1.0, 0.34, 0.53, 0.61, 0.19, 0.88),
+        "man-c5": Subject(0.0, 0.92, 0.43, 0.52, 0.44, 0.90),
+        "woman-c5": Subject(1.0, 0.97, 0.64, 0.93, 0.38, 0.22),
+        "child-c5": Subject(0.0, 0.44, 0.17, 0.75, 0.36, 0.44),
     },
 )
-"""Subjects of ``humans-random`` by draw, generated by :func:`random_subjects`."""
+"""Subjects of ``people`` by draw, generated by :func:`random_subjects`."""
 
 
 def random_subjects(draw: int) -> dict[str, Subject]:
-    """Draw the subjects of ``humans-random``: man, woman and child in turn, five times.
+    """Draw the subjects of ``people``: man, woman and child in turn, five times; a letter names the draw.
 
     Every value is uniform in the ranges of :func:`new_subject` and rounded to two digits; a child is male or female.
     Bodies nearer than :data:`CLEARANCE` to a subject of ``humans`` or ``humans-scanlike`` are redrawn. There are no
@@ -167,23 +167,24 @@ def random_subjects(draw: int) -> dict[str, Subject]:
     for number in range(1, 6):
         for kind, ages in (("man", _ADULTS), ("woman", _ADULTS), ("child", _CHILDREN)):
             lowest, highest = np.array([(0.0, 1.0), ages, *zip(_LOWEST, _HIGHEST, strict=True)]).T
-            while f"{kind}-{number}" not in drawn:
+            name = f"{kind}-{'abc'[draw]}{number}"
+            while name not in drawn:
                 values = np.round(lowest + random.random(6) * (highest - lowest), 2)
                 values[0] = {"man": 0.0, "woman": 1.0, "child": float(values[0] >= 0.5)}[kind]
                 candidate = Subject(*values.tolist())
                 if clearance(candidate, ("humans", "humans-scanlike")) >= CLEARANCE:
-                    drawn[f"{kind}-{number}"] = candidate
+                    drawn[name] = candidate
     return drawn
 
 
-TESTED = ("humans", "humans-scanlike", "humans-random")
+TESTED = ("humans", "humans-scanlike", "people")
 """Generated human test sets."""
 
 
 @functools.cache
 def _tested(dataset: str) -> NDArray[np.float64]:
     """Return the phenotypes of the subjects of a set, over all draws."""
-    known = {"humans": (SUBJECTS,), "humans-scanlike": (adults(),), "humans-random": RANDOM_SUBJECTS}
+    known = {"humans": (SUBJECTS,), "humans-scanlike": (adults(),), "people": PEOPLE}
     return np.array([astuple(subject) for subjects in known[dataset] for subject in subjects.values()])
 
 

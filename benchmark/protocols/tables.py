@@ -224,8 +224,8 @@ TABLES: tuple[Table, ...] = (
     Table(
         "I-random",
         "Retrieval of synthetic humans drawn at random (without figures of the paper)",
-        dataset="humans-random",
-        any_of=tuple(f"humans-random[draw={draw}]" for draw in range(3)),
+        dataset="people",
+        any_of=tuple(f"people[draw={draw}]" for draw in range(3)),
         mean_over_sets=True,
         rows=Rows(families=frozenset({"paper", "control"}), variants={}, averaged="training"),
     ),

@@ -90,7 +90,7 @@ _SAME_SUBJECTS = {
     "animals-few": "animals",
     "shrec16-cuts": "tosca",
     "shrec16-holes": "tosca",
-    **{f"humans-random[draw={draw}]": "humans-random" for draw in range(3)},
+    **{f"people[draw={draw}]": "people" for draw in range(3)},
 }
 
 #: Data sets with some of the poses of another one, for which the fold of a pose is unknown.

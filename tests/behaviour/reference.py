@@ -33,7 +33,7 @@ QUICK_SETS = ("tosca",)
 
 #: Sets that every row is made of, by every scorer. Sets that are a part of one of these are left out.
 ALL_SETS = (
-    "humans", "humans-random[draw=0]", "humans-scanlike", "animals", "tosca", "camera", "animals-few[holes=3]",
+    "humans", "people[draw=0]", "humans-scanlike", "animals", "tosca", "camera", "animals-few[holes=3]",
     "animals-few[depth-noise=3]",
 )  # fmt: skip
 

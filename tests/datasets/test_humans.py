@@ -14,7 +14,7 @@ from scipy.spatial.distance import pdist
 
 from benchmark.datasets import humans
 from benchmark.datasets.human_poses import POSES, Column
-from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, SUBJECTS, adults
+from benchmark.datasets.human_subjects import PEOPLE, SUBJECTS, adults
 from benchmark.datasets.humans import Humans, human_meshes, recipe, sample_humans
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT
@@ -91,7 +91,7 @@ def test_a_missing_package_says_what_to_install(package: str, monkeypatch: pytes
 
 
 def test_sampled_subjects_are_none_that_methods_are_tested_on() -> None:
-    sets = (SUBJECTS, adults(), *RANDOM_SUBJECTS)
+    sets = (SUBJECTS, adults(), *PEOPLE)
     taken = np.array([astuple(subject) for subjects in sets for subject in subjects.values()])
     assert len(taken) == 100
     sampled = np.array([astuple(subject) for subject, _ in sample_humans(200, 0, seed=1)])

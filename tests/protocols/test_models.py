@@ -17,11 +17,11 @@ from benchmark.protocols.trainings import NoFolds, trainings_by_shape, trainings
 from learned.paired.methods import Learned
 from tests.mean_folds import MeanStrict
 
-RANDOM = ["humans-random", *(f"humans-random[draw={draw}]" for draw in range(3))]
+RANDOM = ["people", *(f"people[draw={draw}]" for draw in range(3))]
 GENERATED = HumansGallery(4, 2).name
 CHANGED = [
     "humans[noise=3]", "humans[jitter=1]", "humans[decimation=libigl]", "humans[depth-noise=2][jitter=1]",
-    "camera[occlusion=1]", "camera-few[distance=2]", "animals-few[noise=1]", "humans-random[draw=1][holes=2]",
+    "camera[occlusion=1]", "camera-few[distance=2]", "animals-few[noise=1]", "people[draw=1][holes=2]",
     "humans-scanlike[scale=1]", f"{GENERATED}[noise=1]",
 ]  # fmt: skip
 SETS = [*(name for name, source in CATALOGUE.items() if not source.folder), GENERATED, *CHANGED]
@@ -42,10 +42,10 @@ def refused(model: Model, name: str) -> bool:
 
 def refused_on(training: str) -> set[str]:
     """Sets that the models of a training must not be tested on."""
-    if training == "humans-sampled":  # apart from humans-random, too
+    if training == "humans-sampled":  # apart from people, too
         return {name for name in SETS if name.startswith(("animals", GENERATED))}
     if training in ("humans-varied", "animals-sampled"):
-        return {name for name in SETS if name.startswith(("animals", "humans-random", GENERATED))}
+        return {name for name in SETS if name.startswith(("animals", "people", GENERATED))}
     if training.startswith(("humans-fold-1", "humans-fold-2", "humans-strict-1", "humans-strict-2")):
         return {name for name in SETS if name.startswith("humans-scanlike")}
     return set()
@@ -86,7 +86,7 @@ def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name
 @pytest.mark.parametrize(
     ("dataset", "method", "said"),
     [
-        ("humans-random", "learned-streamed", "has bodies within 0.25 of the subjects of humans-random"),
+        ("people", "learned-streamed", "has bodies within 0.25 of the subjects of people"),
         ("humans-scanlike", "learned[training=humans-fold-1]", "has bodies within 0.25 of the subjects of humans-sc"),
         (GENERATED, "deformation-field", "'humans-varied' may have bodies similar to subjects of"),
     ],
@@ -114,7 +114,7 @@ def test_partial_shapes_of_tosca_are_seen_by_models_trained_on_it() -> None:
 
 def test_the_row_of_a_learner_on_random_humans_is_the_mean_of_its_models(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli, ["plan", "-t", "I-random", "--input", "view", "--results", str(tmp_path)])
-    lines = [line.split() for line in done.stdout.splitlines() if "humans-random" in line]
+    lines = [line.split() for line in done.stdout.splitlines() if "people" in line]
     methods = {line[3] for line in lines}
     assert {line[1] for line in lines} == set(RANDOM[1:])
     assert {m for m in methods if m.startswith("learned")} == {

@@ -70,7 +70,7 @@ def test_of_one_gallery_whose_second_training_failed_no_deviation_is_known():
 
 def of_draw(draw, nn, training=""):
     """Record of a learner, or one of its fold models, on people drawn at random."""
-    name = f"humans-random[draw={draw}]"
+    name = f"people[draw={draw}]"
     return record(
         f"learned[training={training}]" if training else "learned", nn=nn, gallery=name, input_="view", family="paper",
         parameters={"training": training} if training else {}, data={"name": name, "title": "People", "source": name},
@@ -85,7 +85,7 @@ def test_a_row_of_people_drawn_at_random_is_the_mean_over_models_and_draws():
     (row,) = table.rows
     assert row.scores["NN"] == pytest.approx(0.11)
     assert row.deviation["NN"] == pytest.approx(0.1)
-    assert (row.label, table.data["name"]) == ("Learned (3 models)", "humans-random")
+    assert (row.label, table.data["name"]) == ("Learned (3 models)", "people")
     assert table.caption.endswith("mean over three draws")
     (one,) = contents(results(of_draw(1, 0.5)))
     assert one.rows[0].scores["NN"] == 0.5

@@ -58,7 +58,7 @@ FRAMES |= {"sidecar": (True, (0.1, -1.0, 0.2), False), "upside": (True, (0.0, 0.
 GENERATED: Mapping[str, tuple[int, ...]] = {
     "humans": tuple(n % 15 * 20 + n for n in range(20)),
     "humans-scanlike": (1, 157, 398),
-    "humans-random": (7, 154, 299),
+    "people": (7, 154, 299),
     "animals": (1, 12, 18, 26, 34, 38, 50, 70, 79),
     "animals-few": (1, 16),
     "camera": (1, 42, 153, 298),
@@ -66,7 +66,7 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
 }
 
 #: Additional parts of sets: properties that two or three shapes do not show.
-WHOLE = {"humans-scanlike": "bodies", "humans-random": "subjects", "animals": "skeletons", "humans": "gallery"}
+WHOLE = {"humans-scanlike": "bodies", "people": "subjects", "animals": "skeletons", "humans": "gallery"}
 
 #: Modules of the streams of bodies that train networks.
 SAMPLERS = {

@@ -151,7 +151,7 @@ def gallery() -> Arrays:
 
 def subjects() -> Arrays:
     """Return the phenotypes of all draws of random subjects."""
-    draws = enumerate(human_subjects.RANDOM_SUBJECTS)
+    draws = enumerate(human_subjects.PEOPLE)
     return {f"draw-{n}": [astuple(body) for body in drawn.values()] for n, drawn in draws}
 
 

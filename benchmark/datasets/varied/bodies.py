@@ -9,7 +9,7 @@ import numpy as np
 from benchmark.datasets.human_subjects import CLEARANCE, Subject, clearance
 
 AWAY_FROM = ("humans", "humans-scanlike")
-"""Sets with the subjects to avoid. Adding ``humans-random`` would change the streams that the networks were trained on
+"""Sets with the subjects to avoid. Adding ``people`` would change the streams that the networks were trained on
 and selected by, so these networks are not tested on it."""
 
 MOST_DRAWS = 10_000

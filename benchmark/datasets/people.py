@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from benchmark.datasets import humans
 from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import RANDOM_SUBJECTS, Subject
+from benchmark.datasets.human_subjects import PEOPLE, Subject
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 
 
 @dataclass(frozen=True)
-class HumansRandom:
+class People:
     """Data set of 15 random subjects in 20 poses.
 
     Parameters
@@ -34,7 +34,7 @@ class HumansRandom:
     @property
     def name(self) -> str:
         """Name on the command line."""
-        return f"humans-random[draw={self.draw}]"
+        return f"people[draw={self.draw}]"
 
     @property
     def title(self) -> str:
@@ -43,9 +43,8 @@ class HumansRandom:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """All 300 shapes by subject, then by pose; names differ between draws, as the subjects do."""
-        subjects = [f"{name}-of-draw-{self.draw}" for name in RANDOM_SUBJECTS[self.draw]]
-        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in subjects for pose in POSES)
+        """All 300 shapes by subject, then by pose; no subject of another set has the same name."""
+        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in PEOPLE[self.draw] for pose in POSES)
 
     def load(self, entry: Entry) -> Mesh:
         """Generate the mesh of a shape; see :func:`benchmark.datasets.humans.human_meshes`."""
@@ -56,7 +55,7 @@ class HumansRandom:
         return humans.recipe(self._body(entry), POSES[entry.pose])
 
     def _body(self, entry: Entry) -> Subject:
-        return RANDOM_SUBJECTS[self.draw][entry.subject.partition("-of-")[0]]
+        return PEOPLE[self.draw][entry.subject]
 
     def camera(self, entry: Entry) -> Camera:
         """Return the front view."""
