@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.behaviour.suite import OLD, PLUGINS, call, write_frames, write_off, write_rods
+from tests.behaviour.suite import PLUGINS, call, write_frames, write_off, write_rods
 
 
 @pytest.fixture(scope="session")
 def material(tmp_path_factory) -> Path:
-    """Data, plugins, and what version 0.2 left."""
+    """Data and plugins."""
     folder = tmp_path_factory.mktemp("material")
     write_rods(folder / "rods")
     write_rods(folder / "rods2")
@@ -34,8 +33,6 @@ def material(tmp_path_factory) -> Path:
         (folder / name / "index.html").write_text("mine")
     (folder / "own.py").write_text(PLUGINS)
     (folder / "syntax.py").write_text("def\n")
-    shutil.copytree(OLD / "results", folder / "old")
-    shutil.copy(OLD / "bundle.zip", folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder / "plugins")
         kinds = {
@@ -69,6 +66,4 @@ def ran(material) -> Path:
         assert call("run", "-d", "frames", "-m", "gps", "-m", "surface-area", *serial).code == 0
         own = ("-m", "flat", "-m", "picky", "-m", "broken", "--plugin", "own.py", "--input", "mesh")
         assert call("run", "-d", "rods", *own, "--results", "results", "-j", 1).code == 1
-        submitted = ("-d", "rods", "--input", "mesh", "--forms", "--plugin", "own.py", "--results", "results")
-        assert call("submit", "flat", *submitted, "-o", "today.zip").code == 0
     return material

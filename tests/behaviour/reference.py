@@ -22,7 +22,6 @@ from unittest.mock import patch
 from benchmark.datasets.base import Entry, thinned
 from benchmark.protocols import galleries
 from benchmark.results import open_results
-from tests.behaviour.pins import listed
 from tests.behaviour.suite import HERE, MEASURES, call
 
 REFERENCE = HERE / "reference.json"
@@ -51,6 +50,11 @@ TOLERANCE = 1.5e-6
 
 #: By row: part of the reference, gallery, input, method and scorer; what its queries have by name.
 Rows = dict[str, dict[str, list[Any]]]
+
+
+def listed(what: str) -> list[dict[str, Any]]:
+    """What ``list --json`` says."""
+    return json.loads(call("list", what, "--json").out)
 
 
 def few(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:

@@ -23,9 +23,6 @@ from benchmark import plugins
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
 
-#: What version 0.2.0 left: a results folder with published records and records of own meshes, a model's card, a bundle.
-OLD = HERE / "version-0.2"
-
 MEASURES = ("NN", "FT", "ST", "DCG")
 
 #: Environment variables of the suite, which the tests set for themselves.

@@ -61,7 +61,7 @@ def test_command(case, request):
     assert done.code == case.code, done.out + done.err
     assert "Traceback" not in done.err
     for kind, text, shown in ((">", out, done.out), ("!", err, done.err)):
-        unmarked = text.replace(" †", "").replace(" ‡", "")  # code that is edited marks rows of today, too
+        unmarked = text.replace(" †", "").replace(" ‡", "")  # edited code marks its rows
         assert [part for part in map(plain, case.parts[kind]) if part not in text and part not in unmarked] == [], shown
     assert [part for part in case.parts["-"] if part in out + err] == []
     if case.section == "Refusals" and case.line:

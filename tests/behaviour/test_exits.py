@@ -12,7 +12,7 @@ from contextlib import suppress
 import psutil
 import pytest
 
-from tests.behaviour.suite import ROOT, call, environment, start
+from tests.behaviour.suite import ROOT, environment, start
 
 #: A method that says that it is at work, and stays there.
 SLOW = """
@@ -85,8 +85,8 @@ def test_a_check_that_is_interrupted(place):
     assert "interrupted" in err
 
 
-@pytest.mark.parametrize("line", ["list datasets", "tables --results old -d rods", "describe gps"])
-def test_nobody_listens(line, place):
+@pytest.mark.parametrize("line", ["list datasets", "tables --results results -d rods", "describe gps"])
+def test_nobody_listens(line, ran, place):
     reads, writes = os.pipe()
     os.close(reads)
     process = start(*line.split(), cwd=place, stdout=writes)
@@ -94,16 +94,16 @@ def test_nobody_listens(line, place):
     assert ended(process) == (141, "", "")
 
 
-def test_no_standard_streams_at_all(place):
-    command = f"{sys.executable} -m benchmark tables --results old -d rods -o out"
+def test_no_standard_streams_at_all(ran, place):
+    command = f"{sys.executable} -m benchmark tables --results results -d rods -o out"
     shell = ["sh", "-c", f"exec {command} <&- >&- 2>&-"]
     assert subprocess.run(shell, env=environment(PYTHONPATH=str(ROOT)), timeout=60, check=False).returncode == 0
     assert (place / "out" / "tables.json").is_file()
 
 
-def test_a_terminal_gets_the_same_figures(place):
+def test_a_terminal_gets_the_same_figures(ran, place):
     main, other = pty.openpty()
-    process = start("tables", "--results", "old", "-d", "rods", "--input", "mesh", cwd=place, stdout=other)
+    process = start("tables", "--results", "results", "-d", "rods", "--input", "mesh", cwd=place, stdout=other)
     os.close(other)
     shown = b""
     with suppress(OSError):
@@ -111,30 +111,5 @@ def test_a_terminal_gets_the_same_figures(place):
             shown += part
     assert process.wait(60) == 0
     text = " ".join(re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).split())
-    assert "GPS ‡ † ³ 0.97 0.93 0.98 0.96" in text
+    assert re.search("GPS .*1.00 0.96 0.99 0.98", text)
     assert "Chance 0.40 0.40 0.80 0.71" in text
-
-
-@pytest.mark.parametrize(
-    ("words", "begun", "wanted"),
-    [
-        ("run -m", "classic-m", "plain,classic-mds"),
-        ("describe", "gp", "plain,gps"),
-        ("run -t", "III", "plain,III-held-out"),
-        ("run -d", "hum", "plain,humans"),
-        ("tables --scorer", "cm", "plain,cm-bof"),
-        ("run -m", "gps[", None),
-        ("run -m", "shape-dna[", "plain,shape-dna[count="),
-        ("tables --form", "", None),
-    ],
-)
-def test_a_shell_completes_names(words, begun, wanted, place):
-    line = f"canonical-forms {words} {begun}"
-    asked = {
-        "_CANONICAL_FORMS_COMPLETE": "bash_complete",
-        "COMP_WORDS": line,
-        "COMP_CWORD": str(len(words.split()) + 1),
-    }
-    done = call(more=asked)
-    assert done.code == 0
-    assert wanted is None or wanted in done.out.splitlines()

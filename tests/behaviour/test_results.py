@@ -1,19 +1,14 @@
-"""Results in Python: those of version 0.2, and those of a run of today."""
+"""Results in Python."""
 
 import numpy as np
 import pytest
 
-from benchmark.api import canonical_form_of_depth, read_card
+from benchmark.api import canonical_form_of_depth
 from benchmark.errors import BenchmarkError
 from benchmark.results import open_results
-from tests.behaviour.suite import MEASURES, call
+from tests.behaviour.suite import MEASURES
 
 RODS = ["thick0", "thick1", "thick2", "thin0", "thin1", "thin2"]
-
-
-@pytest.fixture(scope="module")
-def old(material):
-    return open_results(material / "old")
 
 
 @pytest.fixture(scope="module")
@@ -27,40 +22,16 @@ def key_of(results, method, input_="mesh", gallery="rods"):
     return wanted[wanted.scorer != "spherical-harmonics"].index.item()
 
 
-def test_queries_of_version_0_2(old):
-    queries = old.queries(key_of(old, "flat"))
+def test_queries_of_today(today):
+    queries = today.queries(key_of(today, "flat"))
     assert list(queries["shape"]) == RODS
     assert list(queries["subject"]) == ["thick"] * 3 + ["thin"] * 3
     assert queries["NN"].mean().round(6) == 0.888889
-    assert len(old.queries()) == sum(record.n_shapes for record in old.records().query("status == 'ok'").itertuples())
-    broken = old.records().loc[key_of(old, "broken")]
+    broken = today.records().loc[key_of(today, "broken")]
     assert "a fault of a test" in broken.reason
     assert np.isnan(broken.NN)
-    picky = old.records().loc[key_of(old, "picky")]
+    picky = today.records().loc[key_of(today, "picky")]
     assert (picky.unsupported, round(picky.coverage, 6)) == (1, 0.833333)
-    assert set(open_results(old.folder, published=True).records().dataset) == {"tosca"}
-
-
-@pytest.mark.parametrize("ask", ["distances", "distance_matrices", "forms"])
-def test_arrays_of_version_0_2_are_not_here_and_that_is_said(ask, old):
-    with pytest.raises(BenchmarkError, match="run it again|/data/rods is not a folder"):
-        getattr(old, ask)(key_of(old, "gps"))
-    with pytest.raises(BenchmarkError, match="0123456789"):
-        getattr(old, ask)("0123456789")
-
-
-def test_a_record_of_version_0_2_is_explained_by_its_key(old, place):
-    done = call("why", key_of(old, "classic-mds", gallery="tosca"), "--results", "old")
-    assert done.code == 0
-    text = " ".join(done.out.split())
-    assert "tosca mesh classic-mds" in text
-    assert "status ok NN 0.817 FT 0.627 ST 0.850 DCG 0.842" in text
-    assert "numpy 2.4.6" in text
-
-
-def test_the_card_of_a_model_of_version_0_2(old):
-    card = read_card(old.folder / "models" / "humans-varied" / "streamed-people-seed0")
-    assert (card["data"], len(card["digest"])) == ("humans-varied", 64)
 
 
 def test_results_of_today(today):
