@@ -48,7 +48,7 @@ $(DOCUMENTED): $(READY)
 kernels: $(COMPILED)
 
 $(COMPILED): $(RUNNABLE) $(KERNELS)
-	$(BIN)/python -m benchmark compile
+	$(BIN)/python -m benchmark.kernels
 	touch $@
 
 bench: kernels

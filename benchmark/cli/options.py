@@ -481,13 +481,6 @@ class Verify(RunOptions):
 # Set-up and others ---------------------------------------------------------------------------------------------------
 
 
-@verb("Set-up", "compilation.compile_")
-class Compile(RunOptions):
-    """Compile the kernels and build the body model in advance; otherwise the first run does."""
-
-    processes: Count | None = option("-j --jobs N", "Processes; all cores by default.")
-
-
 @verb("Set-up", "main.completion")
 class Completion(RunOptions):
     """Print a shell completion script: eval "$(canonical-forms completion bash)"."""

@@ -150,7 +150,7 @@ def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: C
     """Run jobs; return whether all are ok."""
     drop_stale_kernels(ROOT)
     if VARIABLE not in os.environ and next(compiled_files(ROOT), None) is None:
-        _say("the first run compiles kernels, which takes minutes; 'compile' does so in advance")
+        _say("the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance")
     for job in jobs:
         if claims.take(job.key):  # workers must not find an old failure, but another run may have finished the job
             record = store.records.read(job.key)

@@ -84,7 +84,7 @@ def _callees(source: Path, known: Mapping[str, Path]) -> set[Path]:
 #: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
 
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parents[1]
 
 
 def choose_kernel_cache() -> None:

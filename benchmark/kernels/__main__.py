@@ -1,0 +1,112 @@
+"""Compile all kernels before the first run: ``python -m benchmark.kernels``.
+
+Kernels are compiled on first use and cached beside the code. The workers of a run start together, so each would compile
+all of them. Here one process compiles each part, by the steps of a run, so that the kernels fit the types of its
+arrays.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
+from benchmark.kernels import drop_stale_kernels
+from benchmark.machine import available_cores, pin_threads
+from benchmark.source_code import ROOT
+from benchmark.text import say
+
+
+def compile_bodies() -> None:
+    """Generate one shape of each kind in the second pose; the first pose does not bend joints."""
+    from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+
+    for name, source in CATALOGUE.items():
+        if not source.folder:
+            dataset = open_dataset(name, None)
+            dataset.load(dataset.entries[1])
+
+
+def compile_scorer() -> None:
+    """Compare a figure with a bent copy."""
+    from benchmark.plugins.conformance.cases import BENDS, figure
+    from benchmark.plugins.scorers import ScorerSpec
+
+    scorer = ScorerSpec().create()
+    scorer.compare([scorer.signature(figure(bend)) for bend in BENDS[:2]], 0)
+
+
+def compile_methods() -> None:
+    """Apply each method that does not learn to a small figure, complete and as a single view."""
+    from benchmark.api.contracts import Descriptor, Mesh, Shape
+    from benchmark.geometry.camera import FRONT
+    from benchmark.pipeline.stages.shapes import complete, half_width_of, seen
+    from benchmark.plugins.conformance.cases import figure
+    from benchmark.plugins.registry import VARIANTS, methods
+
+    source = figure()
+    prepared = {"mesh": complete(source), "view": seen(source, FRONT, half_width_of(source, FRONT))}
+    shapes = {
+        name: Shape(identifier="figure", mesh=Mesh(arrays["vertices"], arrays["faces"]), depth=arrays.get("depth"))
+        for name, arrays in prepared.items()
+    }
+    specs = [spec for spec in methods().values() if not (spec.learns or spec.missing_packages())]
+    for row in [row for spec in specs for row in (spec, *map(spec.with_parameters, VARIANTS.get(spec.base_name, ())))]:
+        method = row.create()
+        apply = method.describe if isinstance(method, Descriptor) else method.canonicalise
+        for input_ in row.info.inputs:
+            with suppress(ShapeError):
+                apply(shapes[input_])
+
+
+def compile_learners() -> None:
+    """Apply the default model of a learner of each module to a small figure."""
+    from benchmark.api.contracts import Shape
+    from benchmark.plugins.conformance.cases import figure
+    from benchmark.plugins.registry import methods
+    from benchmark.protocols.models import with_model
+
+    of_module = {spec.module: spec for spec in methods().values() if spec.learns}
+    for spec in of_module.values():
+        with suppress(ConfigurationError, ShapeError):
+            with_model(spec).canonicalise(Shape(identifier="figure", mesh=figure()))
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "methods": compile_methods,
+    "learners": compile_learners,
+    "bodies": compile_bodies,
+    "scorer": compile_scorer,
+}
+
+
+def main() -> int:
+    """Compile the part named on the command line, or each part in a process of its own."""
+    pin_threads()
+    if len(sys.argv) > 1:
+        with suppress(BenchmarkError):  # missing packages are left for the run to report
+            PARTS[sys.argv[1]]()
+        return 0
+    start, waiting, codes = time.monotonic(), list(PARTS), list[int]()
+    drop_stale_kernels(ROOT)
+    say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
+    running: dict[str, subprocess.Popen[bytes]] = {}
+    while waiting or running:
+        while waiting and len(running) < available_cores():
+            name = waiting.pop(0)
+            running[name] = subprocess.Popen([sys.executable, "-m", "benchmark.kernels", name])
+        name, process = next(((name, p) for name, p in running.items() if p.poll() is not None), ("", None))
+        if process:
+            del running[name]
+            codes.append(process.returncode)
+            end = "done" if process.returncode == 0 else f"failed with exit code {process.returncode}"
+            say(f"{name} {end} after {time.monotonic() - start:.0f} s", err=True)
+        time.sleep(0.1)
+    return int(any(codes))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
