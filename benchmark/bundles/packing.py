@@ -37,7 +37,7 @@ from benchmark.plugins.scorers import BUILT_IN, DEFAULT, scorer_of, scorers
 from benchmark.report.artefact_reader import ArtefactReader
 
 #: Parts of a record that cannot be checked or that describe the machine that computed it.
-_DROPPED = ("traceback", "splits")
+_DROPPED = ("traceback",)
 
 #: Fixed date of all files in a bundle, so that the same results give the same bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)

@@ -30,7 +30,7 @@ _FEW = 2
 FORMATS = ("latex", "markdown", "csv", "json")
 
 #: Patterns of the files that single tables are written to.
-_WRITTEN = re.compile(r"(table|paper-table|intervals-table|splits-table|robustness)-.*\.(md|tex|png)")
+_WRITTEN = re.compile(r"(table|paper-table|intervals-table|robustness)-.*\.(md|tex|png)")
 
 
 def tables(options: Tables) -> bool:

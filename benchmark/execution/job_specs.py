@@ -51,8 +51,6 @@ class Job:
         Training whose model is applied to a shape, by identifier.
     all_unseen
         Whether training on a shape of the gallery is an error.
-    split_size
-        Number of test subjects in a split; all splits are scored. 0 for no splits.
     scorer
         Scorer that compares the forms.
     ranks_again
@@ -82,7 +80,6 @@ class Job:
     models: Mapping[str, Model] = field(default_factory=dict)
     trainings: Mapping[str, str] = field(default_factory=dict)
     all_unseen: bool = False
-    split_size: int = 0
     scorer: ScorerSpec = field(default_factory=ScorerSpec)
     ranks_again: bool = False
     large_files: Mapping[str, int] = field(default_factory=dict)

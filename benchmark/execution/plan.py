@@ -160,7 +160,7 @@ class _Planning:
             data_root=gallery.data_root and gallery.data_root.absolute(),
             identifiers=tuple(entry.identifier for entry in gallery.entries), input=input_, method=spec,
             seed=self.seed, results=self.store.root.parent.absolute(), recipe={},
-            all_unseen=gallery.table.all_unseen, split_size=gallery.table.split_size, scorer=scorer,
+            all_unseen=gallery.table.all_unseen, scorer=scorer,
             large_files=_large_files(gallery),
         )  # fmt: skip
         if missing:
@@ -243,8 +243,6 @@ def _job_recipe(gallery: Gallery, job: Job, data: Mapping[str, Any], models: Map
         "versions": recipes.job_versions(gallery.dataset, job.input, job.method, job.scorer),
         **recipes.job_plugins(gallery.dataset, job.method, job.scorer),
     }
-    if job.split_size:
-        recipe["split_size"] = job.split_size
     if models:
         recipe["models"] = {model.training: model.digest for model in models.values()}
     return dict(keys.plain(recipe))

@@ -145,7 +145,7 @@ def _rank(job: Job, store: Store, task: Task, tell: Callable[[str], object]) -> 
         _compared[job.key] = ranking
         ranking.compare(*task.block)
     elif ranking.results:
-        keep(job, store, ranking.content(job.split_size, begun))
+        keep(job, store, ranking.content(begun))
     else:
         reason = f"none of {len(job.identifiers)} shapes could be processed; first: {ranking.refused[0][1]}"
         keep(job, store, failure("unsupported", reason) | {"unsupported": ranking.refused})

@@ -197,14 +197,12 @@ class GalleryRanking:
 
     # Record ----------------------------------------------------------------------------------------------------------
 
-    def content(self, split_size: int, begun: float) -> dict[str, Any]:
-        """Return the content of the record of a ranking that began at a given time; for splits see :class:`.Table`."""
+    def content(self, begun: float) -> dict[str, Any]:
+        """Return the content of the record of a ranking that began at a given time."""
         results, signatures, preparation = self.results.values(), self.signatures, self.run.preparation
         names, labels = ([getattr(entry, part) for entry in self.gallery] for part in ("identifier", "subject"))
         answered = [place for place, name in enumerate(names) if name in self.results] if self.refused else None
         scored = measures.scores(map(self.distances, self.recipes), labels, answered)
-        if split_size:
-            scored |= measures.over_splits(map(self.distances, self.recipes), labels, split_size, answered)
         stored = [artefact for result in results for artefact in (result.prepared, result.answer)]
         environments = Counter(artefact.environment for artefact in stored) + Counter(signatures["environments"])
         digests = {

@@ -127,8 +127,6 @@ class Table:
         Whether its rows are only the learners that it names.
     robustness
         Whether it shows a clean data set and the same data set under each perturbation; made only if named.
-    split_size
-        Number of test subjects, if the table shows how much the scores depend on their choice; else 0.
     """
 
     identifier: str
@@ -145,7 +143,6 @@ class Table:
     all_unseen: bool = True
     ablation: bool = False
     robustness: bool = False
-    split_size: int = 0
 
     @property
     def datasets(self) -> tuple[str, ...]:
@@ -208,7 +205,6 @@ TABLES: tuple[Table, ...] = (
         stand_in="humans",
         rows=Rows(learners=frozenset()),
         part_of="I",
-        split_size=len(SUBJECT_FOLDS[0]),
     ),
     Table(
         "I-printed",

@@ -51,7 +51,6 @@ def render(
             files |= {"references.bib": bibliography()} if has_sources else {}
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
-            files |= {f"splits-{t.file_stem}.md": text for t in tables if (text := splits_markdown(t))}
             files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if t.significance}
             files |= {"reproduction.md": reproduction_markdown(tables)} if paper_tables(tables) else {}
         elif name == "csv":
@@ -108,23 +107,6 @@ def intervals_markdown(table: TableContent) -> str:
     has_ties = any(line.n_tied and table.judged(line) for line in table.lines)
     more = {"has_ties": has_ties, "tied": TIED, "draws": DRAWS, "exchanges": RESAMPLES + 1}
     return markdown_document("intervals", table=table, rows=markdown_table(head, body, 2), **more)
-
-
-def splits_markdown(table: TableContent) -> str:
-    """Return median and quantiles .05 and .95 of each measure over all splits as Markdown; "" without splits."""
-    rows = [
-        (line.label, input_, line.splits) for input_ in table.inputs for line in table.of(input_).lines if line.splits
-    ]
-    if not rows:
-        return ""
-    counts = rows[0][-1]
-    names = [name for name in PRINTED if all(name in splits["quantiles"] for *_, splits in rows)]
-    body = []
-    for label, input_, splits in rows:
-        ends = [[number(value) for value in splits["quantiles"][name]] for name in names]
-        body.append([markdown_text(label), input_, *(f"{median} ({low} to {high})" for low, median, high in ends)])
-    shown = markdown_table(["Method", "input", *names], body, 2)
-    return markdown_document("splits", table=table, rows=shown, count=counts["count"], size=counts["size"])
 
 
 def as_json(tables: Sequence[TableContent]) -> str:

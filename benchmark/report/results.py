@@ -226,7 +226,7 @@ MISSING = "missing"
 
 _EMPTY: Mapping[str, Any] = {
     "status": MISSING, "reason": "", "scores": None, "coverage": 0.0, "deviation": None,
-    "chance": None, "supported": {}, "codebook_deviation": None, "splits": None, "n_averaged": 0,
+    "chance": None, "supported": {}, "codebook_deviation": None, "n_averaged": 0,
     "n_wanted": 1, "is_complete": False, "n_shapes": None, "n_classes": None, "n_queries": 0, "n_tied": 0,
     "unsupported": (), "seen": (), "models": (), "notes": {}, "phases": {}, "seconds": None, "peak_mib": None,
     "origin": "", "outdated": "", "records": (),
@@ -250,7 +250,7 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
     dict
         ``status`` ("missing" without a record) and ``reason``; ``scores`` by measure, or None, and ``coverage``, means
         over galleries; ``deviation``, their standard deviation (n - 1) over galleries if there are several, otherwise
-        over trainings, None for a single job; ``chance``; ``supported``, ``codebook_deviation`` and ``splits`` of a
+        over trainings, None for a single job; ``chance``; ``supported`` and ``codebook_deviation`` of a
         single job;
         ``n_averaged`` and ``n_wanted``, the numbers of averaged and of expected jobs, and ``is_complete``, whether they
         are equal; ``n_shapes``, ``n_classes``, ``n_queries``, and ``n_tied`` (queries with ties for the first rank,
@@ -292,7 +292,6 @@ def line_of(results: Sequence[Result], n_galleries: int) -> dict[str, Any]:
         "chance": _means([chance_of(record) for record in records]),
         "supported": only.get("supported", {}),
         "codebook_deviation": only.get("codebook_deviation"),
-        "splits": only.get("splits"),
         "n_averaged": len(scored),
         "is_complete": len(scored) == n_wanted,
         "n_wanted": n_wanted,

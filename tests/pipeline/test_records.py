@@ -64,7 +64,6 @@ PARTS = {
     "scorer_title": "CM-BOF",
     "codebook_deviation": dict.fromkeys(MEASURES, 0.01),
     "environments": [{"environment": "{}", "artefacts": 3}],
-    "splits": {"count": 3, "size": 2, "quantiles": {name: [0.1, 0.2, 0.3] for name in MEASURES}},
     "unsupported": [["cat0", "too thin"]],
     "unprepared": [],
     "coverage": 0.75,
@@ -110,7 +109,6 @@ ALIENS = {
     "unsupported without a reason": {**GOOD, "unsupported": [["cat0"]]},
     "models without a digest": {**GOOD, "models": [{"training": "humans-fold-0"}]},
     "a reason that is a list": {**GOOD, "reason": ["stopped"]},
-    "two quantiles": {**GOOD, "splits": {"count": 3, "size": 2, "quantiles": {name: [0.5, 0.5] for name in MEASURES}}},
     "stages as lists": {**GOOD, "recipe": {**GOOD["recipe"], "code": {"method": ["m"]}}},
     "another recipe than its key": {**GOOD, "recipe": {**GOOD["recipe"], "parameters": {"k": 1}}},
     "a number beyond all bounds": {**GOOD, "wall_seconds": float("inf")},
@@ -127,10 +125,6 @@ ALIENS = {
     "a refused shape that is none": {**WHOLE, "unsupported": [["owl0", "too thin"]]},
     "an unprepared shape that was not refused": {**WHOLE, "unprepared": ["cat1"]},
     "seen shapes that are none": {**WHOLE, "seen": ["owl0"]},
-    "quantiles that fall": {
-        **GOOD,
-        "splits": {"count": 3, "size": 2, "quantiles": {each: [0.9, 0.5, 0.1] for each in MEASURES}},
-    },
     "deviations of another measure": {**GOOD, "codebook_deviation": {"mAP": 0.1}},
     "the title of a scorer without its name": {**GOOD, "scorer_title": "CM-BOF"},
     "artefacts in words": {**GOOD, "environments": [{"environment": "{}", "artefacts": "many"}]},
@@ -216,11 +210,6 @@ def test_a_file_too_large_for_a_record_is_not_read(records, monkeypatch):
     records.write(GOOD)
     assert list(records) == []
     assert records.skipped == {f"{GOOD['key']}.json": "it is too large"}
-
-
-def test_a_mean_may_hang_over_one_by_its_rounding():
-    quantiles = {name: [0.5, 0.9, 1.0000000000000027] for name in MEASURES}
-    assert fault_of({**GOOD, "splits": {"count": 3, "size": 2, "quantiles": quantiles}}) == ""
 
 
 @pytest.mark.parametrize(

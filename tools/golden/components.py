@@ -212,8 +212,6 @@ def _measures() -> Iterator[Part]:
     for answered in (False, True):
         for name, matrices in {"plain": ("plain-0", "plain-1"), "tied": ("tied",), "constant": ("constant",)}.items():
             yield Part(f"{name}{'-answered' if answered else ''}", stages.measured, (matrices, answered))
-    for size in (2, 4):
-        yield Part(f"split-{size}", stages.split, (size,))
 
 
 def _called(call: Callable[..., Any], arguments: Mapping[str, tuple[Any, ...]]) -> Iterator[Part]:

@@ -241,12 +241,6 @@ def measured(matrices: Sequence[str], answered: bool) -> Arrays:
     return _flat(measures.scores(given, stored["labels"].tolist(), places))
 
 
-def split(size: int) -> Arrays:
-    """Return the measures over all choices of ``size`` subjects."""
-    stored = inputs.arrays("distances")
-    return _flat(measures.over_splits([stored["split"]], stored["subjects"].tolist(), size))
-
-
 def scored(method_name: str, scorer_name: str) -> Arrays:
     """Return distances and scores of two shapes of each of two classes, from raw meshes."""
     method: Any = variant(method_name, methods()).create()

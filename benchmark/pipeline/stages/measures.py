@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from retrieval.chance import chance_levels
 from retrieval.measures import MEASURES
 from retrieval.metrics import Scores, check_distances, evaluate_rows
-from retrieval.splits import all_splits, ranges, scores_of_splits
 
 Matrix = NDArray[np.float64]
 
@@ -71,31 +70,3 @@ def scores(
 
 def _by_measure(draws: Sequence[Scores]) -> dict[str, list[float]]:
     return {measure.name: [draw.means[measure.name] for draw in draws] for measure in MEASURES}
-
-
-def over_splits(
-    matrices: Iterable[Iterable[Matrix]], labels: Sequence[str], size: int, answered: Sequence[int] | None = None
-) -> dict[str, Any]:
-    """Return quantiles of the measures over all choices of test subjects.
-
-    Parameters
-    ----------
-    matrices
-        As for :func:`scores`; the measures of a split are means over the matrices.
-    labels
-        Subject of each shape of the gallery, N of them.
-    size
-        Number of subjects to choose.
-    answered
-        Indices of the n shapes that have a result; None for all.
-
-    Returns
-    -------
-    dict
-        ``splits``: number and size of the choices, and the quantiles .05, .5 and .95 by measure.
-    """
-    splits = all_splits(labels, size)
-    draws = [scores_of_splits(np.array([*matrix]), labels, splits, answered) for matrix in matrices]
-    means = {name: np.mean([draw[name] for draw in draws], axis=0) for name in draws[0]}
-    quantiles = {name: [r.low, r.median, r.high] for name, r in ranges(means).items()}
-    return {"splits": {"count": len(splits), "size": size, "quantiles": quantiles}}

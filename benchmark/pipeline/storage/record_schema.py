@@ -81,12 +81,6 @@ class _Cost(msgspec.Struct):
     seconds_per_shape: dict[str, Amount]
 
 
-class _Splits(msgspec.Struct):
-    count: Count
-    size: Count
-    quantiles: dict[str, tuple[Share, Share, Share]]
-
-
 class _Record(msgspec.Struct, kw_only=True):
     key: str
     gallery: str
@@ -109,7 +103,6 @@ class _Record(msgspec.Struct, kw_only=True):
     supported: Shares | UnsetType = UNSET
     codebook_deviation: dict[str, Amount] | UnsetType | None = UNSET
     per_query: dict[str, list[Share | None]] | UnsetType = UNSET
-    splits: _Splits | UnsetType = UNSET
     shapes: list[str] | UnsetType = UNSET
     labels: list[str] | UnsetType = UNSET
     n_shapes: Count | UnsetType = UNSET
@@ -150,9 +143,6 @@ def _faults(record: Mapping[str, Any]) -> Iterator[str]:
         yield from (f"it has no '{name}.{measure}'" for measure in PRINTED if measure not in part)
     if "scorer_title" in record and "scorer" not in record:
         yield "it has the title of a scorer and no 'scorer'"
-    for measure, quantiles in record.get("splits", {"quantiles": {}})["quantiles"].items():
-        if list(quantiles) != sorted(quantiles):
-            yield f"'splits.quantiles.{measure}' do not increase"
     if record["status"] == "ok":
         yield from (f"it has no '{name}'" for name in _SCORED if name not in record)
         yield from _faults_of_shapes(record)
