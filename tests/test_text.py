@@ -51,7 +51,7 @@ def test_what_cannot_be_printed_is_written_as_python_writes_it(text, told):
 )
 def test_a_terminal_that_lacks_a_character_ends_no_run(tmp_path, settings):
     """One process for the whole way from an argument to the terminal: there is no such method, which is said."""
-    command = [sys.executable, "-m", "benchmark", "why", "†-\udcff-ü\x1b[31m", "--results", os.fspath(tmp_path)]
+    command = [sys.executable, "-m", "benchmark", "describe", "†-\udcff-ü\x1b[31m", "--results", os.fspath(tmp_path)]
     done = subprocess.run(command, capture_output=True, env=os.environ | settings, check=False, timeout=120)
     assert done.returncode == 2
     assert b"Traceback" not in done.stderr

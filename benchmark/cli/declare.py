@@ -1,16 +1,15 @@
-"""Declare options and arguments as dataclass fields, with their types and shell completion."""
+"""Declare options and arguments as dataclass fields."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import click
-from click.shell_completion import CompletionItem
 
 from benchmark.errors import ConfigurationError
 
@@ -133,61 +132,9 @@ def vertex_count(text: str) -> int | str:
     return int(text)
 
 
-# Shell completion ----------------------------------------------------------------------------------------------------
-
-
-def complete_methods(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Complete methods and their parameters in brackets."""
-    from importlib.metadata import entry_points
-
-    from benchmark.plugins.inspection import entry_points_of
-    from benchmark.plugins.parameters import described
-    from benchmark.plugins.registry import BUILT_IN, MethodSpec
-
-    name, bracket, rest = begun.partition("[")
-    if bracket and name in BUILT_IN:
-        before = rest[: rest.rfind(",") + 1]
-        parameters = described(MethodSpec(name, BUILT_IN[name]).load())
-        return _items([f"{name}[{before}{parameter.name}=" for parameter in parameters], begun)
-    installed = (point.name for point in entry_points(group=entry_points_of(MethodSpec)))
-    return _items([*BUILT_IN, *installed, EVERY, FINISHED], begun)
-
-
-def complete_methods_and_files(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Methods, and files."""
-    return [*complete_methods(context, parameter, begun), CompletionItem(begun, type="file")]
-
-
-def complete_datasets(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Data sets, and folders."""
-    from benchmark.datasets.catalogue import CATALOGUE
-
-    return [*_items(CATALOGUE, begun), CompletionItem(begun, type="dir")]
-
-
-def complete_tables(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Identifiers of tables."""
-    from benchmark.protocols.tables import TABLES
-
-    return _items([table.identifier for table in TABLES], begun)
-
-
-def complete_scorers(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Scorers."""
-    from benchmark.plugins.scorers import BUILT_IN
-
-    return _items(BUILT_IN, begun)
-
-
-def _items(names: Iterable[str], begun: str) -> list[CompletionItem]:
-    return [CompletionItem(name) for name in names if name.startswith(begun)]
-
-
-# Types of options, with their completion ------------------------------------------------------------------------------
-
 NameOrFolder = Annotated[str, ("type", PathType(str))]
-DataSet = Annotated[str, ("type", PathType(str)), ("shell_complete", complete_datasets)]
-MethodName = Annotated[str, ("shell_complete", complete_methods)]
-ScorerName = Annotated[str, ("shell_complete", complete_scorers)]
-TableName = Annotated[str, ("shell_complete", complete_tables)]
+DataSet = Annotated[str, ("type", PathType(str))]
+MethodName = str
+ScorerName = str
+TableName = str
 Count = Annotated[int, ("type", click.IntRange(min=1))]

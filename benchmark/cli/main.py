@@ -11,10 +11,9 @@ from types import FrameType
 from typing import NoReturn
 
 import click
-from click.shell_completion import get_completion_class, shell_complete
 
 from benchmark import __version__
-from benchmark.cli.options import INTERRUPTED, SECTIONS, TERMINATED, USAGE, Completion
+from benchmark.cli.options import INTERRUPTED, SECTIONS, TERMINATED, USAGE
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
@@ -23,9 +22,6 @@ from benchmark.text import say
 
 #: Name of the program in messages.
 PROGRAM = "python -m benchmark"
-
-#: Installed program that shells complete, and the environment variable of completion requests.
-_COMPLETED, _COMPLETE = "canonical-forms", "_CANONICAL_FORMS_COMPLETE"
 
 #: Exit code if the reader of the output closes it: 128 + SIGPIPE.
 CLOSED_PIPE = 141
@@ -65,12 +61,6 @@ def cli() -> None:
     """Canonical forms for non-rigid 3D shape retrieval: run methods, score them, regenerate the tables."""
 
 
-def completion(options: Completion) -> None:
-    """Print the script."""
-    if maker := get_completion_class(options.shell):
-        click.echo(maker(cli, {}, _COMPLETED, _COMPLETE).source())
-
-
 def program() -> None:
     """Run the command line as a program; this process imports no plugin."""
     close_process()
@@ -89,8 +79,6 @@ def main() -> None:
     pin_threads()
     choose_kernel_cache()
     _open_streams()
-    if instruction := os.environ.get(_COMPLETE):
-        sys.exit(shell_complete(cli, {}, _COMPLETED, _COMPLETE, instruction))
     try:
         with cli.make_context(PROGRAM, sys.argv[1:]) as context:
             cli.invoke(context)

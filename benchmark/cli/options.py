@@ -26,7 +26,6 @@ from benchmark.cli.declare import (
     ScorerName,
     TableName,
     argument,
-    complete_methods_and_files,
     flag,
     option,
     timeout_option,
@@ -205,6 +204,7 @@ class Plan(RunOptions):
     """Show what would run, why, and how long it would take."""
 
     all_jobs: bool = flag("--all-jobs", "A line for each job, however many there are.")
+    traceback: bool = flag("--traceback", "Print the error of each failed job in full.")
 
 
 _Format = Annotated[str, ("type", click.Choice(["latex", "markdown", "csv", "json"]))]
@@ -326,7 +326,7 @@ class Check(RunOptions):
     Append parameters to either: FILE[power=1].
     """
 
-    target: str = argument("METHOD|FILE", shell_complete=complete_methods_and_files)
+    target: str = argument("METHOD|FILE")
     chosen: tuple[str, ...] = option("-m --method METHOD", "Check only this method of a file.", ())
     assigned: tuple[str, ...] = _assigned("Option for training a learner.")
     timeout: float | None = timeout_option("one check")
@@ -403,17 +403,6 @@ SECTIONS["Own methods and data"].append(data)
 # Results -------------------------------------------------------------------------------------------------------------
 
 
-@verb("Results", "plan.why", *_SELECTION)
-class Why(RunOptions):
-    """Explain a job: state, reason, versions, cost, failure.
-
-    Several jobs get one line each, unless --all is given.
-    """
-
-    target: MethodName = argument("METHOD|KEY")
-    everything: bool = flag("--all", "Explain each job in full.")
-
-
 @verb("Results", "show.compare", "datasets", "inputs", "scorer", "everything", "plugins", "published", "results")
 class Compare(RunOptions):
     """Compare two methods, two results folders, or two scorers.
@@ -479,13 +468,6 @@ class Verify(RunOptions):
 
 
 # Set-up and others ---------------------------------------------------------------------------------------------------
-
-
-@verb("Set-up", "main.completion")
-class Completion(RunOptions):
-    """Print a shell completion script: eval "$(canonical-forms completion bash)"."""
-
-    shell: Literal["bash", "zsh", "fish"] = argument()
 
 
 @verb("Others", "share.score")

@@ -1,15 +1,13 @@
-"""``plan`` and ``why``: list the jobs of a run, and explain a job."""
+"""``plan``: list the jobs of a run."""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
-from typing import Any
 
 from benchmark.cli.declare import EVERY, FINISHED
-from benchmark.cli.options import Plan, RunOptions, Why, name_skipped, name_unusable
+from benchmark.cli.options import Plan, RunOptions, name_skipped, name_unusable
 from benchmark.datasets.catalogue import sources
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
@@ -17,9 +15,6 @@ from benchmark.execution.estimates import estimate
 from benchmark.execution.job_specs import Job
 from benchmark.execution.plan import make_plan
 from benchmark.machine import available_cores
-from benchmark.pipeline.storage.environment import in_words
-from benchmark.pipeline.storage.keys import bare_key, is_edited
-from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, select, variants
@@ -37,9 +32,6 @@ _SCREEN = 100
 
 #: Number of reasons in a summary.
 _REASONS = 5
-
-#: Characters of an abbreviated key, and how many more distinguish keys with the same beginning.
-_SHORTEST_KEY, _FURTHER = 6, 6
 
 
 def scorer_spec(options: RunOptions) -> ScorerSpec:
@@ -105,6 +97,8 @@ def plan(options: Plan) -> None:
     for line in [*lines, *estimate(jobs, store).lines(n_to_run, available_cores())]:
         say(line)
     say(f"{n_to_run} of {len(jobs)} jobs to run")
+    if options.traceback:
+        _print_tracebacks(jobs, store)
 
 
 def _job_lines(jobs: Sequence[Job]) -> list[str]:
@@ -127,81 +121,15 @@ def _gallery_lines(jobs: Sequence[Job]) -> list[str]:
     return [*lines, "--all-jobs lists each job with its reason"]
 
 
-def why(options: Why) -> None:
-    """Print one line for each of several jobs, or all details of a single job."""
-    store = Store.open(options.results)
-    if record := _record_of_key(options.target, store):
-        say(job_name(record))
-        _explain(record["key"], record)
-        return
-    jobs = planned_jobs(replace(options, methods=(options.target,)), store)
-    width = max(len(clean(job.name)) for job in jobs)
+def _print_tracebacks(jobs: Sequence[Job], store: Store) -> None:
     for job in jobs:
-        record = store.records.read(job.key) or store.published.read(job.key)
-        if options.everything or len(jobs) == 1:
-            say(f"{job.state:<11}  {job.name}  {job.reason}")
-            _explain(job.key, record)
-        else:
-            scores = scores_in_words(record) if record else ""
-            key = bare_key(job.key)[:12] or "none"
-            say(f"{key:<12}  {job.state:<11}  {clean(job.name):<{width}}  {scores or brief(job.reason)}")
-    if len(jobs) > 1 and not options.everything:
-        say(f"{len(jobs)} jobs: 'why KEY' explains one; select with -t, -d and --input, or explain all with --all")
-
-
-def _record_of_key(start: str, store: Store) -> Record | None:
-    """Return the record whose key has this prefix; raise ``ConfigurationError`` if several have."""
-    if len(start) < _SHORTEST_KEY or not set(start) <= set("0123456789abcdef"):
-        return None
-    # Records of edited code have the same keys as those of unedited code, and replace them.
-    by_edit = sorted(store.all_records(), key=lambda record: is_edited(record["key"]))
-    records = {bare_key(record["key"]): record for record in by_edit}
-    keys = [key for key in records if key.startswith(start)]
-    name_skipped(store)
-    if len(keys) > 1:
-        listed = ", ".join(key[: len(start) + _FURTHER] for key in keys)
-        raise ConfigurationError(
-            f"{len(keys)} jobs have keys that begin with {start}: {listed}", "write more characters of the key"
-        )
-    return records[keys[0]] if keys else None
-
-
-def _explain(key: str, record: Record | None) -> None:
-    say(f"  key         {key or 'none'}")
-    if record is None:
-        return
-    recipe = record["recipe"]
-    facts = [
-        ("status", f"{record['status']} {scores_in_words(record)}".strip()),
-        ("reason", record.get("reason")),
-        ("finished", str(record.get("finished", ""))),
-        ("parameters", _listed(recipe.get("parameters"))),
-        ("scorer", record.get("scorer")),
-    ]
-    if cost := record.get("cost"):
-        phases = ", ".join(f"{name} {seconds:.3f}" for name, seconds in cost["seconds_per_shape"].items())
-        facts.append(("seconds", f"{phases} (median of a shape)"))
-        if record.get("peak_mib") is not None:
-            facts.append(("memory", f"{record['peak_mib']} MiB above the process at rest"))
-    for environment in record.get("environments", ()):
-        count = f"{environment['artefacts']} artefacts: " if "artefacts" in environment else ""
-        facts.append(("made with", count + in_words(environment.get("environment", environment))))
-    if digests := record.get("digests"):
-        facts.append(("digests", _listed(digests)))
-    facts += [("unsupported", f"{shape}: {reason}") for shape, reason in record.get("unsupported", ())[:10]]
-    facts += [(part, _listed(recipe[part])) for part in ("models", "versions", "plugin") if part in recipe]
-    for name, text in facts:
-        if text is not None and text != "":
-            say(f"  {name:<10}  {text}")
-    if trace := record.get("traceback"):
-        say_lines("  " + trace.rstrip().replace("\n", "\n  "))
+        record = store.records.read(job.key) or store.published.read(job.key) or {}
+        if trace := record.get("traceback"):
+            say(f"{job.name}: {job.reason}")
+            say_lines("  " + trace.rstrip().replace("\n", "\n  "))
 
 
 def scores_in_words(record: Record, decimals: int = 3) -> str:
     """Return the scores of a record on one line, or ""."""
     scores = record.get("scores")
     return " ".join(f"{name} {number(scores[name], decimals)}" for name in PRINTED) if scores else ""
-
-
-def _listed(values: Mapping[str, Any] | None) -> str:
-    return ", ".join(f"{name} {value}" for name, value in (values or {}).items()) or "none"

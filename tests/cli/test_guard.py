@@ -134,7 +134,7 @@ def test_every_verb_that_takes_a_plugin_looks_at_it_from_outside_first():
         for parameter in command.params
         if "--plugin" in parameter.opts
     }
-    assert {"run", "plan", "list", "tables", "report", "canonicalise", "train", "compare", "why"} <= set(taking)
+    assert {"run", "plan", "list", "tables", "report", "canonicalise", "train", "compare"} <= set(taking)
     assert set(taking.values()) == {_inspected}
 
 

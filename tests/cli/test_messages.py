@@ -38,11 +38,6 @@ def told(place, monkeypatch):
     ("line", "rest", "most"),
     [
         ("compare classic-mds gps", "53 more pairs differ; --all shows intervals and tests", 24),
-        (
-            "why shape-dna --input view",
-            "jobs: 'why KEY' explains one; select with -t, -d and --input, or explain all",
-            12,
-        ),
         ("tables -m gps", "10 tables: select with -t and -d, or print them with notes", 14),
     ],
 )

@@ -44,7 +44,6 @@ def test_ways_to_write_one_method_are_one_job_and_one_row(rods, tmp_path):
     assert sorted(record["method"] for record in Store.open(tmp_path).records) == ["shape-dna", "shape-dna[count=6]"]
     rows = json.loads(call("tables", *arguments, "--format", "json"))
     assert [row["method"] for row in rows] == ["shape-dna", "shape-dna[count=6]"]
-    assert call("why", "shape-dna[count=12]", *arguments[:6]).startswith("cached       rods mesh shape-dna  finished")
 
 
 METHODS = ("surface-area", "classic-mds", "fast-mds", "least-squares-mds", "identity")

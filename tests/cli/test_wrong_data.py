@@ -3,7 +3,6 @@
 import pytest
 from click.testing import CliRunner
 
-from benchmark.cli import plan
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from tests.toy import write_rods
@@ -49,12 +48,6 @@ def test_a_long_plan_fits_on_a_screen_and_lists_its_jobs_when_asked(tmp_path):
     assert len(short) < 24 < len(whole)
     assert short[0].startswith("III mesh  ")
     assert short[-1] == whole[-1]
-
-
-def test_the_start_of_several_keys_explains_none(monkeypatch):
-    monkeypatch.setattr(plan, "_SHORTEST_KEY", 1)  # longer starts are those of several published records by chance
-    error = call("why", "a").exception
-    assert " jobs have keys that begin with a: a" in error.problem
 
 
 def test_a_figure_takes_the_place_of_a_figure_alone(tmp_path):

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmark.cli.main import cli
-from benchmark.cli.plan import _explain
 from benchmark.execution.plan import difference
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.record_schema import fault_of
@@ -252,7 +251,6 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
     index_page([pages], "report")
     compare_folders([changed], [GOOD])
     as_text(portable(changed))
-    _explain(changed["key"], changed)
     difference(changed["recipe"], GOOD["recipe"])
     difference(GOOD["recipe"], changed["recipe"])
 

@@ -62,11 +62,11 @@ def test_a_run_of_hostile_names_ends_well_and_prints_nothing_else(hostile):
     assert "no | way" in failed
 
 
-def test_plan_and_why_print_what_can_be_printed(hostile):
+def test_plan_prints_what_can_be_printed(hostile):
     _, selection, methods, _ = hostile
     planned = fit_to_be_shown(call("plan", *selection, *methods).stdout).splitlines()
     assert sorted(line.split()[0] for line in planned) == ["0", "cached", "cached", "failed"]
-    told = fit_to_be_shown(call("why", "rude", *selection, *methods[-2:]).stdout)
+    told = fit_to_be_shown(call("plan", "--traceback", *selection, *methods).stdout)
     assert "  Traceback (most recent call last):" in told.splitlines()
     assert "    raise RuntimeError(" in told
     assert "x" * 1000 in told

@@ -110,7 +110,6 @@ def test_what_edited_code_made_is_marked_and_counts_while_the_edit_lasts(rods, s
     (result,) = chosen(store).values()
     assert (result.record["scores"]["NN"], result.outdated) == (0.25, "")
     assert [record["scores"]["NN"] for record in records_under(store)] == [0.25]
-    assert "NN 0.250" in call("why", job.key, "--results", store.root.parent)
     made_here = {**of_job(job), "key": edited.key, "finished": LATER}
     assert publish([{**made_here, "data": {**made_here["data"], "source": "rods"}}], store.published).added == []
 
@@ -202,11 +201,8 @@ def test_each_verb_names_each_alien_once_on_stderr(rods, store):
     results = ("--results", store.root.parent)
     selection = ("-d", rods, *(word for method in METHODS for word in ("-m", method)), "--input", "mesh", *results)
     assert said_of_files("plan", *selection) == told[1:]  # of the published ones it reads those that it needs
-    assert said_of_files("why", "identity", *selection) == told[1:]
     assert said_of_files("run", "--executor", "serial", *selection) == told[::-1]
     assert said_of_files("tables", *selection) == told
-    (key,) = (found["key"] for found in store.records if found["method"] == "identity")
-    assert said_of_files("why", key, *results) == told
     assert said_of_files("merge", store.root.parent, *results) == told
     assert said_of_files("compare", "identity", "surface-area", *results) == told
 
