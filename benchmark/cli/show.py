@@ -7,15 +7,15 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmark.cli.options import Compare, RunOptions, Tables, name_skipped
-from benchmark.cli.selection import is_of_data, no_table, recorded, results_of, stored, tables_of
+from benchmark.cli.options import Compare, Tables, name_skipped
+from benchmark.cli.selection import is_of_data, no_table, recorded, stored, tables_of
 from benchmark.cli.terminal import print_tables
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.merging import records_under
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.plugins.scorers import scorer_of, scorers
-from benchmark.report.comparison import agreement_markdown, compare_folders, compare_methods, compare_scorers, lines
+from benchmark.report.comparison import compare_folders, compare_methods, lines
 from benchmark.report.formats import overview, render
 from benchmark.report.output import Folder
 from benchmark.report.robustness import file_stem, rendered, robustness
@@ -104,13 +104,9 @@ def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, i
 
 
 def compare(options: Compare) -> None:
-    """Print the differences of two methods, folders or scorers."""
+    """Print the differences of two methods or folders."""
     first, second = options.first, options.second
     known_scorers = scorers(options.plugins)
-    if {first.partition("[")[0], second.partition("[")[0]} <= known_scorers.keys():
-        names = [scorer_of(name, known_scorers).name for name in (first, second)]
-        _compare_scorers(names[0], names[1], options)
-        return
     are_folders = Path(first).is_dir() and Path(second).is_dir()
     folders = (Path(first), Path(second)) if are_folders else (options.results,)
     stores = [Store(folder / "runs", published_only=options.published) for folder in folders]
@@ -128,19 +124,3 @@ def compare(options: Compare) -> None:
             raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(comparison, first, second, everything=options.everything):
         say(line)
-
-
-def _compare_scorers(first: str, second: str, options: RunOptions) -> None:
-    store = Store.open(options.results, published_only=options.published)
-    known = results_of(options, store)
-    sides = [
-        [result for result in known.all(scorer=name) if is_of_data(result.record, options)] for name in (first, second)
-    ]
-    rows = compare_scorers(*sides)
-    name_skipped(store)
-    if not rows:
-        raise ConfigurationError(
-            f"no table has scores of three methods by both {first} and {second}",
-            f"run them: run -t TABLE --scorer {second}",
-        )
-    say_lines(agreement_markdown(rows, first, second))

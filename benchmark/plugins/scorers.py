@@ -15,10 +15,7 @@ __all__ = ["BUILT_IN", "DEFAULT", "ScorerSpec", "plugin_scorers", "scorer_of", "
 #: Scorer of the paper's tables; its name is omitted from the names of jobs and from records.
 DEFAULT = DEFAULT_SCORER
 
-BUILT_IN: dict[str, str] = {
-    DEFAULT: ScorerSpec.target,
-    "spherical-harmonics": "retrieval.spherical_harmonics:SphericalHarmonics",
-}
+BUILT_IN: dict[str, str] = {DEFAULT: ScorerSpec.target}
 
 
 def scorers(plugins: Iterable[Path] = ()) -> KnownPlugins[ScorerSpec]:

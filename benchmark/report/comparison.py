@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import Input
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
-from benchmark.report.content import TableContent, contents
-from benchmark.report.escaping import BLANK, markdown_table, markdown_text, millionths, number
-from benchmark.report.results import Result
+from benchmark.report.escaping import number
 from benchmark.report.significance import (
     ALPHA,
     class_permutation_test,
@@ -29,8 +25,6 @@ from retrieval.measures import PRINTED
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from retrieval.agreement import Agreement
 
 #: Scores that differ by at most this value count as equal.
 _SMALLEST = 5e-7
@@ -213,60 +207,3 @@ def _signed(value: float) -> str:
     """Format a number with a sign and three decimals."""
     text = number(value, 3)
     return text if text.startswith("-") else f"+{text}"
-
-
-def compare_scorers(first: Iterable[Result], second: Iterable[Result]) -> list[list[str]]:
-    """Compare the rankings of methods by table, input and measure, if the scorers have three methods in common.
-
-    Parameters
-    ----------
-    first, second
-        Results by each scorer; descriptors, which have no scorer, are ignored.
-
-    Returns
-    -------
-    list of list of str
-        Numeral, data, input, number of methods, and Kendall's tau by measure, as Markdown.
-    """
-    from retrieval.agreement import FEWEST, agreement  # imports scipy.stats
-
-    one, other = _tables(first), _tables(second)
-    rows = []
-    both = [(table, other[place]) for place, table in one.items() if place in other]
-    for table, rival, input_ in ((*pair, input_) for pair in both for input_ in pair[0].inputs):
-        ours, theirs = _scores(table, input_), _scores(rival, input_)
-        methods = [name for name in ours if name in theirs]
-        if len(methods) >= FEWEST:
-            data = f"{table.data_title}{' (quick)' if table.quick else ''}"
-            row = [markdown_text(part) for part in (table.identifier, data, input_, len(methods))]
-            scores = [[[side[name][measure] for name in methods] for side in (ours, theirs)] for measure in PRINTED]
-            rows.append(row + [_tau(agreement(*of_measure)) for of_measure in scores])
-    return rows
-
-
-def _tables(results: Iterable[Result]) -> dict[Any, TableContent]:
-    tables = contents(result for result in results if scorer_name(result.record))
-    return {(table.identifier, table.data["name"], table.quick): table for table in tables}
-
-
-def _scores(table: TableContent, input_: Input) -> dict[str, dict[str, float]]:
-    """Return the scores by method, without means over incomplete galleries."""
-    return {
-        line.method: {name: millionths(value) for name, value in line.scores.items()}
-        for line in table.lines
-        if line.input == input_ and line.is_complete
-    }
-
-
-def _tau(of_order: Agreement) -> str:
-    return BLANK if math.isnan(of_order.tau) else f"{number(of_order.tau)} ({number(of_order.p_value, 4)})"
-
-
-def agreement_markdown(rows: Sequence[Sequence[str]], first: str, second: str) -> str:
-    """Return agreements as a Markdown table, with the fraction of random orders that agree or disagree as much."""
-    heading = (
-        f"Kendall's tau-b between the orders of the methods by {first} and by {second}; in brackets the share of "
-        "random orders with a tau as far from 0."
-    )
-    table = markdown_table(["table", "data", "input", "methods", *PRINTED], rows, 3)
-    return f"{heading}\n\n{table}\n"

@@ -87,7 +87,6 @@ def ranked(job, *, apart=False):
     [
         ("identity", "cm-bof"),
         ("identity", "cm-bof[allow_mirror=true]"),
-        ("identity", "spherical-harmonics"),
         ("surface-area", "cm-bof"),
     ],
 )

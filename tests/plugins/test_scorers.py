@@ -58,10 +58,10 @@ def test_built_in_scorers_keep_the_contract(name):
 
 
 def test_a_name_with_parameters_has_one_spelling_and_wrong_ones_are_refused():
-    spec = scorer_of("spherical-harmonics[n_shells=8,n_degrees=16]", scorers())
-    assert spec.name == "spherical-harmonics[n_shells=8]"
-    assert spec.create().n_shells == 8
-    for wrong, said in (("shells", "unknown scorer"), ("spherical-harmonics[n_shells=0]", "n_shells")):
+    spec = scorer_of("cm-bof[n_words=8,subdivisions=2]", scorers())
+    assert spec.name == "cm-bof[n_words=8]"
+    assert spec.create().n_words == 8
+    for wrong, said in (("shells", "unknown scorer"), ("cm-bof[subdivisions=9]", "subdivisions")):
         with pytest.raises(ConfigurationError, match=said):
             scorer_of(wrong, scorers())
 
