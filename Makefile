@@ -77,10 +77,14 @@ reference: setup kernels
 
 # The compiled kernels with every index checked; two minutes, most of them to compile.
 boundscheck: setup
-	$(BIN)/python -m tools.boundscheck
+	NUMBA_BOUNDSCHECK=1 NUMBA_OPT=1 NUMBA_CACHE_DIR=$(CURDIR)/build/boundscheck \
+	    $(BIN)/python -m pytest -m "kernels and not slow and not exhaustive"
 
+# The golden results under the kernels of a processor of 2013, and under those of 2008.
 portability: setup
-	$(BIN)/python -m tools.portability
+	OPENBLAS_CORETYPE=Haswell $(BIN)/python -m tools.golden
+	OPENBLAS_CORETYPE=Nehalem NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=$(CURDIR)/build/generic ATEN_CPU_CAPABILITY=default \
+	    NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4" $(BIN)/python -m tools.golden
 
 lint: setup
 	$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""The compiled kernels of the suite, and whether this process has come to use them."""
+"""The compiled kernels of the suite."""
 
 from __future__ import annotations
 
@@ -25,8 +25,3 @@ def kernels_of(module: ModuleType) -> list[Dispatcher]:
     """The kernels that a module defines."""
     values = vars(module).values()
     return [value for value in values if isinstance(value, Dispatcher) and value.__module__ == module.__name__]
-
-
-def was_compiled(kernel: Dispatcher) -> bool:
-    """Whether a kernel was compiled in this process; one that is always inlined is part of those that call it."""
-    return bool(kernel.signatures) or kernel.targetoptions.get("inline") == "always"
