@@ -13,7 +13,8 @@ RUN apt-get update \
     && install -d -o 1000 /work
 COPY --from=build /wheels /wheels
 COPY constraints.txt /wheels/
-RUN pip install --no-cache-dir --constraint /wheels/constraints.txt /wheels/*.whl
+# The CPU build of torch: its version is that of constraints.txt with +cpu, which pip prefers.
+RUN pip install --no-cache-dir --extra-index-url https://download.pytorch.org/whl/cpu --constraint /wheels/constraints.txt /wheels/*.whl
 USER 1000
 RUN canonical-forms compile
 WORKDIR /work
