@@ -11,7 +11,6 @@ import platform
 import re
 import subprocess
 import sys
-import tempfile
 import time
 import timeit
 from collections.abc import Callable, Iterator
@@ -35,8 +34,6 @@ from baselines._kernels.smacof import normalised_stress, smacof
 from baselines.classic_mds import classic_scaling
 from baselines.non_metric_mds import non_metric_scaling
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.datasets.camera_frames import CameraFrames
-from benchmark.datasets.export import export_frames
 from benchmark.datasets.humans import Humans
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth_forms import form_of_object, method_of_depth
@@ -172,6 +169,7 @@ def sklearn_scaling(distances: FloatArray, start: FloatArray, steps: int, *, met
 
 
 SPHERE = view_sphere(2)
+FRAME = Path(__file__).parents[1] / "examples" / "depth" / "man-1" / "kneeling.png"
 N_VIEWS = len(SPHERE.directions)
 
 
@@ -254,14 +252,6 @@ def of_network(resolution: int = 128) -> Iterator[Row]:
     yield Row("prediction of one image", ours, "torch, single precision, the network alone", alone, detail)
 
 
-class OneFrame(CameraFrames):
-    """The first frame of the generated camera."""
-
-    @property
-    def entries(self) -> Any:
-        return super().entries[:1]
-
-
 def of_programs() -> Iterator[Row]:
     """Measure one mesh, one frame from its files, and two verbs that must respond at once."""
     mesh = body(7)
@@ -271,16 +261,14 @@ def of_programs() -> Iterator[Row]:
 
     torch.set_num_threads(1)
     method, scorer = method_of_depth("learned-streamed"), ScorerSpec().create()
-    with tempfile.TemporaryDirectory() as folder:
-        names = export_frames(OneFrame(), Path(folder))
-        files = FrameFiles(Path(folder) / names[0], CameraFrames().intrinsics, Path(folder) / names[1])
+    files = FrameFiles(FRAME)
 
-        def form() -> Mesh:
-            return form_of_object(files.observe(), method).form.mesh
+    def form() -> Mesh:
+        return form_of_object(files.observe(), method).form.mesh
 
-        steps: dict[str, Work] = {"form": form, "signature": lambda: signature_of(scorer, form())}
-        for name, work in steps.items():
-            yield Row(f"frame of a depth camera, file to {name}", work, detail="640 x 480 pixels, with a mask")
+    steps: dict[str, Work] = {"form": form, "signature": lambda: signature_of(scorer, form())}
+    for name, work in steps.items():
+        yield Row(f"frame of a depth camera, file to {name}", work, detail="320 x 240 pixels, with a mask")
 
     def start(*arguments: str) -> Work:
         return partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)

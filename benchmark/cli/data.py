@@ -9,11 +9,9 @@ from typing import Any
 
 from benchmark.cli.options import CheckData, DataOptions, Export, Sheet, explained
 from benchmark.cli.terminal import counting
-from benchmark.datasets.camera_frames import CameraFrames
-from benchmark.datasets.catalogue import FRAME_SETS, open_dataset, sources
+from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.checking import check_source
 from benchmark.datasets.export import export as export_shapes
-from benchmark.datasets.export import export_frames
 from benchmark.datasets.own import is_own
 from benchmark.datasets.perturbations.overview import overview
 from benchmark.errors import ConfigurationError
@@ -31,10 +29,9 @@ def check(options: CheckData) -> bool:
 
 def export(options: Export) -> None:
     """Write the files of a data set."""
-    layout = options.layout or ("frames" if options.name in FRAME_SETS else None)
-    if layout is None:
+    if options.layout is None:
         raise ConfigurationError("no layout is chosen", "pass --layout shrec14 or --layout tosca")
-    count = _on_data(_exported, options, layout)
+    count = _on_data(_exported, options, options.layout)
     say(f"wrote {count} files to {options.output}; use them with -d {options.output}")
 
 
@@ -65,11 +62,7 @@ def _checked(source: str, options: CheckData) -> tuple[list[str], bool]:
 def _exported(source: str, options: Export, layout: str) -> int:
     """Export a data set; return the number of files."""
     dataset, watched = open_dataset(source, options.data_root), partial(counting, f"writing {options.name}")
-    if layout != "frames":
-        return len(export_shapes(dataset, options.output, layout, force=options.force, watched=watched))
-    if not isinstance(dataset, CameraFrames):
-        raise ConfigurationError(f"data set '{options.name}' has no frames", "choose another --layout")
-    return len(export_frames(dataset, options.output, force=options.force, watched=watched))
+    return len(export_shapes(dataset, options.output, layout, force=options.force, watched=watched))
 
 
 def _drawn(source: str, options: Sheet) -> tuple[list[str], str]:

@@ -16,7 +16,7 @@ from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.own import data_sets_of, is_own, open_own
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, parsed, perturbed_name
+from benchmark.datasets.perturbations.dataset import parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.plugins.modules import unknown
 
@@ -114,21 +114,6 @@ def _animals_few(root: Path) -> Dataset:
     return Some(_animals(root), few, "animals-few", "animals-few (generated, 6 classes x 3 poses)")
 
 
-def _camera(_: Path) -> Dataset:
-    from benchmark.datasets.camera_frames import CameraFrames
-
-    return CameraFrames()
-
-
-def _camera_few(_: Path) -> Dataset:
-    from benchmark.datasets.camera_frames import CameraFrames
-
-    return CameraFrames(poses=4)
-
-
-#: Sets of depth frames, which have separate perturbations.
-FRAME_SETS = ("camera", "camera-few")
-
 CATALOGUE: dict[str, DatasetSource] = {
     "shrec14-synthetic": _official("shrec14-synthetic"),
     "shrec14-real": _official("shrec14-real"),
@@ -165,12 +150,6 @@ CATALOGUE: dict[str, DatasetSource] = {
         _animals_few,
         18,
         6,
-    ),
-    "camera": DatasetSource(
-        "generated humans, 15 subjects x 20 poses before a perspective depth camera with faults", _camera, 300, 15
-    ),
-    "camera-few": DatasetSource(
-        "generated humans, 15 subjects x 4 poses of the set camera, for the table of robustness", _camera_few, 60, 15
     ),
     **{name: _official(name) for name in SETS if not name.startswith("shrec14")},
 }
@@ -246,11 +225,6 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
             f"put it there and pass --data-root; it comes from {source.url}",
         )
     return source.load(data_root or Path())
-
-
-def fitting_perturbations(name: str) -> list[str]:
-    """Return the perturbations for a data set: those of frames for depth frames, otherwise all others."""
-    return [kind for kind, known in PERTURBATIONS.items() if bool(known.of_frames) == (name in FRAME_SETS)]
 
 
 def catalogued(name: str) -> str | None:

@@ -1,4 +1,4 @@
-"""Export of data sets to files that reproduce the same shapes when read: meshes, or depth camera frames."""
+"""Export of data sets to files that reproduce the same shapes when read."""
 
 from __future__ import annotations
 
@@ -10,18 +10,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-from PIL import Image
-
 from benchmark.datasets.base import Dataset, Entry, Watched
-from benchmark.datasets.camera_frames import CameraFrames
 from benchmark.datasets.catalogue import canonical_entry
 from benchmark.datasets.files import FolderDataset, file_digest
 from benchmark.datasets.folder import subject_of_stem
 from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, write_manifest
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
-from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth.reading import DEFAULT_SCALE
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
@@ -29,8 +23,6 @@ from benchmark.geometry.io import write_mesh
 LAYOUTS = ("shrec14", "tosca")
 
 CLA_FILE = "classes.cla"
-
-CAMERA_FILE = "camera.json"
 
 
 def export(
@@ -87,43 +79,6 @@ def export(
             (target / file).write_bytes(text.encode())
         write_manifest(target, rows)
     return written
-
-
-def export_frames(
-    dataset: CameraFrames, folder: Path, *, force: bool = False, watched: Watched = iter
-) -> tuple[str, ...]:
-    """Write each frame as ``CLASS/POSE.png`` in millimetres with ``CLASS/POSE_mask.png``, and ``camera.json``.
-
-    Parameters
-    ----------
-    dataset, folder, force, watched
-        As in :func:`export`.
-
-    Returns
-    -------
-    tuple of str
-        Names of the files.
-
-    Raises
-    ------
-    ConfigurationError
-        If the folder is not empty or not writable.
-    """
-    _check_empty(folder, force)
-    written = (*(file for entry in dataset.entries for file in _frame_files(entry)), CAMERA_FILE)
-    with _filled(folder, written) as target:
-        for entry in watched(dataset.entries):
-            (target / entry.subject).mkdir(exist_ok=True)
-            depths, mask = dataset.frame(entry)
-            images = np.round(depths * DEFAULT_SCALE).astype(np.uint16), mask
-            for image, file in zip(images, _frame_files(entry), strict=True):
-                Image.fromarray(image).save(target / file)
-        (target / CAMERA_FILE).write_text(_open3d(dataset.intrinsics), encoding="utf-8")
-    return written
-
-
-def _frame_files(entry: Entry) -> tuple[str, str]:
-    return f"{entry.subject}/{entry.pose}.png", f"{entry.subject}/{entry.pose}_mask.png"
 
 
 @contextmanager
@@ -261,10 +216,3 @@ def _table(name: str, values: Mapping[str, str]) -> str:
 def _quoted(text: str) -> str:
     # A JSON string is a TOML basic string.
     return json.dumps(text, ensure_ascii=False)
-
-
-def _open3d(camera: Intrinsics) -> str:
-    """Return the intrinsics in the Open3D format, column-major."""
-    width, height = camera.size or (0, 0)
-    columns = [camera.fx, 0, 0, 0, camera.fy, 0, camera.cx, camera.cy, 1]
-    return json.dumps({"width": width, "height": height, "intrinsic_matrix": columns}, indent=1) + "\n"

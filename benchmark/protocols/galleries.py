@@ -11,7 +11,6 @@ from benchmark.datasets.base import Dataset, Entry, Part, check_retrievable, thi
 from benchmark.datasets.catalogue import (
     CATALOGUE,
     check_ranked,
-    fitting_perturbations,
     is_known,
     is_path,
     is_present,
@@ -255,8 +254,7 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
 
 def _conditions(name: str) -> list[str]:
     """Return a clean data set, and the same under each perturbation at each strength, by name or path."""
-    fitting = fitting_perturbations(name)
-    return [name, *(perturbed_name(name, perturbation, strength) for perturbation in fitting for strength in STRENGTHS)]
+    return [name, *(perturbed_name(name, kind, strength) for kind in PERTURBATIONS for strength in STRENGTHS)]
 
 
 def _own_table_name(name: str) -> str:

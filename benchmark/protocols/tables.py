@@ -267,14 +267,6 @@ TABLES: tuple[Table, ...] = (
         all_unseen=False,
     ),
     Table(
-        "camera",
-        "Retrieval of synthetic humans before a perspective depth camera (without figures of the paper)",
-        dataset="camera",
-        folds=SUBJECT_FOLDS,
-        rows=Rows(learners=_ALL),
-        runs="named",
-    ),
-    Table(
         "robustness",
         "What breaks the methods: one gallery, clean and under each perturbation",
         dataset="animals-few",

@@ -85,8 +85,6 @@ TABLE_III = "III"
 
 #: Data sets that show subjects of another one.
 _SAME_SUBJECTS = {
-    "camera": "humans",
-    "camera-few": "humans",
     "animals-few": "animals",
     "shrec16-cuts": "tosca",
     "shrec16-holes": "tosca",
@@ -94,7 +92,7 @@ _SAME_SUBJECTS = {
 }
 
 #: Data sets with some of the poses of another one, for which the fold of a pose is unknown.
-_FEWER_POSES = frozenset({"camera-few", "animals-few"})
+_FEWER_POSES = frozenset({"animals-few"})
 
 
 def set_of_subjects(dataset: str) -> str | None:

@@ -20,7 +20,6 @@ from benchmark.pipeline import recipes
 from benchmark.protocols.galleries import galleries
 from tests.toy import rod, write_rods
 
-SURFACE = {name for name, known in PERTURBATIONS.items() if not known.of_frames}
 BALL = Mesh(np.asarray(icosphere(subdivisions=3).vertices), np.asarray(icosphere(subdivisions=3).faces))
 HORSESHOE = rod(0.05, 4.5, rings=60)
 
@@ -74,7 +73,7 @@ def test_an_overview_shows_one_shape_as_the_perturbed_sets_have_it(rods):
     clean = open_dataset(str(rods), None)
     shape = clean.entries[2]
     shown = overview(clean, shape.identifier)
-    assert {entry.subject for entry in shown.entries} == SURFACE - {"scale"}
+    assert {entry.subject for entry in shown.entries} == PERTURBATIONS.keys() - {"scale"}
     (entry,) = (entry for entry in shown.entries if entry.identifier == "noise=4")
     expected = open_dataset(f"{rods}[noise=4]", None).load(shape)
     np.testing.assert_array_equal(shown.load(entry).vertices, expected.vertices)
@@ -112,9 +111,9 @@ def test_what_a_clean_set_says_of_itself_is_said_of_its_changed_sets(rods, tmp_p
 
 
 def test_one_sided_surfaces_are_no_complete_ones_when_they_are_changed():
-    for name in ("camera-few[noise=1]", "camera-few[jitter=1]", "camera-few[occlusion=1][jitter=1]"):
+    for name in ("examples/depth[noise=1]", "examples/depth[jitter=1]", "examples/depth[view-angle=1][jitter=1]"):
         assert open_dataset(name, None).inputs == ("view",)
-    (gallery,) = galleries([], ["camera-few[noise=1]"])
+    (gallery,) = galleries([], ["examples/depth[noise=1]"])
     assert gallery.inputs == ()  # noise is one of complete surfaces
     with pytest.raises(ConfigurationError, match="which show one side of each shape"):
         gallery.check_input("mesh")

@@ -21,7 +21,7 @@ RANDOM = ["people", *(f"people[draw={draw}]" for draw in range(3))]
 GENERATED = HumansGallery(4, 2).name
 CHANGED = [
     "humans[noise=3]", "humans[jitter=1]", "humans[decimation=libigl]", "humans[depth-noise=2][jitter=1]",
-    "camera[occlusion=1]", "camera-few[distance=2]", "animals-few[noise=1]", "people[draw=1][holes=2]",
+    "animals-few[noise=1]", "people[draw=1][holes=2]",
     "humans-scanlike[scale=1]", f"{GENERATED}[noise=1]",
 ]  # fmt: skip
 SETS = [*(name for name, source in CATALOGUE.items() if not source.folder), GENERATED, *CHANGED]
@@ -54,7 +54,7 @@ def refused_on(training: str) -> set[str]:
 def share_seen(training: str, name: str) -> float:
     """Share of the subjects of a set that the models of a training have seen."""
     if training.startswith(("humans-fold", "humans-strict")):
-        return 2 / 3 if name.partition("[")[0] in ("humans", "camera", "camera-few") and GENERATED not in name else 0.0
+        return 2 / 3 if name.partition("[")[0] == "humans" and GENERATED not in name else 0.0
     if training == "animals-III" and name.startswith("animals"):
         return 4 / 9 if name == "animals" else 1 / 6
     return 0.0
@@ -72,7 +72,7 @@ def test_every_pair_of_a_shipped_model_and_a_generated_set() -> None:
             assert len(seen) == pytest.approx(expected), f"{model.folder} on {name}"
 
 
-@pytest.mark.parametrize("name", ["humans[noise=3]", "camera-few", "camera-few[occlusion=1]", "animals-few"])
+@pytest.mark.parametrize("name", ["humans[noise=3]", "animals-few"])
 def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name: str) -> None:
     dataset = open_dataset(name, None)
     of_shape = trainings_by_shape(Learned(), dataset, dataset.entries, None)
@@ -121,9 +121,3 @@ def test_the_row_of_a_learner_on_random_humans_is_the_mean_of_its_models(tmp_pat
         "learned", "learned[training=humans-fold-1]", "learned[training=humans-fold-2]"
     }  # fmt: skip
     assert {"classic-mds", "identity", "wks-mean"} <= methods and not {"nystrom-mds", "euclidean-distance"} & methods
-
-
-def test_a_set_of_some_of_the_poses_has_no_folds_of_poses() -> None:
-    assert len(trainings_on(MeanStrict(), "camera", None)) == 12
-    with pytest.raises(NoFolds, match="'camera-few' has no folds of subjects and poses"):
-        trainings_on(MeanStrict(), "camera-few", None)

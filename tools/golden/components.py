@@ -61,8 +61,6 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
     "people": (7, 154, 299),
     "animals": (1, 12, 18, 26, 34, 38, 50, 70, 79),
     "animals-few": (1, 16),
-    "camera": (1, 42, 153, 298),
-    "camera-few": (1, 58),
 }
 
 #: Additional parts of sets: properties that two or three shapes do not show.
@@ -201,9 +199,9 @@ def _read(folder: str) -> Iterator[Part]:
 
 
 def _changed(name: str) -> Iterator[Part]:
-    of_frames, on_mesh = PERTURBATIONS[name].of_frames, PERTURBATIONS[name].on_mesh
+    on_mesh = PERTURBATIONS[name].on_mesh
     for strength in STRENGTHS:
-        yield Part(f"{strength}", stages.changed, (name, strength, 17 if of_frames else 0))
+        yield Part(f"{strength}", stages.changed, (name, strength, 0))
     if on_mesh:
         yield Part("scan", stages.changed, (name, 3, 1))
 

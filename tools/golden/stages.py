@@ -13,13 +13,13 @@ import numpy as np
 import pandas
 
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.datasets import camera_frames, catalogue, decimated, human_poses, human_subjects, humans, jittered
+from benchmark.datasets import catalogue, decimated, human_poses, human_subjects, humans, jittered
 from benchmark.datasets import humans_scanlike as scanlike
 from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, perturbed
+from benchmark.datasets.perturbations.dataset import perturbed
 from benchmark.datasets.scans.sampler import ScanSampler
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
@@ -194,18 +194,13 @@ def sampled(name: str) -> Arrays:
 
 
 def changed(change: str, value: Any, place: int) -> Arrays:
-    """Return a committed mesh, or a frame of the generated camera, after a change of its data set, and its camera."""
+    """Return a committed mesh after a change of its data set, and its camera."""
     if change == "jitter":
         dataset: Any = jittered.Jittered(inputs.committed_meshes(), value)
     elif change == "decimation":
         dataset = decimated.Decimated.of(inputs.committed_meshes(), value)
     else:
-        of_frames = PERTURBATIONS[change].of_frames
-        dataset = perturbed(
-            camera_frames.CameraFrames(poses=4) if of_frames else inputs.committed_meshes(), change, value
-        )
-        if of_frames:
-            return mesh_of(dataset, dataset.entries[place])
+        dataset = perturbed(inputs.committed_meshes(), change, value)
     entry = dataset.entries[place]
     camera, sensor = dataset.camera(entry), dataset.sensor(entry) if hasattr(dataset, "sensor") else None
     image = {"image": sensor.perturbed(np.linspace(0, 1, 60).reshape(6, 10))} if sensor else {}

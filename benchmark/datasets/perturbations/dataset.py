@@ -5,16 +5,14 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.base import Dataset, Entry, Part
-from benchmark.datasets.camera_frames import CameraFrames
 from benchmark.datasets.changed import ChangedDataset
 from benchmark.datasets.perturbations import surface
 from benchmark.datasets.perturbations.shortcuts import shortcuts
@@ -43,8 +41,6 @@ class Perturbation:
         Function that perturbs the mesh; None for perturbations of the camera.
     inputs
         Inputs that the perturbation applies to.
-    of_frames
-        Parameter of a set of depth frames that receives the amount; "" for perturbations of meshes or their camera.
     """
 
     title: str
@@ -52,7 +48,6 @@ class Perturbation:
     amounts: tuple[float, ...]
     on_mesh: Callable[[Mesh, float, np.random.Generator], Mesh] | None = None
     inputs: tuple[Input, ...] = ("mesh",)
-    of_frames: str = ""
 
 
 PERTURBATIONS: dict[str, Perturbation] = {
@@ -73,23 +68,6 @@ PERTURBATIONS: dict[str, Perturbation] = {
     "depth-noise": Perturbation(
         "depth noise and steps", "deviation and step / depth of the frame", (0.0005, 0.001, 0.002, 0.004, 0.008),
         inputs=("view",),
-    ),
-    "distance": Perturbation(
-        "distance of the camera", "metres", (2, 3, 4, 5, 6), inputs=("view",), of_frames="distance"
-    ),
-    "frame-noise": Perturbation(
-        "noise and steps of the camera", "times its own", (2, 4, 8, 16, 32), inputs=("view",), of_frames="noise"
-    ),
-    "missing-pixels": Perturbation(
-        "missing pixels", "share of the pixels", (0.05, 0.1, 0.2, 0.4, 0.6), inputs=("view",), of_frames="missing"
-    ),
-    "wrong-mask": Perturbation(
-        "wrong mask", "wrong pixels / pixels of the object", (0.05, 0.1, 0.15, 0.2, 0.3),
-        inputs=("view",), of_frames="wrong_mask",
-    ),
-    "occlusion": Perturbation(
-        "a box before the object", "share of the object", (0.1, 0.2, 0.3, 0.4, 0.5),
-        inputs=("view",), of_frames="hidden",
     ),
 }  # fmt: skip
 
@@ -224,22 +202,13 @@ class Perturbed(ChangedDataset):
 
 
 def perturbed(clean: Dataset, perturbation: str, strength: int) -> Perturbed:
-    """Perturb a data set; perturbations of frames change a parameter of the set.
+    """Perturb a data set.
 
     Raises
     ------
     ConfigurationError
-        If the perturbation requires depth frames and the set has none, or if the camera already has depth noise.
+        If the camera already has depth noise.
     """
-    known = PERTURBATIONS[perturbation]
-    if known.of_frames and isinstance(clean, CameraFrames):
-        change: dict[str, Any] = {known.of_frames: known.amounts[strength - 1]}
-        return Perturbed(replace(clean, **change), perturbation, strength)
-    if known.of_frames:
-        raise ConfigurationError(
-            f"{clean.name} has no frames of a depth camera, which '{perturbation}' perturbs",
-            "use it with camera or camera-few, or choose a perturbation of surfaces, such as noise",
-        )
     sensor = getattr(clean, "sensor", None)
     if perturbation == "depth-noise" and sensor and sensor(clean.entries[0]):
         raise ConfigurationError(f"{clean.name} has depth noise already", "name one strength of depth-noise")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.catalogue import fitting_perturbations
-from benchmark.datasets.perturbations.dataset import STRENGTHS, Perturbed, perturbed
+from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, Perturbed, perturbed
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
@@ -52,7 +51,7 @@ class Overview:
         """Entries for each perturbation and strength."""
         return tuple(
             Entry(f"{perturbation}={strength}", perturbation, f"strength {strength}")
-            for perturbation in fitting_perturbations(self.clean.name)
+            for perturbation in PERTURBATIONS
             if perturbation != "scale"
             for strength in STRENGTHS
         )
