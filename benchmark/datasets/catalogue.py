@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.datasets.base import Dataset, Entry, Part, printable
-from benchmark.datasets.decimated import Decimated, decimated_name, parsed_decimation
 from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
 from benchmark.datasets.official import tosca
 from benchmark.datasets.official.sets import SETS
@@ -164,7 +163,7 @@ def is_present(name: str, data_root: Path | None) -> bool:
     """Return whether a data set is available: generated sets always, official sets if their folder exists."""
     if (clean := clean_name(name)) != name:
         return is_path(clean) or is_present(clean, data_root)
-    if parts := parsed_decimation(name) or parsed(name):
+    if parts := parsed(name):
         return is_path(parts[0]) or is_present(parts[0], data_root)
     source = _source(name)
     return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
@@ -176,14 +175,14 @@ def has_official_sets(data_root: Path) -> bool:
 
 
 def open_dataset(name: str, data_root: Path | None) -> Dataset:
-    """Open a data set by name or folder path, optionally perturbed, decimated or jittered.
+    """Open a data set by name or folder path, optionally perturbed or jittered.
 
     Parameters
     ----------
     name
         A key of :data:`CATALOGUE`, the path of a folder of meshes, or the name of a plugin data set returned by
-        :func:`sources`; optionally followed by a perturbation with its strength, ``[noise=3]``, by a decimation
-        program, ``[decimation=libigl]``, and by the number of a jitter, ``[jitter=1]``.
+        :func:`sources`; optionally followed by a perturbation with its strength, ``[noise=3]``, and by the number of a
+        jitter, ``[jitter=1]``.
     data_root
         The folder of the official sets; None if there is none.
 
@@ -196,8 +195,6 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     """
     if jitter := parsed_jitter(name):
         return Jittered(open_dataset(jitter[0], data_root), jitter[1])
-    if decimation := parsed_decimation(name):
-        return Decimated.of(open_dataset(decimation[0], data_root), decimation[1])
     if parts := parsed(name):
         from benchmark.datasets.perturbations.dataset import perturbed
 
@@ -233,10 +230,7 @@ def catalogued(name: str) -> str | None:
     A set with parameters keeps its parameters.
     """
     clean = clean_name(name)
-    try:
-        parts = parsed_decimation(clean) or parsed(clean)
-    except ConfigurationError:  # another installation may have a program unknown here
-        return None
+    parts = parsed(clean)
     if parts:
         return catalogued(parts[0])
     return clean if is_known(clean) else None
@@ -261,8 +255,6 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
 
 def _meant(name: str, own: Mapping[str, str]) -> str:
     """Resolve a name to an argument of :func:`open_dataset`; ``own`` maps names of plugin data sets to sources."""
-    if decimation := parsed_decimation(name):
-        return decimated_name(_meant(decimation[0], own), decimation[1])
     if parts := parsed(name):
         return perturbed_name(_meant(parts[0], own), *parts[1:])
     if name not in own and not is_known(name) and not is_path(name):

@@ -17,7 +17,6 @@ from benchmark.datasets.catalogue import (
     open_dataset,
     table_name,
 )
-from benchmark.datasets.decimated import decimated_name, parsed_decimation
 from benchmark.datasets.jittered import clean_name
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
@@ -85,14 +84,9 @@ class Gallery:
         """Raise ``ConfigurationError`` for a requested input that its shapes do not have."""
         if input_ in getattr(self.dataset, "inputs", INPUTS):
             return
-        if input_ == "mesh":
-            raise ConfigurationError(
-                f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
-                "drop --input mesh: there are no complete surfaces",
-            )
         raise ConfigurationError(
-            f"data set '{self.dataset.name}' has no views: cameras see the original mesh, not the decimated one",
-            "drop --input view, or name the data set without decimation",
+            f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
+            "drop --input mesh: there are no complete surfaces",
         )
 
     def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
@@ -227,7 +221,7 @@ def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> 
 
 def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table]:
     """Return the tables that use a data set; if there are none, its own table on request."""
-    if not is_known(name) and not is_path(name) and not parsed_decimation(name) and not parsed(name):
+    if not is_known(name) and not is_path(name) and not parsed(name):
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
         return [table for table in selected if name in table.datasets]
@@ -259,8 +253,6 @@ def _conditions(name: str) -> list[str]:
 
 def _own_table_name(name: str) -> str:
     """Return the name of a data set's own table: the name of the data set, even if it is given by a path."""
-    if decimation := parsed_decimation(name):
-        return decimated_name(_own_table_name(decimation[0]), decimation[1])
     if perturbation := parsed(name):
         return perturbed_name(_own_table_name(perturbation[0]), *perturbation[1:])
     if is_known(name) and name not in CATALOGUE:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from itertools import chain, pairwise
 from typing import Any, Literal, TypeVar
 
-from benchmark.datasets.decimated import parsed_decimation
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.perturbations.dataset import parsed
 from benchmark.pipeline.storage.keys import digest
@@ -259,7 +258,7 @@ def _caption(table: TableContent) -> str:
 def data_source(table: TableContent) -> str:
     """Return the citation of the data set of a table; "" if it has none."""
     name = str(table.data["name"])
-    return _cited(_SOURCES.get((parsed_decimation(name) or parsed(name) or (name,))[0], ""))
+    return _cited(_SOURCES.get((parsed(name) or (name,))[0], ""))
 
 
 def scorer_cited(table: TableContent) -> str:

@@ -27,7 +27,7 @@ def test_there_is_a_component_for_each_method_scorer_generated_set_and_change():
         *(f"method/{name}" for name in registry.BUILT_IN),
         *(f"scorer/{name}" for name in scorers.BUILT_IN),
         *(f"data/{name}" for name in [*generated, "files", "frames"]),
-        *(f"change/{name}" for name in [*PERTURBATIONS, "jitter", "decimation"]),
+        *(f"change/{name}" for name in [*PERTURBATIONS, "jitter"]),
     }
     assert {name for name in components() if name.startswith(("method/", "scorer/", "data/", "change/"))} == wanted
 

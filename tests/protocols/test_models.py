@@ -13,14 +13,13 @@ from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.humans_gallery import HumansGallery
 from benchmark.protocols.models import Model, TooNear
-from benchmark.protocols.trainings import NoFolds, trainings_by_shape, trainings_on
+from benchmark.protocols.trainings import trainings_by_shape
 from learned.paired.methods import Learned
-from tests.mean_folds import MeanStrict
 
 RANDOM = ["people", *(f"people[draw={draw}]" for draw in range(3))]
 GENERATED = HumansGallery(4, 2).name
 CHANGED = [
-    "humans[noise=3]", "humans[jitter=1]", "humans[decimation=libigl]", "humans[depth-noise=2][jitter=1]",
+    "humans[noise=3]", "humans[jitter=1]", "humans[depth-noise=2][jitter=1]",
     "animals-few[noise=1]", "people[draw=1][holes=2]",
     "humans-scanlike[scale=1]", f"{GENERATED}[noise=1]",
 ]  # fmt: skip

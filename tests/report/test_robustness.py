@@ -88,7 +88,6 @@ def test_a_plan_of_robustness_has_each_perturbation_under_the_inputs_that_it_is_
     expected = {f"rods {input_} pca" for input_ in INPUTS} | {
         f"{perturbed_name('rods', perturbation, strength)} {input_} pca"
         for perturbation, known in PERTURBATIONS.items()
-        if not known.of_frames
         for input_ in known.inputs
         for strength in STRENGTHS
     }

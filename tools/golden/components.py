@@ -132,8 +132,6 @@ def _components() -> Iterator[tuple[str, Component]]:
         yield f"change/{name}", Component(partial(_changed, name), called, FORMS)
     jitters = {"1": ("jitter", 1, 0), "2": ("jitter", 2, 0)}
     yield "change/jitter", Component(partial(_called, stages.changed, jitters), (f"{_SETS}jittered",))
-    decimations = {"dog": ("decimation", "libigl", 0), "scan": ("decimation", "libigl", 1)}
-    yield "change/decimation", Component(partial(_called, stages.changed, decimations), (f"{_SETS}decimated",), FORMS)
     yield "measures", Component(_measures, (f"{_STAGES}measures",))
     called = tuple(f"{_STAGES}{name}" for name in ("shapes", "measures"))
     parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")})

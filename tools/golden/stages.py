@@ -13,7 +13,7 @@ import numpy as np
 import pandas
 
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.datasets import catalogue, decimated, human_poses, human_subjects, humans, jittered
+from benchmark.datasets import catalogue, human_poses, human_subjects, humans, jittered
 from benchmark.datasets import humans_scanlike as scanlike
 from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
@@ -197,8 +197,6 @@ def changed(change: str, value: Any, place: int) -> Arrays:
     """Return a committed mesh after a change of its data set, and its camera."""
     if change == "jitter":
         dataset: Any = jittered.Jittered(inputs.committed_meshes(), value)
-    elif change == "decimation":
-        dataset = decimated.Decimated.of(inputs.committed_meshes(), value)
     else:
         dataset = perturbed(inputs.committed_meshes(), change, value)
     entry = dataset.entries[place]
