@@ -73,7 +73,7 @@ def test_an_overview_shows_one_shape_as_the_perturbed_sets_have_it(rods):
     clean = open_dataset(str(rods), None)
     shape = clean.entries[2]
     shown = overview(clean, shape.identifier)
-    assert {entry.subject for entry in shown.entries} == PERTURBATIONS.keys() - {"scale"}
+    assert {entry.subject for entry in shown.entries} == PERTURBATIONS.keys()
     (entry,) = (entry for entry in shown.entries if entry.identifier == "noise=4")
     expected = open_dataset(f"{rods}[noise=4]", None).load(shape)
     np.testing.assert_array_equal(shown.load(entry).vertices, expected.vertices)

@@ -21,7 +21,7 @@ GENERATED = HumansGallery(4, 2).name
 CHANGED = [
     "humans[noise=3]", "humans[jitter=1]", "humans[depth-noise=2][jitter=1]",
     "animals-few[noise=1]", "people[draw=1][holes=2]",
-    "humans-scanlike[scale=1]", f"{GENERATED}[noise=1]",
+    "humans-scanlike[holes=1]", f"{GENERATED}[noise=1]",
 ]  # fmt: skip
 SETS = [*(name for name, source in CATALOGUE.items() if not source.folder), GENERATED, *CHANGED]
 

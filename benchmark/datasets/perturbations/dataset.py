@@ -63,7 +63,6 @@ PERTURBATIONS: dict[str, Perturbation] = {
     "missing-parts": Perturbation(
         "missing parts", "share of the area", (0.05, 0.1, 0.2, 0.3, 0.4), surface.missing_parts
     ),
-    "scale": Perturbation("scale", "largest factor", (1.1, 1.25, 1.5, 2.0, 4.0), surface.scale),
     "view-angle": Perturbation("view angle", "largest angle in degrees", (10, 20, 30, 45, 60), inputs=("view",)),
     "depth-noise": Perturbation(
         "depth noise and steps", "deviation and step / depth of the frame", (0.0005, 0.001, 0.002, 0.004, 0.008),

@@ -17,8 +17,6 @@ __all__ = ["Overview", "overview"]
 class Overview:
     """Data set with a class for each perturbation and a pose for each strength.
 
-    Scale is omitted, because figures normalise the size of shapes.
-
     Parameters
     ----------
     clean
@@ -52,7 +50,6 @@ class Overview:
         return tuple(
             Entry(f"{perturbation}={strength}", perturbation, f"strength {strength}")
             for perturbation in PERTURBATIONS
-            if perturbation != "scale"
             for strength in STRENGTHS
         )
 

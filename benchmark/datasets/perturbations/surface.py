@@ -61,11 +61,6 @@ def remeshing(mesh: Mesh, amount: float, _: Random) -> Mesh:
     return isotropic_remesh(mesh, amount * extent_of(mesh), iterations=ROUNDS, feature_degrees=30.0)
 
 
-def scale(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Scale by a log-uniform factor between the inverse of the amount and the amount."""
-    return mesh.with_vertices(mesh.vertices * amount ** random.uniform(-1, 1))
-
-
 def _rest(mesh: Mesh, kept: np.ndarray) -> Mesh:
     """Return the largest piece of the kept triangles."""
     rest = compact(mesh.vertices, mesh.faces[kept])
