@@ -23,7 +23,7 @@ LAYERS = (
     ("benchmark.pipeline",),
     ("benchmark.execution", "benchmark.protocols.pairs"),
     ("benchmark.report",),
-    ("benchmark.bundles", "benchmark.depth_forms", "benchmark.external", "benchmark.results"),
+    ("benchmark.depth_forms", "benchmark.external", "benchmark.results"),
     ("benchmark.cli",),
     ("benchmark.__main__",),
 )

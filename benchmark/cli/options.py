@@ -22,7 +22,6 @@ from benchmark.cli.declare import (
     Count,
     DataSet,
     MethodName,
-    NameOrFolder,
     ScorerName,
     TableName,
     argument,
@@ -435,36 +434,6 @@ class Merge(RunOptions):
 
     folders: tuple[Path, ...] = argument("DIR...")
     published: bool = flag("--published", "Merge into RESULTS/records, without quick runs and own data.")
-
-
-@verb("Results", "share.submit", "path", "datasets", "inputs", "scorer", "plugins", "results", "data_root", "seed")
-class Submit(RunOptions):
-    """Write the finished jobs of a method into a bundle that anyone can verify."""
-
-    method: MethodName = _method_argument()
-    path: Path = option("-o --output BUNDLE.zip", "File to write.", required=True)
-    quick: bool = flag("--quick", "Take the results of --quick.")
-    author: str = option("--author NAME", "Author of the row.", "")
-    licence: str = option("--licence NAME", "Licence, such as MIT. [the source's SPDX line]", "")
-    with_forms: bool = flag("--forms", "Include the forms of your own data.")
-
-
-@verb("Results", "share.verify", "folders", "results", "data_root")
-class Verify(RunOptions):
-    """Compute the scores of a bundle again; none of its code runs without --run.
-
-    Exit 0 if everything is verified, 1 if something is claimed or false, 2 if it cannot be read.
-    """
-
-    bundle: Path = argument("BUNDLE.zip")
-    folders: tuple[NameOrFolder, ...] = option("-d --dataset FOLDER", "Folder of the meshes that it was run on.", ())
-    run: bool = flag("--run", "Run the author's plugin with your rights, to make forms again.")
-    again: Annotated[int, ("type", click.IntRange(min=3))] = option(
-        "--again N", "Number of forms per record to make again.", 3
-    )
-    timeout: float | None = timeout_option("each step")
-    into: Path | None = option("--into DIR", "Results folder whose reports show its rows.")
-    as_json: bool = _json()
 
 
 # Set-up and others ---------------------------------------------------------------------------------------------------

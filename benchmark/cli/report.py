@@ -9,7 +9,6 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from benchmark.bundles.outcomes import boards
 from benchmark.cli.options import Paper, Report, RunOptions
 from benchmark.cli.plan import planned_jobs
 from benchmark.cli.selection import recorded_tables, stored
@@ -70,7 +69,7 @@ def _write_pages(options: Report) -> None:
     places += ["--results", str(options.results)] if options.results != RunOptions().results else []
     command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
     written = write_report(
-        tables, artefacts, output, command, lambda line: say(line, err=True), boards(options.results),
+        tables, artefacts, output, command, lambda line: say(line, err=True),
         options=places, force=options.force,
     )  # fmt: skip
     _name_edited(output, written.edited)

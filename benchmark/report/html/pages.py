@@ -45,9 +45,6 @@ _MOST_LEFT_OUT = 500
 
 _ASSETS = ("report.css", "report.js", "charts.js", "forms.js", "queries.js")
 
-Board = tuple[str, Sequence[Sequence[object]]]
-"""Rows of bundles on one gallery: a heading, and cells for each record."""
-
 
 @dataclass(frozen=True)
 class Written:
@@ -163,7 +160,6 @@ def write_report(
     root: Path,
     command: str,
     say: Progress = lambda _: None,
-    boards: Sequence[Board] = (),
     *,
     options: Sequence[str] = (),
     force: bool = False,
@@ -182,8 +178,6 @@ def write_report(
         The command line that writes it.
     say
         Progress callback.
-    boards
-        Rows of bundles.
     options
         Options for plugins, data and results in the commands on the pages.
     force
@@ -217,7 +211,7 @@ def write_report(
         add_script(files, pages.stem, chart_data(pages.table, pages.cells))
         write_queries(pages.stem, pages.table, pages.cells, pages.drawn.sheets, files)
         files |= {name: text.encode() for name, text in table_pages(pages, all_pages).items()}
-    files["index.html"] = index_page(all_pages, command, boards).encode()
+    files["index.html"] = index_page(all_pages, command).encode()
     return Written(
         folder.write(files),
         len(files),
@@ -247,8 +241,8 @@ def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, st
     }
 
 
-def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Board] = ()) -> str:
-    """Return the first page: tables, rows of bundles, failures, and the commands that produce them."""
+def index_page(tables: Sequence[TablePages], command: str) -> str:
+    """Return the first page: tables, failures, and the commands that produce them."""
     placed = [((pages.short, line.title, line.input), line) for pages in tables for line in pages.table.lines]
     failures = [
         [*place, line.status, brief(line.reason)] for place, line in placed if line.status not in ("ok", "missing")
@@ -269,7 +263,6 @@ def index_page(tables: Sequence[TablePages], command: str, boards: Sequence[Boar
     return _page(
         "index.html",
         tables,
-        boards=boards,
         failures=failures,
         left_out=left_out[:_MOST_LEFT_OUT],
         data_sets=[[str(name), title, *sizes] for title, (name, *sizes) in data.items()],

@@ -1,1 +1,0 @@
-"""Bundles of results to share: packing, verification, and their rows in reports."""
