@@ -414,17 +414,6 @@ class Compare(RunOptions):
     everything: bool = flag("--all", "Compare every pair, with perturbed sets, intervals and tests.")
 
 
-@verb("Results", "report.paper", *_SELECTION, ..., "force", "published")
-class Paper(RunOptions):
-    """Write a LaTeX paper of results: protocol, tables, figures, statistics, sources; compile it by 'make' in DIR.
-
-    Without -t and -d it contains Tables I to IV and those of your own data. Files that you edited are kept.
-    """
-
-    output: Path = option("-o --output DIR", default=Path("results/paper"))
-    template: Literal["article", "ieee"] = option("--template", "LaTeX class.", "article")
-
-
 @verb("Results", "share.merge", ..., "results")
 class Merge(RunOptions):
     """Join the records of several results folders; exit 1 if they contradict each other.

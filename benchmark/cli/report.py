@@ -1,4 +1,4 @@
-"""``report`` and ``paper``: write HTML pages, figures and a LaTeX document."""
+"""``report``: write HTML pages and figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from benchmark.cli.options import Paper, Report, RunOptions
+from benchmark.cli.options import Report, RunOptions
 from benchmark.cli.plan import planned_jobs
 from benchmark.cli.selection import recorded_tables, stored
 from benchmark.errors import ConfigurationError
@@ -18,8 +18,6 @@ from benchmark.plugins.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.html.pages import write_report
-from benchmark.report.output import Folder
-from benchmark.report.paper.document import main_tables, paper_files
 from benchmark.report.pictures.charts import classes_figure, confusion_figure, cost_figure, precision_recall_figure
 from benchmark.report.pictures.forms import effect_figure, forms_figure
 from benchmark.report.pictures.painting import ENDINGS, SIGNATURE, save
@@ -100,20 +98,3 @@ def _forms_figure(options: Report) -> Figure:
 def _name_edited(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         say(f"kept {folder / name}, which was edited; --force overwrites it", err=True)
-
-
-def paper(options: Paper) -> None:
-    """Write the files of a paper."""
-    output = options.output
-    tables, artefacts = _tables(options)
-    tables = [table for table in tables if any(line.scores for line in table.lines)]
-    if not tables:
-        raise ConfigurationError("no finished job of the selection has scores", "run it first, or select less")
-    if not (options.tables or options.datasets):
-        tables = main_tables(tables)
-    files = paper_files(tables, artefacts, options.template)
-    _name_edited(output, Folder(output, "paper", "written-by-paper.json", options.force).write(files))
-    say(f"wrote {len(files)} files to {output}; compile them: make -C {shlex.quote(str(output))}")
-    if "figures/forms.pdf" not in files:
-        figure = shlex.quote(str(output / "figures" / "forms.pdf"))
-        say(f"no forms are stored here; draw some with report -d DATASET --figure {figure}")

@@ -22,7 +22,7 @@ from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.plugins.scorers import DEFAULT, scorers
 from benchmark.reference.paper import is_listed
 from benchmark.report.content import TableContent
-from benchmark.report.escaping import environment, latex_prose, latex_text, number
+from benchmark.report.escaping import environment, latex_prose, latex_text
 from benchmark.report.frame import Extra, Style, figures, labels, printed
 from benchmark.report.notes import notes
 from benchmark.report.results import MISSING
@@ -275,25 +275,14 @@ def _digest(table: TableContent) -> str:
     return digest([*rows.items()])
 
 
-def _joined(parts: Sequence[object]) -> Latex:
-    *others, last = (part if isinstance(part, Latex) else latex_prose(part) for part in parts)
-    return Latex(f"{', '.join(others)} and {last}" if others else last)
-
-
-def _quoted(title: str) -> Latex:
-    """Return a title in quotation marks, because some contain commas."""
-    return Latex(f"``{latex_prose(title)}''")
-
-
 def _finalized(value: object) -> Latex:
     return value if isinstance(value, Latex) else Latex(latex_prose(value))
 
 
 #: All values in templates are cleaned and escaped, except LaTeX.
 ENVIRONMENT = environment(
-    "benchmark.report.paper", _finalized, block_start_string="<%", block_end_string="%>",
+    "benchmark.report", _finalized, block_start_string="<%", block_end_string="%>",
     variable_start_string="<<", variable_end_string=">>", comment_start_string="<#", comment_end_string="#>",
 )  # fmt: skip
 #: Template of a table; all its values are LaTeX.
 _TEMPLATE = ENVIRONMENT.overlay(autoescape=False, finalize=None).get_template("table.tex")
-ENVIRONMENT.filters |= {"join_with_and": _joined, "number": number, "quoted": _quoted}

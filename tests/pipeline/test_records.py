@@ -22,7 +22,6 @@ from benchmark.report.formats import render
 from benchmark.report.html.data import chart_data
 from benchmark.report.html.forms import DrawnSet, script_json
 from benchmark.report.html.pages import TablePages, index_page, table_pages
-from benchmark.report.paper.document import paper_files
 from benchmark.report.rankings import ranked_cells
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record
@@ -243,7 +242,6 @@ def test_no_part_of_a_record_can_be_replaced_by_something_that_ends_a_reader(dat
         return
     (table,) = contents([Result(changed)])
     render([table], ("latex", "markdown", "csv", "json"))
-    paper_files([table], ArtefactReader(Store(Path("nowhere")), {}), "article")
     cells = ranked_cells(table, ArtefactReader(Store(Path("nowhere")), {}))
     pages = TablePages(table, cells, DrawnSet("set"))
     script_json(chart_data(table, cells))

@@ -18,7 +18,6 @@ from benchmark.report.escaping import number
 from benchmark.report.formats import render
 from benchmark.report.frame import figures
 from benchmark.report.notes import notes
-from benchmark.report.paper.document import leads
 from benchmark.report.results import Result, line_of
 from benchmark.report.robustness import half_at
 from tests.records import MEASURES, record
@@ -111,11 +110,6 @@ def test_a_row_whose_first_ranks_tie_is_marked_and_never_italic():
     assert note in notes(having)
     assert not any("‡" in line for line in notes(without))
     assert "| M1 ‡ | mesh |" in files["intervals-table-rods.md"]
-
-
-def test_a_paper_does_not_say_that_the_best_row_is_better_than_one_whose_first_ranks_tie():
-    (lead,) = leads(table(result(0.75), tied(NN, tied_queries=1), tied(NN, tied_queries=0)), "NN")
-    assert (lead["title"], lead["n_others"], lead["inseparable"]) == ("M0", 1, ["M2"])
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")

@@ -129,35 +129,6 @@ def _cost_panel(
     place.set_ylim(max(0.0, min(lows) - 0.06), 1.02)
 
 
-def scores_figure(table: TableContent, width: float) -> Figure | None:
-    """Draw a panel of scores for each input of a table, and one of seconds per shape; None for a table without scores.
-
-    Markers of the best row, and of rows that do not differ from it significantly, are filled.
-
-    Parameters
-    ----------
-    table
-        The table.
-    width
-        Width in inches.
-    """
-    scored = {line.method for line in table.lines if line.scores}
-    rows = [row for row in table.rows if row.method in scored]
-    if not rows:
-        return None
-    figure = Figure(figsize=(width, min(_FRAME + _LINE * len(rows), _TALLEST)), dpi=300, layout="constrained")
-    axes = figure.subplots(1, len(table.inputs) + 1, sharey=True, squeeze=False)[0]
-    for place, input_ in zip(axes, table.inputs, strict=False):
-        _scores_panel(place, table, rows, input_)
-    _costs_panel(axes[-1], table, rows)
-    axes[0].set_yticks(range(len(rows)), [_shortened(clean(row.label), 44) for row in rows], parse_math=False)
-    axes[0].set_ylim(len(rows) - 0.4, -0.6)
-    for place in axes:
-        place.tick_params(axis="y", length=0)
-        _plain_frame(place, "top", "right", "left")
-    return figure
-
-
 def _scores_panel(place: Axes, table: TableContent, rows: Sequence[Any], input_: Input) -> None:
     for height, row in enumerate(rows):
         line = table.line(row.method, input_)

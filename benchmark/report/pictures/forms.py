@@ -17,10 +17,8 @@ from benchmark.execution.runner import make_forms
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.storage.records import Record
 from benchmark.report.artefact_reader import NOT_STORED, ArtefactReader
-from benchmark.report.content import TableContent
 from benchmark.report.pictures.painting import outwardness, painted
 from benchmark.report.pictures.posing import SHAPE, have_same_poses, posed, reach, spread
-from benchmark.report.significance import CONTROL
 from benchmark.text import clean
 
 if TYPE_CHECKING:
@@ -145,23 +143,6 @@ def effect_figure(
     for place, text in ((middle, shown), (1 - middle, title)):
         figure.text(place, 0.955, text, fontsize=12, color="0.25", **_CENTRED)
     return figure
-
-
-def stored_forms_figure(table: TableContent, artefacts: ArtefactReader) -> Figure | None:
-    """Draw the first subject of a table in a few poses with the stored forms of its methods; None without forms."""
-    for input_ in table.inputs:
-        lines = [line for line in table.lines if line.input == input_ and line.family != CONTROL and line.records]
-        records = {line.method: dict(line.records[0]) for line in lines}
-        if not records:
-            continue
-        try:
-            columns = _columns(records, artefacts, _chosen("", _entries(records, artefacts)), {})
-        except BenchmarkError:  # the data set is missing
-            continue
-        stored = [column for column in columns if any(isinstance(mesh, Mesh) for mesh in column.meshes)][: _MOST + 1]
-        if len(stored) > 1:
-            return _drawn(stored, min(WIDTH, _COLUMN * len(stored)))
-    return None
 
 
 def _drawn(columns: Sequence[Column], width: float = WIDTH) -> Figure:

@@ -1,1 +1,0 @@
-"""A paper of results: LaTeX from records, in a folder that compiles with one command."""
