@@ -227,7 +227,7 @@ class Tables(RunOptions):
 
 @verb("Daily use", "report.report", *_SELECTION, "output", "force", "published")
 class Report(RunOptions):
-    """Write HTML pages: tables, charts, canonical forms in 3D, and every query with its nearest shapes.
+    """Write HTML pages: tables, charts, and canonical forms in 3D.
 
     They work without a network. Nothing is computed; where data is missing, a page names the run that creates it.
     """

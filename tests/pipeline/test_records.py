@@ -219,7 +219,7 @@ def test_a_bad_record_costs_its_own_row(tmp_path, name):
     folder.mkdir(parents=True)
     for each in (bad, good):
         (folder / f"{each['key']}.json").write_text(json.dumps(each))
-    for words in (["tables"], ["tables", "-o", "tables"], ["report", "-o", "report"], ["paper", "-o", "paper"]):
+    for words in (["tables"], ["tables", "-o", "tables"], ["report", "-o", "report"]):
         words[2:] = [str(tmp_path / place) for place in words[2:]]
         done = CliRunner().invoke(cli, [*words, "--results", str(tmp_path)])
         assert done.exit_code == 0, done.output

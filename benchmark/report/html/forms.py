@@ -25,7 +25,7 @@ from benchmark.pipeline.storage.records import Record
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.artefact_reader import NOT_STORED, ArtefactReader
 from benchmark.report.pictures.painting import outwardness, painted
-from benchmark.report.pictures.posing import SHAPE, posed, reach, select, spread
+from benchmark.report.pictures.posing import SHAPE, posed, reach, select
 from benchmark.text import brief, clean
 
 #: Contents of files by path in the folder of the report.
@@ -76,15 +76,8 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-#: Pixels per side of a small picture, and small pictures across and down a sheet; see queries.js.
-SIDE, ACROSS, DOWN = 80, 10, 5
-_ON_SHEET = ACROSS * DOWN
-
 #: Pixels per side of a large picture; maximum number of shapes of a class, and of classes, with large pictures.
 TILE, POSES, _MOST_CLASSES = 150, 4, 6
-
-#: Maximum number of shapes of a data set with small pictures, evenly spaced in larger data sets.
-_MOST_PICTURES = 1000
 
 #: Maximum number of vertices of a surface in 3D; bound of its coordinates, in half widths of a picture.
 _VERTICES, _REACH = 1000, 1.6
@@ -92,13 +85,12 @@ _VERTICES, _REACH = 1000, 1.6
 #: Width of a picture, relative to the largest form.
 _MARGIN = 1.06
 
-_NOT_DRAWN = "not drawn: one report has no room for all forms; choose fewer with -t, -d, -m or --input"
 _ABSENT = "not in this gallery"
 
 
 @dataclass
 class Sheets:
-    """Small pictures of the shapes of a data set for one input, and of their forms.
+    """The methods whose forms of a data set are drawn for one input, and the reasons for missing forms.
 
     Parameters
     ----------
@@ -106,8 +98,6 @@ class Sheets:
         Prefix of the file names.
     titles
         Titles of the methods by name.
-    places
-        Index k of each shape on the sheets of all methods: position k % 50 on sheet k // 50.
     reasons
         Reason why a form has no picture, by method and shape; "" if it has one.
     files
@@ -116,10 +106,8 @@ class Sheets:
 
     stem: str
     titles: dict[str, str]
-    places: dict[str, int] = field(default_factory=dict)
     reasons: dict[str, dict[str, str]] = field(default_factory=dict)
     files: Files = field(default_factory=dict, repr=False)
-    _open: dict[int, Image.Image] = field(default_factory=dict, repr=False)
 
     @property
     def numbers(self) -> dict[str, int]:
@@ -134,25 +122,6 @@ class Sheets:
             "cells": {shape: [of_method.get(shape, NOT_STORED) for of_method in reasons] for shape in shapes},
         }
 
-    def add(self, name: str, meshes: Mapping[str, Mesh]) -> None:
-        """Draw a shape and its forms by method at the next place."""
-        place = self.places[name] = len(self.places)
-        row, column = divmod(place % _ON_SHEET, ACROSS)
-        values = outwardness(meshes[SHAPE])
-        for method, mesh in meshes.items():
-            own = values if np.array_equal(mesh.faces, meshes[SHAPE].faces) else outwardness(mesh)
-            picture = painted(mesh.vertices, mesh.faces, own, SIDE, _MARGIN * reach(mesh.vertices))
-            sheet = self._open.setdefault(self.numbers[method], Image.new("RGBA", (SIDE * ACROSS, SIDE * DOWN)))
-            sheet.paste(picture, (SIDE * column, SIDE * row))
-        if len(self.places) % _ON_SHEET == 0:
-            self.close()
-
-    def close(self) -> None:
-        """Write the sheets with pictures."""
-        for number, image in self._open.items():
-            add_picture(self.files, f"{self.stem}-{number}-{(len(self.places) - 1) // _ON_SHEET}", image)
-        self._open.clear()
-
 
 @dataclass
 class DrawnSet:
@@ -165,7 +134,7 @@ class DrawnSet:
     classes
         Names of the shapes with large pictures, by class.
     sheets
-        Small pictures by input.
+        Methods and missing forms by input.
     n_forms
         Number of forms in 3D.
     hero
@@ -199,8 +168,7 @@ def draw_set(
     records: Sequence[Record],
     artefacts: ArtefactReader,
     files: Files,
-    room: tuple[int, int],
-    say: Progress = lambda _: None,
+    room: int,
 ) -> DrawnSet:
     """Draw the stored surfaces and forms of records.
 
@@ -215,9 +183,7 @@ def draw_set(
     files
         Files to which pictures and scripts are added.
     room
-        Maximum number of shapes with large and with small pictures for each input.
-    say
-        Progress callback, if there are many shapes.
+        Maximum number of shapes with pictures for each input.
     """
     drawn = DrawnSet(stem)
     dataset = _dataset(records, artefacts)
@@ -225,16 +191,13 @@ def draw_set(
     entries = [entry for entry in dataset.entries if entry.identifier in ranked] if dataset is not None else []
     if dataset is None or not entries:
         return drawn
-    n_poses = max(1, min(POSES, max(POSES - 1, room[0] // POSES), room[0]))
-    rows = select(dataset, entries, max(1, min(_MOST_CLASSES, room[0] // n_poses)), n_poses)
+    n_poses = max(1, min(POSES, max(POSES - 1, room // POSES), room))
+    rows = select(dataset, entries, max(1, min(_MOST_CLASSES, room // n_poses)), n_poses)
     drawn.classes = {row[0].subject: [entry.identifier for entry in row] for row in rows}
     beside = set(drawn.files)
+    entries = [entry for entry in entries if entry.identifier in beside]
     order = {entry.subject: number for number, entry in reversed([*enumerate(entries)])}
-    entries.sort(key=lambda entry: (order[entry.subject], drawn.files.get(entry.identifier, len(entries))))
-    shown = [entry.identifier for entry in spread(entries, _MOST_PICTURES)]
-    with_forms = beside.union(spread(shown, room[1]))
-    with_pictures = beside.union(shown)
-    entries = [entry for entry in entries if entry.identifier in with_pictures]
+    entries.sort(key=lambda entry: (order[entry.subject], drawn.files[entry.identifier]))
     for input_ in INPUTS:
         by_method: dict[str, dict[str, Record]] = {}
         for record in (record for record in records if record["input"] == input_):
@@ -248,16 +211,11 @@ def draw_set(
             models: dict[str, Points] = {}
             large: dict[str, dict[str, Mesh]] = {}
             for entry in of_class:
-                meshes = _posed(entry, by_method, artefacts, models, sheets, is_drawn=entry.identifier in with_forms)
+                meshes = _posed(entry, by_method, artefacts, models, sheets)
                 if meshes:
-                    sheets.add(entry.identifier, meshes)
-                    if len(sheets.places) % _ON_SHEET == 0:
-                        say(f"{len(sheets.places)} shapes drawn with their forms")
-                if meshes and entry.identifier in beside:
                     large[entry.identifier] = meshes
             if large:
                 _add_large(drawn, sheets, large)
-        sheets.close()
     return drawn
 
 
@@ -274,17 +232,15 @@ def _posed(
     artefacts: ArtefactReader,
     models: dict[str, Points],
     sheets: Sheets,
-    *,
-    is_drawn: bool,
 ) -> dict[str, Mesh]:
     """Return a shape and its forms by method, and note the reasons for missing ones; empty if it is not stored."""
     name = entry.identifier
     records = {method: of_method[name] for method, of_method in by_method.items() if name in of_method}
     if not records:
         return {}
-    forms = posed(entry, next(iter(records.values())), records if is_drawn else {}, artefacts, models)
+    forms = posed(entry, next(iter(records.values())), records, artefacts, models)
     for method in by_method:
-        form = forms.get(method, _NOT_DRAWN if method in records else _ABSENT)
+        form = forms.get(method, _ABSENT)
         sheets.reasons.setdefault(method, {})[name] = brief(form) if isinstance(form, str) else ""
     return {method: form for method, form in forms.items() if isinstance(form, Mesh)}
 

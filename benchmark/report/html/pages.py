@@ -23,7 +23,7 @@ from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
 from benchmark.report.escaping import BLANK, environment, html_line, html_text, millionths, number
 from benchmark.report.frame import Style, lines
-from benchmark.report.html.data import chart_data, write_queries
+from benchmark.report.html.data import chart_data
 from benchmark.report.html.forms import DrawnSet, Files, Progress, add_script, draw_set, script_json
 from benchmark.report.notes import notes
 from benchmark.report.output import Folder
@@ -36,14 +36,13 @@ from retrieval.measures import MEASURES, PRINTED
 #: List of the files of a report, so that the next report can remove those that it no longer writes.
 CONTENTS = "parts/contents.json"
 
-#: Maximum number of forms in 3D (13 kB each), of small pictures (1 to 2 kB and 30 ms each), and of shapes of a data set
-#: side by side. With plotly and the queries, a report stays below 30 MB.
-_MOST_FORMS, _MOST_SMALL_FORMS, _MOST_SHAPES = 1200, 16_000, 24
+#: Maximum number of forms in 3D (13 kB each), and of shapes of a data set side by side.
+_MOST_FORMS, _MOST_SHAPES = 1200, 24
 
 #: Maximum number of omitted shapes listed on the first page.
 _MOST_LEFT_OUT = 500
 
-_ASSETS = ("report.css", "report.js", "charts.js", "forms.js", "queries.js")
+_ASSETS = ("report.css", "report.js", "charts.js", "forms.js")
 
 
 @dataclass(frozen=True)
@@ -188,7 +187,7 @@ def write_report(
     BenchmarkError
         If a file cannot be written, would replace a file of another origin, or plotly is not installed.
     """
-    names = [f"{table.file_stem}{ending}.html" for table in tables for ending in ("", "-forms", "-queries")]
+    names = [f"{table.file_stem}{ending}.html" for table in tables for ending in ("", "-forms")]
     folder = Folder(root, "report", CONTENTS, force)
     folder.require_own(["index.html", *names])
     files = _assets()
@@ -197,11 +196,11 @@ def write_report(
         records = (record for line in table.lines for record in line.records)
         sets.setdefault(set_stem(table), {}).update((record["key"], dict(record)) for record in records)
     n_columns = max(1, sum(len({(r["input"], r["method"]) for r in of_set.values()}) for of_set in sets.values()))
-    room = max(2, min(_MOST_SHAPES, _MOST_FORMS // n_columns)), max(1, _MOST_SMALL_FORMS // n_columns)
+    room = max(2, min(_MOST_SHAPES, _MOST_FORMS // n_columns))
     drawn = {}
     for stem, of_set in sets.items():
         say(f"drawing {next((record['data']['name'] for record in of_set.values()), 'nothing')}")
-        drawn[stem] = draw_set(stem, list(of_set.values()), artefacts, files, room, say)
+        drawn[stem] = draw_set(stem, list(of_set.values()), artefacts, files, room)
     all_pages = []
     for table in tables:
         say(f"ranking {table.data['name']}")
@@ -209,7 +208,6 @@ def write_report(
         all_pages.append(TablePages(table, cells, drawn[set_stem(table)], tuple(options), artefacts.known))
     for pages in all_pages:
         add_script(files, pages.stem, chart_data(pages.table, pages.cells))
-        write_queries(pages.stem, pages.table, pages.cells, pages.drawn.sheets, files)
         files |= {name: text.encode() for name, text in table_pages(pages, all_pages).items()}
     files["index.html"] = index_page(all_pages, command).encode()
     return Written(
@@ -229,7 +227,7 @@ def set_stem(table: TableContent) -> str:
 
 
 def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, str]:
-    """Return the pages of one table by name: scores with charts, canonical forms, and the query browser."""
+    """Return the pages of one table by name: scores with charts, and canonical forms."""
     headings, costs = pages.costs()
     families = list(dict.fromkeys(row.family for row in pages.table.rows))
     content = {"lines": lines(pages.table), "notes": notes(pages.table), "cost_headings": headings, "costs": costs}
@@ -237,7 +235,6 @@ def table_pages(pages: TablePages, tables: Sequence[TablePages]) -> dict[str, st
     return {
         f"{pages.stem}.html": _page("table.html", tables, pages, {"table": pages.stem}, families=families, **content),
         f"{pages.stem}-forms.html": _page("forms.html", tables, pages, gallery),
-        f"{pages.stem}-queries.html": _page("queries.html", tables, pages, {"queries": pages.stem}),
     }
 
 

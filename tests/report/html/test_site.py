@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from benchmark.datasets.base import Entry
 from benchmark.files import write_text
@@ -15,14 +14,13 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import contents
-from benchmark.report.html.data import chart_data, write_queries
-from benchmark.report.html.forms import ACROSS, DOWN, SIDE, add_script, script_json
+from benchmark.report.html.data import chart_data
+from benchmark.report.html.forms import add_script, script_json
 from benchmark.report.html.pages import CONTENTS, write_report
 from benchmark.report.rankings import ranked_cells
 from benchmark.report.results import Result
 from retrieval.measures import PRINTED
 from tests.records import SHAPES, failed, record
-from tests.report.html.made_up import REFUSED, write_made_up
 from tests.toy import rod
 
 HOSTILE = "</script><script>alert(1)</script>\u2028\u2029\\\"'&<b>\ud800\x00"
@@ -74,17 +72,13 @@ def test_records_alone_make_a_report_that_says_what_brings_the_rest(artefacts, t
     )
     assert (written.n_forms, written.n_distances, written.n_ranked) == (0, 0, 2)
     names = {path.name for path in (tmp_path / "out").glob("*.html")}
-    assert names == {"index.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html"}
+    assert names == {"index.html", "table-rods.html", "table-rods-forms.html"}
     command = "python -m benchmark run -d rods -m gps -m pca"
     for name in names - {"index.html"}:
         assert command in (tmp_path / "out" / name).read_text()
     index = (tmp_path / "out" / "index.html").read_text()
     assert "it &lt;b&gt;fell&lt;/b&gt;" in index
     assert "python -m benchmark report" in index
-    (queries,) = (tmp_path / "out" / "parts" / "data").glob("queries-*.js")
-    _, value = received(queries.read_text())
-    assert value["gps"]["nearest"] is None
-    assert value["gps"]["scores"][0] == [1.0, 1.0, 1.0, 0.8]
 
 
 def test_no_page_asks_the_network_and_every_file_that_a_page_names_is_there(artefacts, tmp_path):
@@ -106,7 +100,6 @@ def test_only_failures_are_a_report_too(artefacts, tmp_path):
     )
     assert (written.n_ranked, written.n_forms) == (0, 0)
     assert "too much" in (tmp_path / "index.html").read_text()
-    assert "No job of this table has scores" in (tmp_path / "table-rods-queries.html").read_text()
 
 
 def test_real_and_generated_data_stand_in_tables_of_their_own(artefacts, tmp_path):
@@ -149,39 +142,9 @@ def test_a_second_report_removes_what_the_first_wrote_and_nothing_else(artefacts
     write_text(tmp_path / CONTENTS, json.dumps(listed | {"../outside.txt": [digest], "7": 7}))
     report(tmp_path, artefacts, record("gps"))
     assert {path.name for path in tmp_path.glob("*.html")} == {
-        "index.html", "mine.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html",
+        "index.html", "mine.html", "table-rods.html", "table-rods-forms.html",
     }  # fmt: skip
     assert outside.read_text() == "kept"
-
-
-def test_each_shape_has_its_form_and_its_pose_on_sheets_or_a_reason(tmp_path):
-    assert write_made_up(tmp_path, (2, 3, 2)).n_ranked == 2
-    (path,) = (tmp_path / "parts" / "data").glob("table-rods-queries.js")
-    _, told = received(path.read_text())
-    (mesh,) = told["galleries"]
-    assert (mesh["pictures"], mesh["poses"]) == ([0, 1, 2, 3, 4, 5], ["p0", "p1", "p2"] * 2)
-    first, descriptor = mesh["methods"]
-    assert first["missing"] == {REFUSED: [0]}
-    assert descriptor["missing"] == {"it makes no forms": [0, 1, 2, 3, 4, 5]}
-    assert told["failed"] == [{"input": "mesh", "title": "Fell", "why": "crashed: it <b>fell</b>"}]
-    pictures = {path.name for path in (tmp_path / "parts" / "pictures").glob(f"{mesh['sheets']}-*")}
-    assert pictures == {f"{mesh['sheets']}-{number}-0.webp" for number in (0, first["sheet"])}
-    with Image.open(tmp_path / "parts" / "pictures" / f"{mesh['sheets']}-{first['sheet']}-0.webp") as sheet:
-        filled = np.asarray(sheet)[..., 3].reshape(DOWN, SIDE, ACROSS, SIDE).max(axis=(1, 3)) > 0
-    assert filled[0].tolist() == [False] + [True] * 5 + [False] * 4
-    assert not filled[1:].any()
-    _, told = received((tmp_path / "parts/data/table-rods.js").read_text())
-    ours = next(row["inputs"]["mesh"] for row in told["rows"] if row["method"] == "method-0")
-    assert [sum(n for *_, n in ours["confusion"][kind]) for kind in ("classes", "poses")] == [5, 5]
-    assert [sum(each.values()) for each in (ours["attraction"], told["attraction"]["mesh"])] == pytest.approx([1, 1])
-
-
-def test_a_record_alone_tells_why_a_shape_has_no_form(artefacts):
-    refused = record("gps", unsupported=[["cat0", REFUSED]])
-    (table,), files = contents([Result(refused)]), {}
-    write_queries("t", table, ranked_cells(table, artefacts), {}, files)
-    _, told = received(files["parts/data/t-queries.js"].decode())
-    assert told["galleries"][0]["methods"][0]["missing"] == {REFUSED: [0], "not kept here": [1, 2, 3]}
 
 
 # Large and damaged ----------------------------------------------------------------------------------------------------
