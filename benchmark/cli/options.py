@@ -404,10 +404,7 @@ SECTIONS["Own methods and data"].append(data)
 
 @verb("Results", "show.compare", "datasets", "inputs", "scorer", "everything", "plugins", "published", "results")
 class Compare(RunOptions):
-    """Compare two methods, two results folders, or two scorers.
-
-    For two scorers, print Kendall's tau between their orders of the methods, for each table and measure.
-    """
+    """Compare two methods."""
 
     first: str = argument("A")
     second: str = argument("B")

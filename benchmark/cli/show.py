@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmark.cli.options import Compare, Tables, name_skipped
@@ -15,7 +14,7 @@ from benchmark.pipeline.storage.merging import records_under
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.plugins.scorers import scorer_of, scorers
-from benchmark.report.comparison import compare_folders, compare_methods, lines
+from benchmark.report.comparison import compare_methods, lines
 from benchmark.report.formats import overview, render
 from benchmark.report.output import Folder
 from benchmark.report.robustness import file_stem, rendered, robustness
@@ -30,7 +29,7 @@ _FEW = 2
 FORMATS = ("latex", "markdown", "csv", "json")
 
 #: Patterns of the files that single tables are written to.
-_WRITTEN = re.compile(r"(table|paper-table|intervals-table|robustness)-.*\.(md|tex|png)")
+_WRITTEN = re.compile(r"(table|paper-table|robustness)-.*\.(md|tex|png)")
 
 
 def tables(options: Tables) -> bool:
@@ -104,23 +103,18 @@ def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, i
 
 
 def compare(options: Compare) -> None:
-    """Print the differences of two methods or folders."""
+    """Print the differences of two methods."""
     first, second = options.first, options.second
     known_scorers = scorers(options.plugins)
-    are_folders = Path(first).is_dir() and Path(second).is_dir()
-    folders = (Path(first), Path(second)) if are_folders else (options.results,)
-    stores = [Store(folder / "runs", published_only=options.published) for folder in folders]
+    store = Store(options.results / "runs", published_only=options.published)
     try:
-        records = [[record for record in records_under(store) if is_of_data(record, options)] for store in stores]
+        records = [record for record in records_under(store) if is_of_data(record, options)]
     finally:
-        name_skipped(*stores)
-    if are_folders:
-        comparison = compare_folders(*records)
-    else:
-        known, recorded_methods = methods(options.plugins), {record["method"] for record in records[0]}
-        one, other = (name if name in recorded_methods else variant(name, known).name for name in (first, second))
-        comparison = compare_methods(records[0], one, other, scorer_of(options.scorer, known_scorers).name)
-        if not comparison.differences:
-            raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
+        name_skipped(store)
+    known, recorded_methods = methods(options.plugins), {record["method"] for record in records}
+    one, other = (name if name in recorded_methods else variant(name, known).name for name in (first, second))
+    comparison = compare_methods(records, one, other, scorer_of(options.scorer, known_scorers).name)
+    if not comparison.differences:
+        raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
     for line in lines(comparison, first, second, everything=options.everything):
         say(line)

@@ -1,4 +1,4 @@
-"""Compare two sets of records, by measure and by query, and two scorers."""
+"""Compare two methods, by measure and by query, and two scorers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.datasets.perturbations.dataset import parsed
-from benchmark.pipeline.storage.merging import job_name
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from benchmark.report.escaping import number
 from benchmark.report.significance import (
@@ -82,11 +81,6 @@ class Comparison:
     differences: tuple[Difference, ...]
     only_first: tuple[str, ...]
     only_second: tuple[str, ...]
-
-
-def compare_folders(first: Iterable[Record], second: Iterable[Record]) -> Comparison:
-    """Compare the newest records with scores of each gallery, input, method and seed."""
-    return _compare(*({job_name(record): record for record in _newest(side).values()} for side in (first, second)))
 
 
 def compare_methods(records: Iterable[Record], first: str, second: str, scorer: str = DEFAULT_SCORER) -> Comparison:

@@ -8,14 +8,13 @@ from importlib import resources
 from typing import Any
 
 from benchmark.protocols.tables import INPUTS
-from benchmark.report.content import TIED, TableContent
+from benchmark.report.content import TableContent
 from benchmark.report.escaping import csv_text, markdown_document, markdown_table, markdown_text, number
 from benchmark.report.frame import Style, figures, labels, printed
 from benchmark.report.latex import Notes, latex_files, latex_rows
 from benchmark.report.notes import notes
 from benchmark.report.reproduction import paper_tables, reproduction_markdown
 from benchmark.report.results import Figures
-from benchmark.report.significance import DRAWS, RESAMPLES
 from retrieval.measures import PRINTED
 
 _STYLE = Style("**{}**", "*{}*")
@@ -51,7 +50,6 @@ def render(
             files |= {"references.bib": bibliography()} if has_sources else {}
         elif name == "markdown":
             files |= {f"{table.file_stem}.md": markdown(table) for table in tables}
-            files |= {f"intervals-{t.file_stem}.md": intervals_markdown(t) for t in tables if t.significance}
             files |= {"reproduction.md": reproduction_markdown(tables)} if paper_tables(tables) else {}
         elif name == "csv":
             files["tables.csv"] = as_csv(tables)
@@ -87,26 +85,6 @@ def overview(tables: Sequence[TableContent]) -> str:
         where = map(markdown_text, (table.identifier, table.data["name"], row.label))
         body.append([*where, *(number(of_input.get(measure)) for of_input in scores for measure in PRINTED)])
     return f"{markdown_table(head, body, n_left=3, aligned=True)}\n"
-
-
-def intervals_markdown(table: TableContent) -> str:
-    """Return the computed scores as Markdown, with intervals, spread over codebooks, and tests against the best row."""
-    body = []
-    for line in (line for input_ in table.inputs for line in table.of(input_).lines):
-        if judged := table.judged(line):
-            codebooks = [record["codebook_deviation"] for record in line.records if record.get("codebook_deviation")]
-            spread = sum(deviation["NN"] for deviation in codebooks) / len(codebooks) if codebooks else None
-            body.append([
-                markdown_text(line.label),
-                line.input,
-                *(f"{number(line.scores[m])} ({number(one.low)} to {number(one.high)})" for m, one in judged.items()),
-                number(spread, 3),
-                *("best" if one.is_best else number(one.probability, 4) for one in judged.values()),
-            ])  # fmt: skip
-    head = ["Method", "input", *PRINTED, "codebooks NN", *(f"p {measure}" for measure in PRINTED)]
-    has_ties = any(line.n_tied and table.judged(line) for line in table.lines)
-    more = {"has_ties": has_ties, "tied": TIED, "draws": DRAWS, "exchanges": RESAMPLES + 1}
-    return markdown_document("intervals", table=table, rows=markdown_table(head, body, 2), **more)
 
 
 def as_json(tables: Sequence[TableContent]) -> str:

@@ -4,7 +4,7 @@ from click.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.pipeline.storage.records import Records
-from benchmark.report.comparison import compare_folders, compare_methods, lines
+from benchmark.report.comparison import compare_methods, lines
 from tests.records import failed, record
 
 LATER = "2026-02-01T00:00:00+00:00"
@@ -24,12 +24,18 @@ FIRST = scored([1.0, 0.0, 1.0, 1.0], [0.9, 0.5, 0.8, 1.0])
 SECOND = scored([1.0, 1.0, 1.0, 1.0], [0.9, 0.7, 0.6, 1.0 - 4e-7], finished=LATER, code="2")
 
 
+def compared(first, second):
+    """The comparison of two records as those of two methods."""
+    records = ({**first, "method": "a", "key": "1" * 32}, {**second, "method": "b", "key": "2" * 32})
+    return compare_methods(records, "a", "b")
+
+
 def test_changed_queries_are_counted():
-    (found,) = compare_folders([FIRST], [SECOND]).differences
+    (found,) = compared(FIRST, SECOND).differences
     assert (found.changed, len(found.gains)) == (2, 4)
     assert found.measures.loc["NN", ["first", "second"]].tolist() == [0.75, 1.0]
-    head, nn, ft, _, dcg, few, equal, legend = lines(compare_folders([FIRST], [SECOND]), "a", "b")
-    assert head == "rods mesh classic-mds: 2 of 4 queries changed, 1 better, 1 worse in DCG"
+    head, nn, ft, _, dcg, few, equal, legend = lines(compared(FIRST, SECOND), "a", "b")
+    assert head == "rods mesh: 2 of 4 queries changed, 1 better, 1 worse in DCG"
     # One query of a cat is better: of two classes drawn anew, both, one or none is that of cats.
     assert nn == "  NN   0.750 -> 1.000  +0.250  (+0.000 to +0.500)  p 1.0000  classes 1.0000"
     assert ft == "  FT   0.500 -> 0.500  +0.000  (+0.000 to +0.000)  p 1.0000  classes 1.0000"
@@ -41,12 +47,12 @@ def test_changed_queries_are_counted():
 
 def test_galleries_of_one_name_without_a_common_shape_are_not_compared():
     other = scored([1.0] * 4, [1.0] * 4, shapes=("cat8", "cat9", "dog8", "dog9"))
-    found = compare_folders([FIRST], [other])
-    assert (found.differences, found.only_first, found.only_second) == ((), *[("rods mesh classic-mds",)] * 2)
+    found = compared(FIRST, other)
+    assert (found.differences, found.only_first, found.only_second) == ((), *[("rods mesh",)] * 2)
 
 
 def test_a_record_equals_itself_and_its_like():
-    again = compare_folders([FIRST], [{**FIRST, "finished": LATER}])
+    again = compared(FIRST, {**FIRST, "finished": LATER})
     assert lines(again, "a", "b") == ["1 of 1 pairs are equal"]
 
 
@@ -68,9 +74,6 @@ def test_seeds_are_compared_each_with_itself():
         return {**found, "recipe": {**found["recipe"], "seed": seed}, "key": f"{seed}" * 32}
 
     again = seeded(SECOND, 1)
-    found = compare_folders([FIRST, again], [seeded(FIRST, 0), seeded(again, 1)])
-    assert [pair.where for pair in found.differences] == ["rods mesh classic-mds", "rods mesh classic-mds seed 1"]
-    assert not any(pair.changed for pair in found.differences)
     others = [{**each, "method": "gps"} for each in (again, FIRST)]
     found = compare_methods([FIRST, again, *others], "classic-mds", "gps")
     assert {pair.where: pair.changed for pair in found.differences} == {"rods mesh": 0, "rods mesh seed 1": 0}
@@ -81,15 +84,9 @@ def write(folder, *records):
         Records(folder / "runs" / "records").write(found)
 
 
-def test_the_verb_compares_folders_and_methods(tmp_path):
-    write(tmp_path / "a", FIRST, record("pca"))
-    write(tmp_path / "b", SECOND, record("gps"))
-    done = CliRunner().invoke(cli, ["compare", str(tmp_path / "a"), str(tmp_path / "b")])
-    assert done.exit_code == 0
-    assert "2 of 4 queries changed, 1 better, 1 worse in DCG" in done.output
-    assert f"only {tmp_path / 'a'}: rods mesh pca" in done.output
-    assert f"only {tmp_path / 'b'}: rods mesh gps" in done.output
-    both = CliRunner().invoke(cli, ["compare", "classic-mds", "pca", "--results", str(tmp_path / "a")])
+def test_the_verb_compares_methods(tmp_path):
+    write(tmp_path, FIRST, record("gps"))
+    both = CliRunner().invoke(cli, ["compare", "classic-mds", "gps", "--results", str(tmp_path)])
     assert both.output.startswith("rods mesh: ")
     assert "  NN   0.750 -> 0.750  +0.000" in both.output
 
@@ -106,6 +103,6 @@ def test_the_better_method_is_named_with_what_that_holds_for():
         )
         for value in (0.4, 0.6)
     )
-    said = lines(compare_folders([first], [second]), "old", "new")
+    said = lines(compared(first, second), "old", "new")
     assert said[1].endswith("p 0.0001  classes 0.0078  new is better for other poses and other subjects")
     assert not any("nothing can be said" in line for line in said)

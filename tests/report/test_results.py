@@ -169,7 +169,7 @@ def test_the_same_records_make_the_same_tables_in_any_folder(rods, store, tmp_pa
         put_aliens(copy / "records")
         (copy / "runs" / "records").mkdir(parents=True, exist_ok=True)
         (copy / "runs" / "records" / "dangling.json").symlink_to("/nowhere/at/all")
-        assert "6 files are up to date" in call("tables", "-o", tmp_path / "again", "--check", "--results", copy)
+        assert "5 files are up to date" in call("tables", "-o", tmp_path / "again", "--check", "--results", copy)
     finally:
         shutil.move(rods.with_name("gone"), rods)
     here, published = files(tmp_path / "tables"), files(tmp_path / "again")

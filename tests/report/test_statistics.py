@@ -1,9 +1,5 @@
 """Intervals and tests: by hand, against scipy, and as tables show them."""
 
-import csv
-import io
-import json
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -171,23 +167,3 @@ def test_the_best_form_is_bold_what_cannot_be_told_from_it_italic_and_controls_n
     latex = render([table], ["latex"])["table-rods.tex"]
     assert r"Best & \textbf{0.83}" in latex
     assert r"Near & \textit{0.75}" in latex
-
-
-def test_json_and_the_table_of_intervals_tell_the_same(table):
-    assert table.significance["near", "mesh"]["NN"].probability == pytest.approx(1 / 8, abs=0.02)  # 4 gains: 2 of 16
-    assert table.significance["far", "mesh"]["NN"].probability < 0.001
-    text = render([table], ["markdown"])["intervals-table-rods.md"]
-    assert "| Best | mesh | 0.83 (0.83 to 0.83) |" in text  # every class has the same share
-    assert "| 0.020 | best | best | best | best |" in text
-    (oracle,) = (line for line in text.splitlines() if line.startswith("| Oracle"))
-    assert oracle.endswith("| 0.020 | -- | -- | -- | -- |")
-    (near,) = (row for row in json.loads(render([table], ["json"])["tables.json"]) if row["method"] == "near")
-    (flat,) = (
-        row for row in csv.DictReader(io.StringIO(render([table], ["csv"])["tables.csv"])) if row["method"] == "near"
-    )
-    assert (
-        near["p_best"]["NN"]
-        == float(flat["p_best_NN"])
-        == round(table.significance["near", "mesh"]["NN"].probability, 4)
-    )
-    assert near["interval"]["DCG"] == [float(flat["low_DCG"]), float(flat["high_DCG"])] == [0.75, 0.75]
