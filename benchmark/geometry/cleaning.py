@@ -82,13 +82,13 @@ def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
         If the extent of the mesh is zero, or so small or large that areas underflow or overflow.
     """
     extent_of(mesh)
-    distinct, place = _merge_duplicates(mesh.vertices)
+    distinct, place = merge_duplicates(mesh.vertices)
     faces = place[mesh.faces]
     proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     proper &= mesh.face_areas > 0
     degenerate = len(faces) - int(proper.sum())
     faces = faces[proper]
-    single = _first_of_each(np.sort(faces, axis=1))
+    single = np.sort(_distinct(np.sort(faces, axis=1))[0])
     duplicates = len(faces) - len(single)
     faces = faces[single]
     cleaned = compact(distinct, faces)
@@ -191,24 +191,23 @@ def fans_per_vertex(mesh: Mesh) -> IntArray:
     return np.bincount(owner, minlength=mesh.n_vertices).astype(np.int64)
 
 
-def _merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
+def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
     """Return the distinct positions in order of first occurrence and the index of each vertex among them."""
-    positions = vertices + 0.0  # turns -0.0 into 0.0, so that equal numbers have equal bits
-    first = _first_of_each(positions)
+    first, group = _distinct(vertices + 0.0)  # -0.0 becomes 0.0
     if len(first) == len(vertices):
         return vertices, np.arange(len(vertices), dtype=np.int64)
-    _, index, inverse = np.unique(positions, axis=0, return_index=True, return_inverse=True)
-    return vertices[first], np.searchsorted(first, index)[inverse.reshape(-1)]
+    kept = np.sort(first)
+    return vertices[kept], np.searchsorted(kept, first)[group]
 
 
-def _first_of_each(rows: NDArray[np.generic]) -> IntArray:
-    """Return the indices of the first occurrence of each distinct row, ascending."""
-    if not len(rows):
-        return np.empty(0, dtype=np.int64)
-    order = np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))
-    ordered = rows[order]
-    new = np.concatenate(([True], (ordered[1:] != ordered[:-1]).any(axis=1)))
-    return np.sort(order[new])
+def _distinct(rows: NDArray[np.generic]) -> tuple[IntArray, IntArray]:
+    """Return the first occurrence of each distinct row, in ascending order of rows, and the number of each row."""
+    order = np.lexsort(rows.T[::-1])
+    is_new = np.ones(len(rows), dtype=bool)
+    is_new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    group = np.empty(len(rows), dtype=np.int64)
+    group[order] = np.cumsum(is_new) - 1
+    return order[is_new], group
 
 
 def _fans(faces: IntArray, n_vertices: int) -> IntArray:

@@ -1,29 +1,27 @@
-"""Reading and writing of mesh files; every error names the file and includes a hint."""
+"""Reading of mesh files, without trust in their content, and writing; every error names the file and gives a hint."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import io
+import re
+import struct
+import warnings
+import zlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.geometry.formats.mat import read_mat
-from benchmark.geometry.formats.parsing import Arrays
-from benchmark.geometry.formats.ply import read_ply
-from benchmark.geometry.formats.text import read_obj, read_off, read_stl, read_vert_tri
+from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.mesh import Mesh
 
-_READERS: dict[str, Callable[..., Arrays]] = {
-    ".off": read_off,
-    ".obj": read_obj,
-    ".ply": read_ply,
-    ".stl": read_stl,
-    ".mat": read_mat,
-    ".vert": read_vert_tri,
-}
-READABLE: tuple[str, ...] = tuple(_READERS)
-WRITABLE: tuple[str, ...] = (".off", ".obj", ".ply")
+Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
+
+LARGEST_FILE = 2**30
+"""Maximum number of bytes of a file, and of what is packed in it: some ten million vertices."""
 
 
 def read_mesh(path: Path | str) -> Mesh:
@@ -32,8 +30,9 @@ def read_mesh(path: Path | str) -> Mesh:
     Parameters
     ----------
     path
-        An ``.off``, ``.obj``, ``.ply``, ``.stl`` or ``.mat`` file, or a ``.vert`` file next to its ``.tri`` file.
-        Polygons are split into triangle fans. Exactly coincident corners of an STL file are merged.
+        A file with one of the extensions in :data:`READABLE`, also with ``.gz`` behind it. A ``.vert`` file lies next
+        to its ``.tri`` file. Polygons are split into triangle fans. Exactly coincident corners of an STL file are
+        merged.
 
     Returns
     -------
@@ -43,21 +42,24 @@ def read_mesh(path: Path | str) -> Mesh:
     Raises
     ------
     UnreadableMesh
-        If the file is missing, empty, truncated, not numeric, or in an unknown format.
+        If the file is missing, empty, too large, truncated, not numeric, or in an unknown format.
     InvalidMesh
         If a coordinate is not finite, a vertex index is out of range, or there are no faces.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
+    suffix = mesh_suffix(path)
+    if suffix == ".tri":
+        raise UnreadableMesh(f"{path} holds triangles alone", f"name {path.with_suffix('.vert').name}, its vertices")
     if suffix not in READABLE:
         raise UnreadableMesh(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
-    parts = [_load(part) for part in ((path, path.with_suffix(".tri")) if suffix == ".vert" else (path,))]
+    data = _load(path)
     try:
-        vertices, faces = _READERS[suffix](*parts)
-    except Exception as error:  # any reader failure on a damaged file excludes this file only
-        reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__} {error}".strip()
+        vertices, faces = _READERS[suffix](data, path)
+    except Exception as error:  # any failure of a reader on a damaged file excludes this file only
+        reason = " ".join(str(error).split()) if isinstance(error, ValueError) else ""
         raise UnreadableMesh(
-            f"{path}: not a readable {suffix[1:]} file: {reason}", "fetch or export the file again"
+            f"{path}: not a readable {suffix[1:]} file: {reason or f'{type(error).__name__} {error}':.200}",
+            "fetch or export the file again",
         ) from error
     if not len(faces):
         raise InvalidMesh(f"{path}: there are no faces", "export a surface, not a point cloud")
@@ -70,6 +72,11 @@ def read_mesh(path: Path | str) -> Mesh:
         return Mesh(vertices, faces.astype(np.int32))
     except InvalidMesh as error:
         raise InvalidMesh(f"{path}: {error.problem}", error.hint) from error
+
+
+def mesh_suffix(path: Path) -> str:
+    """Return the lower-case extension of a path, that before ``.gz`` if it is packed."""
+    return (Path(path.stem) if path.suffix.lower() == ".gz" else path).suffix.lower()
 
 
 def write_mesh(path: Path | str, mesh: Mesh) -> None:
@@ -99,17 +106,7 @@ def write_mesh(path: Path | str, mesh: Mesh) -> None:
         ) from error
 
 
-def _load(path: Path) -> bytes:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UnreadableMesh(f"{path}: {error.strerror}", "check the path and its permissions") from error
-    if not data.strip():
-        raise UnreadableMesh(f"{path}: the file is empty", "fetch or export the file again")
-    return data
-
-
-def _rows(prefix: str, table: np.ndarray) -> str:
+def _rows(prefix: str, table: NDArray[Any]) -> str:
     return "".join(f"{prefix}{a!r} {b!r} {c!r}\n" for a, b, c in table.tolist())
 
 
@@ -122,3 +119,268 @@ def _ply(mesh: Mesh) -> bytes:
     faces = np.empty(mesh.n_faces, dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, mesh.faces
     return header.encode("ascii") + mesh.vertices.astype("<f8").tobytes() + faces.tobytes()
+
+
+def _load(path: Path) -> bytes:
+    try:
+        data = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
+    except OSError as error:
+        raise UnreadableMesh(f"{path}: {error.strerror}", "check the path and its permissions") from error
+    if data and path.suffix.lower() == ".gz":
+        data = _unpacked(path, data)
+    if data is None:
+        raise UnreadableMesh(f"{path}: it holds more than {LARGEST_FILE / 2**30:g} GiB", "decimate the mesh")
+    if not data.strip():
+        raise UnreadableMesh(f"{path}: the file is empty", "fetch or export the file again")
+    return data
+
+
+def _unpacked(path: Path, data: bytes) -> bytes | None:
+    """Unpack a gzip file; None if its content is too large."""
+    unpacker = zlib.decompressobj(31)
+    try:
+        unpacked = unpacker.decompress(data, LARGEST_FILE + 1)
+    except zlib.error as error:
+        raise UnreadableMesh(f"{path}: not a readable gz file: {error}", "fetch the file again") from error
+    if len(unpacked) > LARGEST_FILE:
+        return None
+    if not unpacker.eof:
+        raise UnreadableMesh(f"{path}: not a readable gz file: it is cut off", "fetch the file again")
+    return unpacked
+
+
+def _text(data: bytes) -> bytes:
+    """Return text in ASCII, without comments and byte-order marks, with one kind of line break."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = data.decode("utf-16").encode()
+    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return re.sub(rb"#[^\n]*", b"", data) if b"#" in data else data
+
+
+def _lines(text: bytes) -> list[bytes]:
+    """Return the lines that are not blank."""
+    return [line for line in text.split(b"\n") if line.strip()]
+
+
+def _parsed(text: bytes) -> NDArray[np.float64]:
+    """Parse numbers; raises ``ValueError`` at anything else (Python itself would take ``1_0`` and other scripts)."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # numpy below 2.3 does not raise
+        try:
+            return np.fromstring(text.decode("ascii"), sep=" ") if text.strip() else np.empty(0)
+        except (DeprecationWarning, ValueError) as error:
+            raise ValueError("what should be a number is none") from error
+
+
+def _table(lines: Sequence[bytes]) -> NDArray[np.float64]:
+    """Parse lines of three numbers or more; lines of different length are cut to three."""
+    widths = {len(line.split()) for line in lines}
+    if min(widths, default=3) < 3:
+        raise ValueError("a line has fewer than three numbers")
+    if len(widths) > 1:
+        lines = [b" ".join(line.split()[:3]) for line in lines]
+    return _parsed(b" ".join(lines)).reshape(len(lines), 3 if len(widths) != 1 else widths.pop())
+
+
+def _integers(numbers: NDArray[np.number]) -> NDArray[np.int64]:
+    if not (np.abs(numbers) <= 2**53).all() or (numbers != np.floor(numbers)).any():
+        raise ValueError("a vertex index is not a whole number")
+    return numbers.astype(np.int64)
+
+
+def _fans(corners: NDArray[np.int64], sizes: Sequence[int]) -> NDArray[np.int64]:
+    """Split polygons, one after the other, into fans around their first corners; points and lines have none."""
+    of_polygon = np.asarray(sizes, dtype=np.int64)
+    starts = np.cumsum(of_polygon) - of_polygon
+    triangles = np.maximum(of_polygon - 2, 0)
+    first = np.repeat(starts, triangles)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    return np.stack([corners[first], corners[first + within + 1], corners[first + within + 2]], axis=1)
+
+
+def read_off(data: bytes, _: Path) -> Arrays:
+    """Read Geomview OFF; a vertex may go on with a normal, a colour or a texture, and a face with a colour."""
+    text = _text(data).lstrip()
+    header = rb"(?:(?:ST)?C?N?(4)?C?OFF)?\s*(\d{1,12})\s+(\d{1,12})(?:[ \t]+\d+)?[ \t]*\n"
+    head = re.match(header, text, re.IGNORECASE)
+    if not head:
+        raise ValueError("it does not begin with OFF and the numbers of vertices and faces")
+    n_vertices, n_faces, body = int(head[2]), int(head[3]), text[head.end() :]
+    if not head[1] and (triangles := _triangle_mesh(body, n_vertices, n_faces)):
+        return triangles
+    lines = _lines(body)
+    if len(lines) != n_vertices + n_faces:
+        raise ValueError(f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow")
+    vertices = _table(lines[:n_vertices])
+    if head[1]:  # homogeneous coordinates
+        vertices = vertices[:, :3] / vertices[:, 3:4]
+    return vertices[:, :3], _counted_polygons(lines[n_vertices:])
+
+
+def _counted_polygons(lines: Sequence[bytes]) -> NDArray[np.int64]:
+    """Parse lines of the number of corners, the corners, and perhaps a colour; returns triangles."""
+    rows = [line.split() for line in lines]
+    sizes = [_count(row[0]) for row in rows]
+    if any(len(row) <= size for row, size in zip(rows, sizes, strict=True)):
+        raise ValueError("a face has fewer corners than it announces")
+    corners = [word for row, size in zip(rows, sizes, strict=True) for word in row[1 : 1 + size]]
+    return _fans(_integers(_parsed(b" ".join(corners))), sizes)
+
+
+def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
+    """Read three numbers a vertex and four a triangle, whatever the lines; None for anything else."""
+    try:
+        numbers = _parsed(body)
+    except ValueError:
+        return None
+    if len(numbers) != 3 * n_vertices + 4 * n_faces:
+        return None
+    faces = numbers[3 * n_vertices :].reshape(-1, 4)
+    if (faces[:, 0] != 3).any():
+        return None
+    return numbers[: 3 * n_vertices].reshape(-1, 3), _integers(faces[:, 1:])
+
+
+def _count(word: bytes) -> int:
+    if not word.isdigit() or len(word) > 9:
+        raise ValueError(f"{word[:20].decode('ascii', 'backslashreplace')!r} is no number of corners")
+    return int(word)
+
+
+def read_obj(data: bytes, _: Path) -> Arrays:
+    """Read the vertices and faces of Wavefront OBJ; a negative corner counts back from the latest vertex."""
+    text = _text(data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" "))
+    found = {kind: list(re.finditer(rb"(?m)^[ \t]*%s[ \t]+(\S.*)" % kind, text)) for kind in (b"v", b"fo?")}
+    vertices, polygons = ([match[1] for match in matches] for matches in found.values())
+    if not vertices:
+        raise ValueError("there is no line of a vertex, 'v x y z'")
+    sizes = [len(polygon.split()) for polygon in polygons]
+    if sizes and sizes[-1] < 3 and text.endswith(polygons[-1]):
+        raise ValueError("it ends within a face")
+    indices = _integers(_parsed(re.sub(rb"/\S*", b"", b" ".join(polygons))))
+    of_vertices, of_faces = ([match.start() for match in matches] for matches in found.values())
+    latest = np.repeat(np.searchsorted(np.array(of_vertices), np.array(of_faces, dtype=np.int64)), sizes)
+    # Corner 0 does not exist and becomes -1, as does one that counts back beyond the first vertex.
+    corners = np.where(indices < 0, np.maximum(indices + latest, -1), indices - 1)
+    return _table(vertices)[:, :3], _fans(corners, sizes)
+
+
+def read_vert_tri(data: bytes, path: Path) -> Arrays:
+    """Read the ASCII pair of TOSCA, which counts from 1, unless it names vertex 0."""
+    vertices, faces = (_table(_lines(_text(part))) for part in (data, _load(path.with_suffix(".tri"))))
+    if vertices.shape[1] != 3 or faces.shape[1] != 3:
+        raise ValueError("a line of the .vert or .tri file has not three numbers")
+    first, last = int(faces.min()), int(faces.max())
+    if first > 0 and last < len(vertices):
+        raise ValueError(
+            f"triangles name vertices {first} to {last} of {len(vertices)}, so they may count from 0 or from 1; "
+            "leave out vertices without a triangle"
+        )
+    return vertices, _integers(faces) - (first > 0)
+
+
+def read_ply(data: bytes, path: Path) -> Arrays:
+    """Read the elements ``vertex`` and ``face``, or ``tristrips``, of PLY."""
+    from plyfile import PlyData, PlyParseError
+
+    header = data.partition(b"\nend_header")[0]
+    counts = [int(count) for count in re.findall(rb"(?m)^element[ \t]+\S+[ \t]+(\d{1,18})", header)]
+    if sum(counts) > len(data):
+        raise ValueError(f"{sum(counts)} rows announced, but it holds {len(data)} bytes")
+    corners = "vertex_index" if re.search(rb"(?m)\bvertex_index\s*$", header) else "vertex_indices"
+    stream = io.BytesIO(data) if path.suffix.lower() == ".gz" else path
+    try:  # triangles in a file on disk are read at once
+        ply = PlyData.read(stream, known_list_len={"face": {corners: 3}})
+    except (PlyParseError, KeyError, ValueError):
+        ply = PlyData.read(io.BytesIO(data))
+    names = [element.name for element in ply.elements]
+    if "vertex" not in names or not {"face", "tristrips"} & set(names):
+        raise ValueError(f"it has the elements {', '.join(names) or 'none'}, not vertex and face")
+    vertices = np.stack([np.asarray(ply["vertex"][axis], dtype=np.float64) for axis in "xyz"], axis=1)
+    if "face" not in names:
+        return vertices, _strips(ply["tristrips"][corners])
+    lists = ply["face"][corners]
+    if lists.ndim == 2:
+        return vertices, _integers(lists)
+    sizes = [len(polygon) for polygon in lists]
+    return vertices, _fans(_integers(np.concatenate(lists)) if len(lists) else np.empty(0, dtype=np.int64), sizes)
+
+
+def _strips(strips: Sequence[NDArray[np.integer]]) -> NDArray[np.int64]:
+    """Split triangle strips, which a corner of -1 ends, into triangles; every second one is turned."""
+    triangles = [np.empty((0, 3), dtype=np.int64)]
+    for corners in map(_integers, strips):
+        for strip in np.split(corners, np.flatnonzero(corners == -1)):
+            strip = strip[strip != -1]
+            turned = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1) if len(strip) > 2 else triangles[0]
+            turned[1::2] = turned[1::2, ::-1]
+            triangles.append(turned)
+    return np.concatenate(triangles)
+
+
+def read_mat(data: bytes, _: Path) -> Arrays:
+    """Read the MATLAB struct ``surface`` of TOSCA: X, Y, Z and the triangles TRIV, which count from 1."""
+    from scipy.io import loadmat
+
+    _check_expansion(data)
+    try:
+        content = loadmat(io.BytesIO(data), variable_names=["surface"])
+    except NotImplementedError as error:
+        raise ValueError("it is a MATLAB 7.3 file; save it with '-v7'") from error
+    surface = content.get("surface", np.empty(0))
+    if surface.size != 1 or not {"X", "Y", "Z", "TRIV"} <= set(surface.dtype.names or ()):
+        raise ValueError("it has no struct 'surface' with X, Y, Z and TRIV")
+    fields = {name: np.asarray(surface.flat[0][name]) for name in ("X", "Y", "Z", "TRIV")}
+    if any(field.dtype.kind not in "iuf" for field in fields.values()) or fields["TRIV"].shape[1:] != (3,):
+        raise ValueError("X, Y and Z are no real numbers, or TRIV has not three columns")
+    if len({fields[axis].size for axis in "XYZ"}) > 1:
+        raise ValueError("X, Y and Z differ in length")
+    vertices = np.stack([fields[axis].ravel(order="F") for axis in "XYZ"], axis=1).astype(np.float64)
+    return vertices, _integers(fields["TRIV"].astype(np.float64)) - 1
+
+
+def _check_expansion(data: bytes) -> None:
+    """Raise ``ValueError`` if compressed variables are too large: a few kilobytes can hold terabytes."""
+    order, at, left = ">" if data[126:128] == b"MI" else "<", 128, LARGEST_FILE
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        if kind == 15:
+            left -= len(zlib.decompressobj().decompress(data[at + 8 : at + 8 + size], max(left, 0) + 1))
+        if left < 0:
+            raise ValueError(f"its variables expand to more than {LARGEST_FILE / 2**30:g} GiB")
+        at += 8 + size
+
+
+def read_stl(data: bytes, _: Path) -> Arrays:
+    """Read ASCII or binary STL; corners at exactly the same position become a single vertex."""
+    size = 84 + 50 * int.from_bytes(data[80:84], "little")
+    if 84 < size <= len(data):
+        data = data[:size]
+    elif data.lstrip()[:5].lower() != b"solid":
+        raise ValueError(f"{len(data)} bytes are neither an ascii STL nor as many triangles as it announces")
+    elif b"endsolid" not in data[-200:].lower():
+        raise ValueError("it does not end with 'endsolid'")
+    vertices, faces = _by_trimesh(data, "stl")
+    distinct, place = merge_duplicates(vertices)
+    return distinct, place[faces]
+
+
+def _by_trimesh(data: bytes, kind: str) -> Arrays:
+    import trimesh
+
+    mesh = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False)
+    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+
+
+_READERS: dict[str, Callable[[bytes, Path], Arrays]] = {
+    ".off": read_off,
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".stl": read_stl,
+    ".mat": read_mat,
+    ".vert": read_vert_tri,
+    ".glb": lambda data, _: _by_trimesh(data, "glb"),
+    ".gltf": lambda data, _: _by_trimesh(data, "gltf"),
+}
+READABLE: tuple[str, ...] = tuple(_READERS)
+WRITABLE: tuple[str, ...] = (".off", ".obj", ".ply")
