@@ -90,6 +90,28 @@ def one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
+def locate(error: BaseException) -> str:
+    """Return an exception on one line, with the file and line of the code of the user, or of the suite, that raised it.
+
+    Examples
+    --------
+    ``smooth.py:14: NameError: name 'topp' is not defined``
+    """
+    import sysconfig
+    import traceback
+    from pathlib import Path
+
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{Path(error.filename).name}:{error.lineno}: {type(error).__name__}: {error.msg}"
+    libraries = tuple({sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")})
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [frame for frame in frames if not frame.filename.startswith((*libraries, "<"))]
+    foreign = [frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)]
+    for frame in (foreign or ours)[-1:]:
+        return f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}"
+    return one_line(error)
+
+
 #: Number of names in an error if a command lists them all, and that command by kind of name.
 _FEW = 6
 _LISTED_BY = {"method": "list methods", "scorer": "list scorers", "data set": "list datasets", "table": "list tables"}
