@@ -42,4 +42,4 @@ def test_a_folder_that_others_can_write_to_is_not_trusted(chosen, tmp_path):
 
 
 def test_a_home_is_used(chosen, tmp_path):
-    assert chosen(str(tmp_path / "home")) is None
+    assert chosen(str(tmp_path / "home")) == str(tmp_path / "home/.cache/canonical-forms-kernels")

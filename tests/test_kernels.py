@@ -1,49 +1,42 @@
-"""Compiled kernels go when a module is newer whose kernels or constants are part of them."""
+"""Compiled kernels go when their code or that of a module they use has changed."""
 
 import os
+import subprocess
+import sys
 
 import pytest
 
-from benchmark.kernels import compiled_files, drop_stale_kernels
+from benchmark.kernels import compiled_kernels, drop_stale_kernels
 
-KERNEL = """from numba import njit
-from baselines.{origin} import {name}
-
-
-@njit
-def kernel(x):
-    return x
-"""
+KERNEL = (
+    "from numba import njit\nfrom {origin} import {name}\n\n\n@njit(cache=True)\ndef kernel(x):\n    return {name}\n"
+)
 
 FILES = {
-    "constants.py": "HALF = 0.5\n\n\ndef unrelated():\n    return 1\n",
+    "constants.py": "HALF = 0.5\n",
     "inner.py": KERNEL.format(origin="constants", name="HALF"),
     "outer.py": KERNEL.format(origin="inner", name="kernel"),
-    "alone.py": KERNEL.format(origin="constants", name="unrelated"),
+    "alone.py": KERNEL.format(origin="math", name="pi"),
 }
 
 
 @pytest.fixture
-def suite(tmp_path):
-    folder = tmp_path / "baselines"
-    (folder / "__pycache__").mkdir(parents=True)
+def sources(tmp_path, monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     for name, text in FILES.items():
-        (folder / name).write_text(text)
-        os.utime(folder / name, (1000, 1000))
-    for name in ("inner", "outer", "alone"):
-        for ending in (".nbi", ".1.nbc"):
-            path = folder / "__pycache__" / f"{name}.{name}-1.py311{ending}"
-            path.write_text("")
-            os.utime(path, (2000, 2000))
-    return tmp_path
-
-
-def kept(suite):
-    return {source.stem for source, _ in compiled_files(suite)}
+        (tmp_path / name).write_text(text)
+    sources = [tmp_path / name for name in FILES]
+    drop_stale_kernels(sources)
+    for source in sources[1:]:
+        for ending in ("nbi", "1.nbc"):
+            (tmp_path / "__pycache__" / f"{source.stem}.kernel-6.py311.{ending}").write_text("")
+    drop_stale_kernels(sources)
+    assert all(len(compiled_kernels(source)) == 2 for source in sources[1:])
+    return sources
 
 
 @pytest.mark.parametrize(
-    ("edited", "expected"),
+    ("edited", "kept"),
     [
         ("constants.py", {"alone"}),
         ("inner.py", {"alone"}),
@@ -51,8 +44,41 @@ def kept(suite):
         ("alone.py", {"inner", "outer"}),
     ],
 )
-def test_what_was_compiled_from_older_code_goes(suite, edited, expected):
-    drop_stale_kernels(suite)
-    os.utime(suite / "baselines" / edited, (3000, 3000))
-    drop_stale_kernels(suite)
-    assert kept(suite) == expected
+def test_what_was_compiled_from_other_code_goes(sources, edited, kept):
+    path = sources[0].with_name(edited)
+    path.write_text(path.read_text() + "MORE = 1\n")
+    drop_stale_kernels(sources)
+    assert {source.stem for source in sources if compiled_kernels(source)} == kept
+
+
+def test_kernels_stay_after_an_edit_of_a_docstring(sources):
+    for source in sources:
+        source.write_text(f'"""New words."""\n{source.read_text()}')
+    drop_stale_kernels(sources)
+    assert all(compiled_kernels(source) for source in sources[1:])
+
+
+def test_older_kernels_without_a_mark_go_and_newer_ones_stay(sources):
+    for source in sources:
+        (source.parent / "__pycache__" / f"{source.stem}.kernels").unlink(missing_ok=True)
+    os.utime(sources[0], (2**33, 2**33))
+    drop_stale_kernels(sources)
+    assert {source.stem for source in sources if compiled_kernels(source)} == {"alone"}
+
+
+def test_a_kernel_in_a_helper_of_a_plugin_is_compiled_again(tmp_path, monkeypatch):
+    """numba would reuse the kernel of the plugin, into which that of the helper is compiled."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    helper = "from numba import njit\n\n\n@njit(cache=True)\ndef inner(x):\n    return x + {}\n"
+    outer = (
+        "from numba import njit\nfrom helper import inner\n\n\n@njit(cache=True)\ndef outer(x):\n    return inner(x)\n"
+    )
+    (tmp_path / "outer.py").write_text(outer)
+    path = str(tmp_path / "outer.py")
+    program = f"from benchmark.registry.modules import load_module; print(load_module({path!r}).outer(1))"
+    printed = []
+    for value in (1, 2):
+        (tmp_path / "helper.py").write_text(helper.format(value))
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        printed.append(done.stdout.strip())
+    assert printed == ["2", "3"]

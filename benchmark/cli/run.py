@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ from benchmark.execution.processes.calls import call_apart
 from benchmark.execution.processes.opened_files import changed_files
 from benchmark.execution.scheduler import Scheduler
 from benchmark.external.records import score_forms
-from benchmark.kernels import VARIABLE, compiled_files, drop_stale_kernels
+from benchmark.kernels import compiled_kernels, drop_stale_kernels, suite_sources
 from benchmark.machine import available_cores
 from benchmark.pipeline.storage.environment import environment_text
 from benchmark.pipeline.storage.records import Record, by_place
@@ -42,7 +41,6 @@ from benchmark.report.results import Result
 from benchmark.report.robustness import markdown as robustness_markdown
 from benchmark.report.robustness import robustness
 from benchmark.results import frame_of
-from benchmark.source_code import ROOT
 from benchmark.text import brief, clean, say, say_lines
 
 #: Seconds between lines of progress without a terminal.
@@ -148,8 +146,8 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
 
 def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: Claims) -> bool:
     """Run jobs; return whether all are ok."""
-    drop_stale_kernels(ROOT)
-    if VARIABLE not in os.environ and next(compiled_files(ROOT), None) is None:
+    drop_stale_kernels()
+    if not any(map(compiled_kernels, suite_sources())):
         _say("the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance")
     for job in jobs:
         if claims.take(job.key):  # workers must not find an old failure, but another run may have finished the job

@@ -1,111 +1,93 @@
-"""Compiled kernels: remove outdated ones, and choose a writable folder for them.
+"""Compiled kernels: remove those of older code, and choose a writable folder for them.
 
-numba caches a kernel until its own file changes, although kernels of other files can be compiled into it.
+numba keeps a compiled kernel until its own file changes, although kernels of other files are compiled into it.
 """
 
 from __future__ import annotations
 
-import ast
+import glob
 import os
 import stat
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
-from functools import cache
-from itertools import groupby
 from pathlib import Path
 
-from benchmark.source_code import FIRST_PARTY
-
-#: Extensions of numba's cache files.
-_ENDINGS = (".nbi", ".nbc")
-
-
-def compiled_files(root: Path) -> Iterator[tuple[Path, Sequence[Path]]]:
-    """Yield the modules under a root that have compiled kernels, with their cache files."""
-    for package in FIRST_PARTY:
-        for folder in sorted((root / package).rglob("__pycache__")):
-            kept = sorted(path for path in folder.iterdir() if path.suffix in _ENDINGS)
-            for name, paths in groupby(kept, lambda path: path.name.partition(".")[0]):
-                source = folder.parent / f"{name}.py"
-                if source.is_file():
-                    yield source, list(paths)
-
-
-def drop_stale_kernels(root: Path) -> None:
-    """Remove compiled kernels that are older than their module or one whose kernels or constants they use.
-
-    Parameters
-    ----------
-    root
-        Folder with the packages of the suite.
-    """
-    sources = (path for package in FIRST_PARTY for path in sorted((root / package).rglob("*.py")))
-    known = {".".join(path.relative_to(root).with_suffix("").parts): path for path in sources}
-    callees = cache(lambda source: _callees(source, known))
-    last_edit = max((path.stat().st_mtime_ns for path in known.values()), default=0)
-    looked_at = min(last_edit, time.time_ns())  # the clock of the last edit may have been ahead
-    for source, kept in compiled_files(root):
-        if all(path.stat().st_mtime_ns >= last_edit for path in kept):
-            continue  # newer than all sources, which need not be parsed
-        newest = max(path.stat().st_mtime_ns for path in _compiled_together(source, callees))
-        for path in kept:
-            with suppress(OSError):
-                if path.stat().st_mtime_ns < newest:
-                    path.unlink()
-                else:  # the next call checks later edits only
-                    os.utime(path, ns=(looked_at, looked_at))
-
-
-def _compiled_together(source: Path, callees: Callable[[Path], set[Path]]) -> set[Path]:
-    """Return a module and all those whose kernels and constants may be compiled into its own kernels."""
-    reached, pending = {source}, [source]
-    while pending:
-        new = callees(pending.pop()) - reached
-        reached |= new
-        pending += new
-    return reached
-
-
-def _callees(source: Path, known: Mapping[str, Path]) -> set[Path]:
-    """Return the modules from which a module imports kernels or constants."""
-    files = set()
-    for node in ast.walk(ast.parse(source.read_bytes())):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names = {alias.name for alias in node.names}
-            files |= {known[name] for attribute in names if (name := f"{node.module}.{attribute}") in known}
-            path = known.get(node.module)
-            if path and (any(name.isupper() for name in names) or b"njit" in path.read_bytes()):
-                files.add(path)
-    return files
-
+from benchmark.code_digest import FIRST_PARTY, ROOT, code_digest, sources_of
+from benchmark.files import write_text
 
 #: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
 
-_PACKAGE = Path(__file__).parents[1]
+_PACKAGE = Path(__file__).parent
+
+
+def drop_stale_kernels(sources: Iterable[Path] | None = None) -> None:
+    """Remove the compiled kernels of modules whose code, or that of a module they use, has changed.
+
+    Parameters
+    ----------
+    sources
+        Source files; by default, those of the suite.
+    """
+    for source in suite_sources() if sources is None else sources:
+        if source.suffix == ".py" and b"numba" in source.read_bytes():
+            with suppress(OSError):  # a folder that is read-only
+                _drop_if_stale(source)
+
+
+def suite_sources() -> list[Path]:
+    """Return the source files of the suite."""
+    return [path for package in FIRST_PARTY for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def compiled_kernels(source: Path) -> list[Path]:
+    """Return numba's files with the compiled kernels of a source file."""
+    return [
+        path for ending in ("nbi", "nbc") for path in _folder(source).glob(f"{glob.escape(source.stem)}.*.{ending}")
+    ]
+
+
+def _drop_if_stale(source: Path) -> None:
+    is_ours = source.is_relative_to(ROOT) and source.relative_to(ROOT).parts[0] in FIRST_PARTY
+    target = ".".join(source.relative_to(ROOT).with_suffix("").parts) if is_ours else str(source)
+    digest, mark = code_digest(target), _folder(source) / f"{source.stem}.kernels"
+    if mark.is_file() and mark.read_text(encoding="utf-8") == digest:
+        return
+    compiled = compiled_kernels(source)
+    newest = max(path.stat().st_mtime_ns for path in sources_of(target))
+    if mark.is_file() or any(path.stat().st_mtime_ns < newest for path in compiled):
+        for path in compiled:
+            path.unlink(missing_ok=True)
+    write_text(mark, digest)
+
+
+def _folder(source: Path) -> Path:
+    """Return the folder where numba stores the compiled kernels of a source file."""
+    if not os.environ.get(VARIABLE):
+        return source.parent / "__pycache__"
+    from numba.core.caching import _CacheLocator
+
+    return Path(os.environ[VARIABLE]) / str(_CacheLocator.get_suitable_cache_subpath(str(source)))
 
 
 def choose_kernel_cache() -> None:
-    """Set a temporary folder for compiled kernels, for this process and its children, if numba has no writable one.
+    """Set a folder for compiled kernels, for this process and its children, if that of the suite is read-only.
 
     Only the user may write to it, because its content is executed.
     """
-    own = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111  # raises nothing
-    if VARIABLE in os.environ or os.access(_PACKAGE / "geometry", os.W_OK) or _can_be_made(own):
+    if VARIABLE in os.environ or os.access(_PACKAGE, os.W_OK):
         return
+    own = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111  # raises nothing
+    with suppress(OSError):
+        folder = own / "canonical-forms-kernels"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            os.environ[VARIABLE] = str(folder)
+            return
     folder = Path(tempfile.gettempdir()) / f"canonical-forms-kernels-{os.getuid()}"
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700)
     status = folder.lstat()
-    if status.st_uid == os.getuid() and stat.S_IMODE(status.st_mode) == 0o700 and stat.S_ISDIR(status.st_mode):
-        os.environ[VARIABLE] = str(folder)
-    else:
-        os.environ[VARIABLE] = tempfile.mkdtemp(prefix="canonical-forms-")
-
-
-def _can_be_made(folder: Path) -> bool:
-    """Return whether a folder is writable or can be created."""
-    existing = next(place for place in (folder, *folder.parents) if place.exists())
-    return folder.is_absolute() and os.access(existing, os.W_OK | os.X_OK)
+    is_private = status.st_uid == os.getuid() and stat.S_IMODE(status.st_mode) == 0o700 and stat.S_ISDIR(status.st_mode)
+    os.environ[VARIABLE] = str(folder) if is_private else tempfile.mkdtemp(prefix="canonical-forms-")

@@ -16,7 +16,6 @@ from contextlib import suppress
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import available_cores, pin_threads
-from benchmark.source_code import ROOT
 from benchmark.text import say
 
 
@@ -91,7 +90,7 @@ def main() -> int:
             PARTS[sys.argv[1]]()
         return 0
     start, waiting, codes = time.monotonic(), list(PARTS), list[int]()
-    drop_stale_kernels(ROOT)
+    drop_stale_kernels()
     say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
     running: dict[str, subprocess.Popen[bytes]] = {}
     while waiting or running:

@@ -8,7 +8,6 @@ from click.testing import CliRunner
 
 from benchmark.cli import run as run_module
 from benchmark.cli.main import cli
-from benchmark.kernels import VARIABLE
 from tests.execution.test_executors import orders
 from tests.toy import write_rods
 
@@ -26,10 +25,9 @@ def test_one_shape_that_is_waited_for_is_named_in_place_of_an_estimate(tmp_path,
     ]
 
 
-@pytest.mark.parametrize("compiled", [[], [(Path("module.py"), [])]])
+@pytest.mark.parametrize("compiled", [[], [Path("module.kernel.nbi")]])
 def test_the_first_run_says_that_kernels_are_compiled(compiled, tmp_path, monkeypatch):
-    monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(run_module, "compiled_files", lambda root: iter(compiled))
+    monkeypatch.setattr(run_module, "compiled_kernels", lambda source: compiled)
     words = ["-d", str(write_rods(tmp_path / "rods")), "-m", "surface-area", "--input", "mesh", "--executor", "serial"]
     done = CliRunner().invoke(cli, ["run", *words, "--results", str(tmp_path / "results")])
     assert done.exit_code == 0, done.output

@@ -17,7 +17,6 @@ from benchmark.errors import ConfigurationError
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import pin_threads
 from benchmark.pipeline.storage.lock import Component, edited, read_lock, write_lock
-from benchmark.source_code import ROOT
 from tools.golden.components import components, folders_of
 from tools.golden.results import (
     Arrays,
@@ -83,7 +82,7 @@ def _settled(name: str, arrays: Arrays, moved: list[Difference], accepted: list[
 def _run(names: Iterable[str]) -> Iterator[tuple[str, Arrays, list[Difference]]]:
     """Yield the results of components with their differences, in order of completion."""
     pin_threads()
-    drop_stale_kernels(ROOT)
+    drop_stale_kernels()
     start = time.perf_counter()
     places = {name: [name.startswith(first) for first in (*FIRST, "")].index(True) for name in names}
     with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:

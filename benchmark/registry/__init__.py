@@ -1,0 +1,21 @@
+"""Methods, scorers and data sets by name: those of the suite, of installed packages, and of plugin files."""
+
+from benchmark.code_digest import code_digest, code_of
+from benchmark.registry.components import Component, component_of
+from benchmark.registry.known import BUILT_IN, SCORERS, data_sets, methods, scorers
+from benchmark.registry.selection import select, select_one, variants
+
+__all__ = [
+    "BUILT_IN",
+    "SCORERS",
+    "Component",
+    "code_digest",
+    "code_of",
+    "component_of",
+    "data_sets",
+    "methods",
+    "scorers",
+    "select",
+    "select_one",
+    "variants",
+]

@@ -1,0 +1,214 @@
+"""A method, scorer or data set by name, with everything needed to create it in another process."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import secrets
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import FunctionType
+from typing import Any, Literal, Self
+
+from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_form
+from benchmark.api.parameters import format_value, non_default_values, parameter_values
+from benchmark.api.scoring import Scorer, ScorerInfo
+from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, plugin_file
+from benchmark.errors import BenchmarkError, ConfigurationError, locate
+from benchmark.registry.modules import load_module
+from benchmark.registry.names import quoted
+
+Kind = Literal["method", "scorer", "data set"]
+
+#: For each kind of class: the type of its ``info``, what an object must be, and what it lacks otherwise.
+_CONTRACTS: Mapping[str, tuple[type[Any], tuple[type[Any], ...], str]] = {
+    "method": (MethodInfo, (Method, Descriptor), "neither 'canonicalise' nor 'describe' and 'distances'"),
+    "scorer": (ScorerInfo, (Scorer,), "no 'signature' or no 'compare'"),
+}
+
+
+@dataclass(frozen=True)
+class Component:
+    """A method, descriptor, learner, scorer or data set.
+
+    Parameters
+    ----------
+    kind
+        ``"method"`` (descriptors and learners included), ``"scorer"`` or ``"data set"``.
+    base_name
+        Name without parameters.
+    target
+        ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
+    parameters
+        Parameters as text or values; only values other than the defaults are stored, normalised and in the order of the
+        fields, so that equal components are equal objects however they are written.
+    given
+        The object itself, if a Python program passed one.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such parameter, or a value is invalid.
+    """
+
+    kind: Kind
+    base_name: str
+    target: str
+    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    given: Any = field(default=None, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.parameters and self.given is None:
+            chosen = non_default_values(self.load(), self.parameters, self.base_name)
+            object.__setattr__(self, "parameters", chosen)
+
+    @property
+    def name(self) -> str:
+        """Name on the command line, in its normal form."""
+        chosen = self._chosen(",")
+        return f"{self.base_name}[{chosen}]" if chosen else self.base_name
+
+    @property
+    def title(self) -> str:
+        """Name in the tables, with the parameters that differ from their defaults."""
+        chosen = self._chosen(", ")
+        return f"{self.info.title} ({chosen})" if chosen else str(self.info.title)
+
+    def _chosen(self, separator: str) -> str:
+        texts = {key: quoted(v) if isinstance(v, str) else format_value(v) for key, v in self.parameters.items()}
+        return separator.join(f"{key}={text}" for key, text in texts.items())
+
+    @property
+    def plugin(self) -> Path | None:
+        """Path of its plugin file; None for a component of the suite or of an installed package."""
+        return plugin_file(self.target)
+
+    @property
+    def of_suite(self) -> bool:
+        """Whether it is part of the suite."""
+        return self.target.partition(":")[0].partition(".")[0] in FIRST_PARTY
+
+    @property
+    def info(self) -> Any:
+        """Its description: ``MethodInfo``, ``ScorerInfo`` or the ``ShapeSet``."""
+        return self.load() if self.kind == "data set" else self.load().info
+
+    @property
+    def summary(self) -> str:
+        """Summary in one line."""
+        return self.info.summary or (inspect.getdoc(self.load()) or "").partition("\n")[0]
+
+    @property
+    def learns(self) -> bool:
+        """Whether it is a learner; see :class:`benchmark.api.learning.Learner`."""
+        return all(hasattr(self.load(), name) for name in ("train", "load", "model_name", "split"))
+
+    @property
+    def describes(self) -> bool:
+        """Whether it is a descriptor, which compares shapes without forms and without a scorer."""
+        return not hasattr(self.load(), "canonicalise") and hasattr(self.load(), "describe")
+
+    def load(self) -> Any:
+        """Import and return the class, or the ``ShapeSet`` of a data set.
+
+        Raises
+        ------
+        ConfigurationError
+            If that fails, or the class has no ``info``.
+        """
+        if self.given is not None:
+            return type(self.given)
+        attribute = self.target.rpartition(":")[2]
+        found = getattr(load_module(self.target), attribute, None)
+        if found is None:
+            raise ConfigurationError(f"{self.target.rpartition(':')[0]} has no '{attribute}'", "correct the name")
+        info_type = _CONTRACTS[self.kind][0] if self.kind in _CONTRACTS else None
+        if info_type and not isinstance(getattr(found, "info", None), info_type):
+            raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{info_type.__name__}]'", "add one")
+        return found
+
+    def create(self) -> Any:
+        """Create an object with the parameters; return the ``ShapeSet`` of a data set.
+
+        Raises
+        ------
+        ConfigurationError
+            If a package is missing, the class refuses the parameters, or the object lacks a method.
+        """
+        if self.given is not None or self.kind == "data set":
+            return self.load() if self.given is None else self.given
+        if missing := self.missing_packages():
+            problem = f"{self.kind} '{self.base_name}' needs {', '.join(missing)}"
+            raise ConfigurationError(problem, f"pip install {' '.join(missing)}")
+        try:
+            created = self.load()(**self.parameters)
+        except BenchmarkError:
+            raise
+        except (Exception, SystemExit) as error:
+            hint = "choose other parameters" if self.parameters else "give every parameter a valid default"
+            raise ConfigurationError(f"{self.name} cannot be created: {locate(error)}", hint) from error
+        _, contract, lacking = _CONTRACTS[self.kind]
+        if not isinstance(created, contract):
+            raise ConfigurationError(f"{self.target} has {lacking}", "add it: see docs/reference/plugins.md")
+        return created
+
+    def missing_packages(self) -> tuple[str, ...]:
+        """Return the declared packages that are not installed."""
+        requires = getattr(self.info, "requires", ())
+        return tuple(name for name in requires if importlib.util.find_spec(name) is None)
+
+    def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
+        """Return the same component with additional parameters, as text or values."""
+        return replace(self, parameters={**self.parameters, **parameters})
+
+    def code(self) -> dict[str, str]:
+        """Return the parts of its code, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
+        return {"": self._unknown_code} if self._unknown_code else code_of(self.target, self._files)
+
+    def key(self) -> dict[str, Any]:
+        """Return what determines its results; the path of a plugin file does not count."""
+        module, _, attribute = self.target.rpartition(":")
+        code = self._unknown_code or code_digest(self.target, self._files)
+        return {
+            "target": attribute if self.plugin else f"{module}:{attribute}",
+            "parameters": dict(self.parameters),
+            "code": code,
+        }
+
+    @property
+    def _files(self) -> tuple[str, ...]:
+        return tuple(getattr(self.info, "files", ()))
+
+    @property
+    def _unknown_code(self) -> str:
+        """A text without equal for an object whose code is in no file, for example in a notebook; else ""."""
+        module = sys.modules.get(self.target.partition(":")[0])
+        is_here = self.given is not None and self.plugin is None and not getattr(module, "__file__", None)
+        return secrets.token_hex(8) if is_here else ""
+
+
+def component_of(value: Any, kind: Kind = "method") -> Component:
+    """Return the component for an object, a class or, for a method, a function from a shape to positions.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is nothing of this kind.
+    """
+    if isinstance(value, FunctionType) and kind == "method":
+        title = value.__name__.replace("_", " ").strip()
+        value = canonical_form(name=title.replace(" ", "-").lower(), title=title.capitalize())(value)
+    if isinstance(value, type):
+        value = value()
+    info_type, contract, lacking = _CONTRACTS[kind]
+    if not (isinstance(value, contract) and isinstance(value.info, info_type)):
+        raise ConfigurationError(
+            f"{value!r:.80} is no {kind}: it has {lacking}, or no info", "see docs/reference/plugins.md"
+        )
+    cls = type(value)
+    file = getattr(sys.modules.get(cls.__module__), "__file__", None)
+    module = str(Path(file).resolve()) if file and cls.__module__ == "__main__" else cls.__module__
+    chosen = non_default_values(cls, parameter_values(value))
+    return Component(kind, value.info.name, f"{module}:{cls.__qualname__}", chosen, given=value)

@@ -1,0 +1,152 @@
+"""Methods, scorers and data sets that are known by name.
+
+Each name maps to a target ``"module:attribute"``. The module is imported only when it is needed, so a heavy method does
+not delay the others.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import NoReturn
+
+from benchmark.api.contracts import MethodInfo
+from benchmark.api.scoring import ScorerInfo
+from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
+from benchmark.registry.components import Component, Kind
+from benchmark.registry.modules import load_module
+
+BUILT_IN: dict[str, str] = {
+    "classic-mds": "baselines.classic_mds:ClassicMDS",
+    "fast-mds": "baselines.fast_mds:FastMDS",
+    "non-metric-mds": "baselines.non_metric_mds:NonMetricMDS",
+    "least-squares-mds": "baselines.least_squares_mds:LeastSquaresMDS",
+    "constrained-mds": "baselines.constrained_mds:ConstrainedMDS",
+    "gps": "baselines.gps:GPS",
+    "mesh-unfolding": "baselines.mesh_unfolding:MeshUnfolding",
+    "skeleton": "baselines.skeleton:Skeleton",
+    "learned": "learned.paired.methods:Learned",
+    "accelerated-mds": "baselines.accelerated_mds:AcceleratedMDS",
+    "fast-classical-scaling": "baselines.fast_classical_scaling:FastClassicalScaling",
+    "nystrom-mds": "baselines.nystrom_mds:NystromMDS",
+    "subspace-mds": "baselines.subspace_mds:SubspaceMDS",
+    "scikit-learn-classical-mds": "baselines.scikit_learn_classical_mds:ScikitLearnClassicalMDS",
+    "scikit-learn-smacof": "baselines.scikit_learn_smacof:ScikitLearnSMACOF",
+    "scikit-learn-isomap": "baselines.scikit_learn_isomap:ScikitLearnIsomap",
+    "feature-preserved": "baselines.feature_preserved:FeaturePreserved",
+    "euclidean-distance": "baselines.euclidean_distance:EuclideanDistance",
+    "learned-without-srf": "learned.paired.methods:WithoutSRF",
+    "learned-without-lrf": "learned.paired.methods:WithoutLRF",
+    "learned-without-weighting": "learned.paired.methods:WithoutWeighting",
+    "learned-strict": "learned.paired.methods:Strict",
+    "learned-size-free": "learned.paired.methods:SizeFree",
+    "learned-wide-extra": "learned.paired.methods:WideExtra",
+    "learned-streamed": "learned.streamed.methods:StreamedLearner",
+    "deformation-field": "learned.field.methods:DeformationField",
+    "identity": "baselines.identity:Identity",
+    "pca": "baselines.pca:PCA",
+    "random": "baselines.random_form:RandomForm",
+    "surface-area": "baselines.surface_area:SurfaceArea",
+    "shape-dna": "baselines.shape_dna:ShapeDNA",
+    "sd-gdm": "baselines.sd_gdm:SDGDM",
+    "wks-mean": "baselines.kernel_signatures:MeanWKS",
+    "hks-mean": "baselines.kernel_signatures:MeanHKS",
+    "si-hks": "baselines.kernel_signatures:ScaleInvariantHKS",
+}
+
+SCORERS: dict[str, str] = {"cm-bof": "retrieval.cmbof:CMBOF"}
+
+
+class Known(dict[str, Component]):
+    """Components of one kind by name, in the order of the tables; an unknown name raises an error with the reason."""
+
+    def __init__(self, kind: Kind, components: Iterable[Component], faults: Mapping[str, BenchmarkError]) -> None:
+        super().__init__()
+        self._kind, self._faults = kind, faults
+        for component in components:
+            if component.name in self:
+                both = f"{self[component.name].target} and {component.target}"
+                raise ConfigurationError(f"two {kind}s are called '{component.name}': {both}", "rename one")
+            self[component.name] = component
+
+    def __missing__(self, name: str) -> NoReturn:
+        if name in self._faults:
+            raise self._faults[name]
+        error = did_you_mean(self._kind, name, self)
+        file = Path(f"{name.replace('-', '_')}.py")
+        raise ConfigurationError(error.problem, f"pass --plugin {file}" if file.is_file() else error.hint)
+
+
+def methods(plugins: Iterable[Path] = ()) -> Known:
+    """Return all known methods by name.
+
+    Parameters
+    ----------
+    plugins
+        Python files that define methods.
+
+    Raises
+    ------
+    ConfigurationError
+        If two methods have the same name, or a plugin file cannot be imported or defines nothing.
+    """
+    return _known("method", BUILT_IN, plugins)
+
+
+def scorers(plugins: Iterable[Path] = ()) -> Known:
+    """Return all known scorers by name, that of the paper's tables first; see :func:`methods`."""
+    return _known("scorer", SCORERS, plugins)
+
+
+def data_sets(plugins: Iterable[Path] = ()) -> Known:
+    """Return the data sets of plugin files and installed packages by name; see :func:`methods`."""
+    return _known("data set", {}, plugins)
+
+
+def _known(kind: Kind, built_in: Mapping[str, str], plugins: Iterable[Path]) -> Known:
+    ours = [Component(kind, name, target) for name, target in built_in.items()]
+    installed, faults = _installed(kind)
+    of_files = [component for path in plugins for component in in_file(path) if component.kind == kind]
+    return Known(kind, [*ours, *installed, *of_files], faults)
+
+
+def in_file(path: Path) -> list[Component]:
+    """Return the methods, scorers and data sets of a plugin file, in its order.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be imported or defines none.
+    """
+    target = str(path.resolve())
+    module, found = load_module(target), []
+    for attribute, value in vars(module).items():
+        info = getattr(value, "info", None)
+        is_own = isinstance(value, type) and value.__module__ == module.__name__
+        if is_own and isinstance(info, MethodInfo | ScorerInfo):
+            kind: Kind = "method" if isinstance(info, MethodInfo) else "scorer"
+            found.append(Component(kind, info.name, f"{target}:{attribute}"))
+    if not found:
+        hint = "give a class an 'info' that is a MethodInfo or a ScorerInfo, or use @canonical_form"
+        raise ConfigurationError(f"{path} defines no method, no scorer and no data set", hint)
+    return found
+
+
+@cache
+def _installed(kind: Kind) -> tuple[tuple[Component, ...], dict[str, BenchmarkError]]:
+    """Return the components of installed packages, and the errors of those that cannot be used, by name."""
+    usable, faults = [], {}
+    for point in sorted(entry_points(group=f"canonical_forms.{kind.replace(' ', '_')}s"), key=lambda point: point.name):
+        component = Component(kind, point.name, point.value)
+        try:
+            if component.info.name != point.name:
+                problem = f"{kind} '{component.info.name}' is registered as '{point.name}' by an installed package"
+                raise ConfigurationError(problem, "use one name for both")
+            usable.append(component)
+        except BenchmarkError as error:
+            faults[point.name] = error
+            warnings.warn(str(error), stacklevel=2)
+    return tuple(usable), faults

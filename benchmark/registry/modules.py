@@ -1,0 +1,70 @@
+"""Import modules and plugin files; modules beside a plugin file can be imported, too."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import importlib.util
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from types import ModuleType
+
+from benchmark.code_digest import modules_beside, plugin_file, sources_of
+from benchmark.errors import BenchmarkError, ConfigurationError, locate
+from benchmark.kernels import drop_stale_kernels
+
+
+def load_module(target: str) -> ModuleType:
+    """Import the module of a target such as ``"baselines.gps:GPS"`` or ``"/path/smooth.py:Smooth"``.
+
+    A plugin file gets a name of its own, so that ``random.py`` does not replace the standard module. What it prints
+    goes to stderr.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such module, it cannot be imported, or a module beside it has the name of another one.
+    """
+    path = plugin_file(target)
+    name = target.partition(":")[0] if path is None else _unique_name(path)
+    if name in sys.modules:
+        return sys.modules[name]
+    try:
+        with redirect_stdout(sys.stderr):
+            return importlib.import_module(name) if path is None else _execute(name, path)
+    except BenchmarkError:
+        raise
+    except (Exception, SystemExit) as error:
+        sys.modules.pop(name, None)
+        hint = "correct it"
+        if isinstance(error, ModuleNotFoundError) and error.name:
+            hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
+        raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error
+
+
+def _unique_name(path: Path) -> str:
+    return f"plugin_{path.stem}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
+
+
+def _execute(name: str, path: Path) -> ModuleType:
+    if path.suffix != ".py" or not path.is_file():
+        names = [file.stem for file in path.parent.glob("*.py") if file.is_file()]
+        near = difflib.get_close_matches(path.stem, names, 1)
+        problem = f"{path} is not a Python file" if path.exists() else f"there is no plugin {path}"
+        raise ConfigurationError(problem, f"did you mean {near[0]}.py?" if near else "name a Python file")
+    for helper, file in modules_beside(path).items():
+        spec = importlib.util.find_spec(helper)
+        if spec is not None and Path(spec.origin or "").resolve() != file.resolve():
+            other = spec.origin or "another package"
+            raise ConfigurationError(f"{path} imports {file}, but '{helper}' is also the name of {other}", "rename one")
+    if str(path.parent.resolve()) not in sys.path:
+        sys.path.append(str(path.parent.resolve()))
+    drop_stale_kernels(sources_of(str(path)))
+    spec = importlib.util.spec_from_file_location(name, path.resolve())
+    if spec is None or spec.loader is None:
+        raise ConfigurationError(f"{path} is not a Python file", "name a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,129 @@
+"""Parameters as text: names with parameters in brackets, alternatives, and descriptions from docstrings.
+
+``metric=geodesic|biharmonic,power=1|2`` stands for four choices.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import itertools
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from benchmark.api.parameters import assignments, declared_parameters, format_value, split, values_in_words
+from benchmark.errors import ConfigurationError
+
+#: Characters with a meaning inside brackets; a text that contains one of them is quoted.
+_SPECIAL = frozenset("|,()'\" ")
+_NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
+
+
+def split_name(name: str) -> tuple[str, str] | None:
+    """Split a name from the text in its brackets, "" if there are none; None if brackets are unbalanced or not final.
+
+    Examples
+    --------
+    >>> split_name("classic-mds[metric=biharmonic]")
+    ('classic-mds', 'metric=biharmonic')
+    """
+    match = _NAME.fullmatch(name.strip())
+    return (match[1].strip(), match[2] or "") if match else None
+
+
+def combinations(text: str) -> list[dict[str, str]]:
+    """Return all combinations of one value for each parameter, the last one varying fastest.
+
+    ``|`` separates values of one parameter, commas separate parameters. Both are literal inside parentheses, which
+    enclose a value of several numbers, and inside quotes, which enclose text and are removed.
+
+    Parameters
+    ----------
+    text
+        The text between the brackets of a method on the command line.
+
+    Returns
+    -------
+    list of dict
+        Values by name, as text; a single empty choice for an empty text.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name or a value is missing, a name is given twice, or a quote or a parenthesis is not closed.
+
+    Examples
+    --------
+    >>> combinations("metric=geodesic|biharmonic,size=3")
+    [{'metric': 'geodesic', 'size': '3'}, {'metric': 'biharmonic', 'size': '3'}]
+    """
+    given = assignments(text)
+    values = {name: _values(name, split(text, "|") or [""]) for name, text in given.items()}
+    return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
+
+
+def quoted(text: str) -> str:
+    """Return a text as written between brackets, quoted if it could be read as several values."""
+    if text and not _SPECIAL & set(text):
+        return text
+    quote = '"' if "'" in text else "'"
+    return f"{quote}{text}{quote}"
+
+
+def _values(name: str, parts: list[str]) -> list[str]:
+    texts = [part.strip() for part in parts]
+    if len(texts) > 1 and not all(texts):
+        raise ConfigurationError(f"'{name}' has an empty value", "write VALUE|VALUE, or '' for an empty text")
+    return [text[1:-1] if len(text) > 1 and text[0] in "'\"" and text[0] == text[-1] else text for text in texts]
+
+
+@dataclass(frozen=True)
+class ParameterText:
+    """One parameter.
+
+    Parameters
+    ----------
+    name
+        Name on the command line.
+    values
+        Accepted values.
+    default
+        Default, as on the command line.
+    meaning
+        Description in the docstring of the class; "" if there is none.
+    """
+
+    name: str
+    values: str
+    default: str
+    meaning: str
+
+
+def described(cls: type[Any]) -> list[ParameterText]:
+    """Return the parameters of a dataclass in the order of its fields; none for another class."""
+    meanings: dict[str, str] = {}
+    for base in reversed(inspect.getmro(cls)):
+        meanings |= explained(vars(base).get("__doc__") or "")
+    texts = []
+    for name, (annotation, default) in declared_parameters(cls).items():
+        written = "" if default is dataclasses.MISSING else format_value(default)
+        texts.append(ParameterText(name, values_in_words(annotation, default), written, meanings.get(name, "")))
+    return texts
+
+
+def explained(docstring: str) -> dict[str, str]:
+    """Return the descriptions in the section ``Parameters`` of a numpydoc docstring by name, on one line each."""
+    _, *sections = re.split(r"^(\S.*)\n-{3,} *$", inspect.cleandoc(docstring), flags=re.MULTILINE)
+    section = dict(zip(sections[::2], sections[1::2], strict=True)).get("Parameters", "")
+    texts: dict[str, str] = {}
+    for names, text in re.findall(r"^(\S.*)((?:\n(?: .*)?)*)", section, re.MULTILINE):
+        for name in names.partition(" : ")[0].split(","):
+            texts[name.strip().lstrip("*")] = _plain(" ".join(text.split()))
+    return texts
+
+
+def _plain(text: str) -> str:
+    """Return text without reStructuredText markup."""
+    text = re.sub(r":[a-z]+:`~?([^`]*)`", r"\1", text)
+    return text.replace("``", "").replace('"', "'")

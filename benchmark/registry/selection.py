@@ -1,0 +1,74 @@
+"""Selection of methods by name, with parameters in brackets, or by object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmark.errors import ConfigurationError
+from benchmark.registry.components import Component, Kind, component_of
+from benchmark.registry.known import data_sets, methods, scorers
+from benchmark.registry.names import combinations, split_name
+
+#: Name that selects all methods, in addition to other names.
+EVERY = "all"
+
+
+def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Component]:
+    """Return the selected methods, those of the suite in the order of the tables.
+
+    Parameters
+    ----------
+    names
+        Names, optionally with parameters, of which ``|`` separates several values: ``"gps[n_eigenfunctions=5|10]"``;
+        ``"all"`` stands for all methods. In Python also objects, classes and functions from a shape to positions.
+        Without any, the methods of the plugin files, or all methods if there are none.
+    plugins
+        Plugin files; if no method of a file is named, all of them are added.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name or a parameter is unknown, or a value is invalid.
+    """
+    wanted, files = list(names), list(plugins)
+    known = methods(files)
+    of_files = [component for component in known.values() if component.plugin]
+    chosen: list[Component] = []
+    for name in wanted:
+        if not isinstance(name, str):
+            chosen.append(component_of(name))
+        else:
+            chosen += known.values() if name.strip() == EVERY else variants(name, known)
+    named = {component.plugin for component in chosen}
+    chosen += [component for component in of_files if component.plugin not in named]
+    places = {name: place for place, name in enumerate(known)}
+    chosen.sort(key=lambda component: places.get(component.base_name, len(places)))
+    return list({component.name: component for component in chosen or known.values()}.values())
+
+
+def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -> Component:
+    """Return the only method, scorer or data set for a name with parameters in brackets.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name or a parameter is unknown, a value is invalid, or the name stands for several.
+    """
+    known = {"method": methods, "scorer": scorers, "data set": data_sets}[kind](plugins)
+    found = variants(name, known)
+    if len(found) > 1:
+        raise ConfigurationError(f"'{name}' stands for {len(found)} {kind}s", f"name one: {found[0].name}")
+    return found[0]
+
+
+def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
+    """Return the components for a name with parameters, one for each combination of their values, each once."""
+    base, inside = split_name(name) or (name, "")
+    component = known[base]
+    found = [component.with_parameters(given) if given else component for given in combinations(inside)]
+    for variant in found:
+        if variant.parameters and not variant.missing_packages():
+            variant.create()  # lets the class refuse invalid combinations now
+    return list({variant.name: variant for variant in found}.values())

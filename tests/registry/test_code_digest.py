@@ -1,0 +1,137 @@
+"""What a digest of code follows, and what it does not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from benchmark import code_digest as module
+from benchmark.code_digest import code_digest, code_of, modules_beside, plugin_file
+from benchmark.errors import ConfigurationError
+from tests.registry.plugin import write_plugin
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    (tmp_path / "helper.py").write_text("from package.inner import value\n\nFACTOR = value()\n")
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "__init__.py").write_text("def __getattr__(name):\n    ...\n")
+    (tmp_path / "package" / "inner.py").write_text("def value():\n    from . import late\n    return late.VALUE\n")
+    (tmp_path / "package" / "late.py").write_text("VALUE = 1\n")
+    (tmp_path / "package" / "lazy.py").write_text("OTHER = 1\n")
+    (tmp_path / "unused.py").write_text("VALUE = 1\n")
+    (tmp_path / "random.py").write_text("VALUE = 1\n")
+    (tmp_path / "table.csv").write_text("1\n")
+    return write_plugin(tmp_path / "smooth.py", imports="import random\nimport numpy\nimport helper")
+
+
+def touch(path, text):
+    path.write_text(text)
+    os.utime(path, ns=(1, 1))  # another time, however fast the test is
+
+
+EDITS = {
+    "smooth.py": ("shape.form", "1 and shape.form"),
+    "helper.py": ("FACTOR =", "FACTOR = 2 *"),
+    "package/inner.py": ("late.VALUE", "late.VALUE + 1"),
+    "package/late.py": ("1", "2"),
+    "table.csv": ("1", "2"),
+}
+
+
+@pytest.mark.parametrize(("name", "edit"), EDITS.items(), ids=EDITS)
+def test_an_edit_of_what_a_plugin_imports_or_names_changes_the_digest(plugin, name, edit):
+    before, parts = code_digest(str(plugin), ["table.csv"]), code_of(str(plugin), ["table.csv"])
+    path = plugin.parent / name
+    touch(path, path.read_text().replace(*edit))
+    assert code_digest(str(plugin), ["table.csv"]) != before
+    after = code_of(str(plugin), ["table.csv"])
+    assert {part for part in after if after[part] != parts.get(part)} == {name}
+
+
+def test_docstrings_comments_layout_and_other_files_do_not_matter(plugin):
+    before = code_digest(str(plugin))
+    touch(plugin, plugin.read_text().replace("Smoothed surface.", "Other words.").replace("\n\n\n", "\n\n# why\n\n"))
+    touch(plugin.parent / "unused.py", "VALUE = 2\n")
+    touch(plugin.parent / "random.py", "VALUE = 2\n")  # the plugin gets the standard module
+    assert code_digest(str(plugin)) == before
+
+
+def test_a_renamed_plugin_has_the_same_code(plugin):
+    before = code_digest(f"{plugin}:Smooth")
+    assert code_digest(f"{plugin.rename(plugin.with_name('renamed.py'))}:Smooth") == before
+
+
+def test_a_lazy_attribute_counts(plugin):
+    imports = "from package import anything"
+    write_plugin(plugin, imports=imports)
+    assert "package/lazy.py" in code_of(str(plugin))
+    (plugin.parent / "package" / "__init__.py").write_text(
+        '_LAZY = {"anything": "package.lazy", "other": "package.late"}\n\ndef __getattr__(name):\n    ...\n'
+    )
+    assert "package/lazy.py" in code_of(str(plugin))
+    assert "package/late.py" not in code_of(str(plugin))
+
+
+def test_a_compiled_extension_counts_by_its_content(plugin):
+    extension = plugin.with_name("fast.abi3.so")
+    extension.write_bytes(b"\x7fELF 1")
+    write_plugin(plugin, imports="import fast")
+    before = code_of(str(plugin))
+    assert "fast.abi3.so" in before
+    extension.write_bytes(b"\x7fELF 22")
+    assert code_of(str(plugin))["fast.abi3.so"] != before["fast.abi3.so"]
+
+
+def test_a_kernel_and_geodesics_are_part_of_a_method_and_of_a_plugin(plugin):
+    assert "benchmark/geometry/geodesics.py" in code_of("baselines.gps:GPS")
+    write_plugin(plugin, imports="from baselines.gps import GPS")
+    parts = code_of(str(plugin))
+    assert {"baselines/gps.py", "benchmark/geometry/shortest_paths.py"} <= parts.keys()
+
+
+def test_the_version_of_a_package_counts(plugin, monkeypatch):
+    before = code_digest(str(plugin))
+    versions = {"numpy": "99"}
+    monkeypatch.setattr(module, "_versions", lambda top: {top: versions[top]} if top in versions else {})
+    assert code_of(str(plugin))["numpy"] == "99"
+    assert code_digest(str(plugin)) != before
+
+
+def test_a_type_checkers_import_does_not_count(plugin):
+    write_plugin(plugin, imports="from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import unused")
+    assert "unused.py" not in code_of(str(plugin))
+
+
+@pytest.mark.parametrize(("name", "what"), [("tabel.csv", "missing"), ("package", "a folder")])
+def test_a_file_that_is_not_there_is_an_error(plugin, name, what):
+    with pytest.raises(ConfigurationError, match=rf"smooth.py depends on '{name}', which is {what}"):
+        code_of(str(plugin), [name])
+
+
+def test_modules_beside_a_plugin_are_named(plugin):
+    assert modules_beside(plugin) == {
+        "helper": plugin.parent / "helper.py",
+        "package": plugin.parent / "package" / "__init__.py",
+    }
+
+
+def test_targets():
+    assert plugin_file("baselines.gps:GPS") is None
+    assert str(plugin_file("/a/b.py:C")) == "/a/b.py"
+    with pytest.raises(ConfigurationError, match="there is no module baselines.nothing"):
+        code_of("baselines.nothing:X")
+
+
+def test_a_broken_source_is_left_to_its_import(plugin):
+    plugin.write_text("def broken(:\n")
+    assert code_digest(str(plugin))
+
+
+def test_nothing_is_imported(plugin):
+    program = f"import sys, benchmark.code_digest as c; c.code_of({str(plugin)!r}); print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

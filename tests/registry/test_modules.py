@@ -1,0 +1,101 @@
+"""Plugin files are imported like modules; what goes wrong is named with file and line."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+
+import pytest
+
+from benchmark.errors import ConfigurationError
+from benchmark.registry.known import in_file
+from benchmark.registry.modules import load_module
+from tests.registry.plugin import write_plugin
+
+
+@pytest.fixture(autouse=True)
+def _path(monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    before = set(sys.modules)
+    yield
+    for name in set(sys.modules) - before:
+        if "plugin_" in name or "helper" in name:
+            del sys.modules[name]
+
+
+@pytest.mark.parametrize(
+    ("imports", "message"),
+    [
+        ("1 / 0", r"smooth.py cannot be imported: smooth.py:8: ZeroDivisionError: division by zero; correct it$"),
+        (
+            "import missing_here",
+            r"smooth.py:8: ModuleNotFoundError: .*; install 'missing_here', or put missing_here.py",
+        ),
+        ("def (", r"smooth.py cannot be imported: smooth.py:8: SyntaxError: "),
+        ("raise SystemExit(3)", r"smooth.py:8: SystemExit: 3"),
+        ("import helper", r"smooth.py cannot be imported: helper.py:2: NameError: name 'x' is not defined"),
+    ],
+)
+def test_an_error_of_an_import_names_file_and_line(tmp_path, imports, message):
+    (tmp_path / "helper.py").write_text("\nx\n")
+    with pytest.raises(ConfigurationError, match=message):
+        load_module(str(write_plugin(tmp_path / "smooth.py", imports=imports)))
+
+
+def test_a_corrected_file_can_be_imported(tmp_path):
+    path = write_plugin(tmp_path / "smooth.py", imports="1 / 0")
+    with pytest.raises(ConfigurationError):
+        load_module(str(path))
+    write_plugin(path)
+    assert load_module(str(path)).Smooth
+    assert load_module(str(path)) is load_module(f"{path}:Smooth")
+
+
+def test_a_plugin_called_random_does_not_replace_the_standard_module(tmp_path):
+    path = write_plugin(tmp_path / "random.py", imports="import random")
+    module = load_module(str(path))
+    assert module.random is random
+    assert sys.modules["random"] is random
+
+
+def test_two_plugins_with_helpers_of_one_name_are_refused(tmp_path):
+    paths = [write_plugin(tmp_path / name / "smooth.py", imports="import helper_of_two") for name in "ab"]
+    for path in paths:
+        path.with_name("helper_of_two.py").write_text(f"WHERE = {path.parent.name!r}\n")
+    assert load_module(str(paths[0])).helper_of_two.WHERE == "a"
+    with pytest.raises(ConfigurationError, match=r"b/helper_of_two.py, but 'helper_of_two' is also the name of .*a/"):
+        load_module(str(paths[1]))
+
+
+def test_a_helper_with_the_name_of_a_package_is_refused(tmp_path):
+    (tmp_path / "numpy.py").write_text("")
+    with pytest.raises(ConfigurationError, match=r"numpy.py, but 'numpy' is also the name of .*; rename one"):
+        load_module(str(write_plugin(tmp_path / "smooth.py", imports="import numpy")))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("smoth.py", r"there is no plugin .*smoth.py; did you mean smooth.py\?"),
+        ("folder.py", "folder.py is not a Python file; "),
+    ],
+)
+def test_a_path_that_is_no_plugin_is_named(tmp_path, name, message):
+    write_plugin(tmp_path / "smooth.py")
+    (tmp_path / "folder.py").mkdir()
+    with pytest.raises(ConfigurationError, match=message):
+        load_module(str(tmp_path / name))
+
+
+def test_a_file_without_a_plugin_is_refused(tmp_path):
+    (tmp_path / "empty.py").write_text("from benchmark.api import MethodInfo\n")
+    with pytest.raises(ConfigurationError, match="defines no method, no scorer and no data set"):
+        in_file(tmp_path / "empty.py")
+
+
+def test_prints_of_a_plugin_go_to_stderr(tmp_path):
+    path = write_plugin(tmp_path / "smooth.py", imports="print('imported')")
+    program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "imported\n")
