@@ -25,7 +25,7 @@ LAYERS = (
     ("benchmark.execution", "benchmark.protocols.pairs"),
     ("benchmark.report",),
     ("benchmark.depth_forms", "benchmark.external", "benchmark.results"),
-    ("benchmark.cli",),
+    ("benchmark.cli", "benchmark.kernels.__main__"),
     ("benchmark.__main__",),
 )
 PACKAGES = {package: number for number, layer in enumerate(LAYERS) for package in layer}
