@@ -14,7 +14,6 @@ from benchmark.datasets.checking import check_source
 from benchmark.datasets.export import export as export_shapes
 from benchmark.datasets.own import is_own
 from benchmark.datasets.perturbations.overview import overview
-from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import call_apart
 from benchmark.text import say
 
@@ -29,9 +28,7 @@ def check(options: CheckData) -> bool:
 
 def export(options: Export) -> None:
     """Write the files of a data set."""
-    if options.layout is None:
-        raise ConfigurationError("no layout is chosen", "pass --layout shrec14 or --layout tosca")
-    count = _on_data(_exported, options, options.layout)
+    count = _on_data(_exported, options)
     say(f"wrote {count} files to {options.output}; use them with -d {options.output}")
 
 
@@ -59,10 +56,10 @@ def _checked(source: str, options: CheckData) -> tuple[list[str], bool]:
     return list(report.lines()), report.usable
 
 
-def _exported(source: str, options: Export, layout: str) -> int:
+def _exported(source: str, options: Export) -> int:
     """Export a data set; return the number of files."""
     dataset, watched = open_dataset(source, options.data_root), partial(counting, f"writing {options.name}")
-    return len(export_shapes(dataset, options.output, layout, force=options.force, watched=watched))
+    return len(export_shapes(dataset, options.output, force=options.force, watched=watched))
 
 
 def _drawn(source: str, options: Sheet) -> tuple[list[str], str]:

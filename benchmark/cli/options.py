@@ -377,10 +377,6 @@ class Export(DataOptions):
     """Write a data set as files that '-d DIR' reads with the same shapes, classes and cameras."""
 
     output: Path = option("-o --output DIR", "New or empty folder.", required=True)
-    layout: Literal["shrec14", "tosca"] | None = option(
-        "--layout",
-        "shrec14: 0.obj, 1.obj ... and a .cla file; tosca: CLASS + number .off.",
-    )
     force: bool = flag("--force", "Write into a non-empty folder, replacing files of the same name.")
 
 

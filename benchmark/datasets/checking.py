@@ -13,10 +13,9 @@ from typing import Literal
 from benchmark.datasets.base import Dataset, Entry, Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.datasets.files import FolderDataset, file_digest
+from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.folder import EXTENSIONS, all_mesh_files, sub_folders, unread_files
 from benchmark.datasets.inspection import Inspection, flaws, inspect
-from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, read_manifest
 from benchmark.datasets.official.sets import SETS
 from benchmark.datasets.official.tosca import CLASS_SIZES
 from benchmark.datasets.settings import SETTINGS_FILE
@@ -142,8 +141,6 @@ def check(dataset: Dataset, watched: Watched = iter) -> Report:
     if folder is not None:
         anomalies += _of_files(folder, dataset.entries, numbers_known=dataset.name in SETS)
     inspections, of_shapes = _inspect_all(dataset, folder, watched)
-    if folder is not None:
-        anomalies += _of_manifest(folder, dataset.entries, inspections)
     sizes = dict(Counter(entry.subject for entry in dataset.entries))
     anomalies += of_shapes
     return Report(dataset.name, dataset.stand_in_for, len(dataset.entries), sizes, inspections, tuple(anomalies))
@@ -281,51 +278,6 @@ def _of_frame(dataset: Dataset, extents: Mapping[str, float]) -> Iterator[Anomal
         elif (extent / (declared or fitted) * SIZE) ** 2 < FEWEST_PIXELS:
             what = f"extends to {extent:.6g}, almost nothing in a frame of half width {declared or fitted:.6g}"
             yield Anomaly("warning", file, what, "check its unit; the view input leaves it out")
-
-
-def _of_manifest(folder: Path, entries: Sequence[Entry], inspections: dict[str, Inspection]) -> Iterator[Anomaly]:
-    try:
-        manifest = read_manifest(folder)
-    except BenchmarkError as error:
-        yield Anomaly("error", MANIFEST_FILE, error.problem, error.hint)
-        return
-    by_file = {_relative(entry.path, folder): entry for entry in entries if entry.path}
-    for row in manifest:
-        entry = by_file.pop(row.file, None)
-        if entry is None:
-            what = "is named in the manifest but is no shape of the data set"
-            yield Anomaly("error", row.file, what, f"add the mesh or remove the line of {MANIFEST_FILE}")
-        elif row.sha256 is not None and row.sha256 != _digest(folder / row.file):
-            yield Anomaly("error", row.file, "is not the file of the manifest", "fetch it again, or correct the line")
-        else:
-            yield from _of_counts(row, inspections.get(entry.identifier))
-    if manifest:
-        for file in by_file:
-            yield Anomaly("warning", file, "is not in the manifest", f"add a line to {MANIFEST_FILE}")
-
-
-def _digest(path: Path) -> str | None:
-    try:
-        return file_digest(path)
-    except ShapeError:
-        return None
-
-
-def _of_counts(row: ManifestRow, inspection: Inspection | None) -> Iterator[Anomaly]:
-    if inspection is None:
-        return
-    pairs = (
-        ("vertices", inspection.cleaning.vertices_before, row.n_vertices),
-        ("faces", inspection.cleaning.faces_before, row.n_faces),
-    )
-    for what, count, listed in pairs:
-        if listed is not None and count != listed:
-            yield Anomaly(
-                "error",
-                row.file,
-                f"has {count} {what}, in the manifest {listed}",
-                "fetch it again, or correct the line",
-            )
 
 
 def _range_and_median(values: Sequence[int]) -> str:

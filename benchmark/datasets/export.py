@@ -1,4 +1,4 @@
-"""Export of data sets to files that reproduce the same shapes when read."""
+"""Export of data sets to mesh files that reproduce the same shapes when read."""
 
 from __future__ import annotations
 
@@ -12,26 +12,18 @@ from pathlib import Path
 
 from benchmark.datasets.base import Dataset, Entry, Watched
 from benchmark.datasets.catalogue import canonical_entry
-from benchmark.datasets.files import FolderDataset, file_digest
-from benchmark.datasets.folder import subject_of_stem
-from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, write_manifest
+from benchmark.datasets.files import FolderDataset
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
-from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
 
-LAYOUTS = ("shrec14", "tosca")
 
-CLA_FILE = "classes.cla"
+def export(dataset: Dataset, folder: Path, *, force: bool = False, watched: Watched = iter) -> tuple[str, ...]:
+    """Write all shapes of a data set as ``CLASS/POSE.off``, with cameras and canonical poses in ``dataset.toml``.
 
-
-def export(
-    dataset: Dataset, folder: Path, layout: str, *, force: bool = False, watched: Watched = iter
-) -> tuple[str, ...]:
-    """Write all shapes of a data set with classes, cameras and canonical poses into a folder.
-
-    Coordinates are exact, and the order of the shapes is preserved. Files are written to a temporary sibling folder and
-    moved at the end, so a failure while writing leaves the folder unchanged.
+    Coordinates are exact. Files are written to a temporary sibling folder and moved at the end, so a failure while
+    writing leaves the folder unchanged.
 
     Parameters
     ----------
@@ -39,10 +31,6 @@ def export(
         The data set.
     folder
         Target folder, created if necessary.
-    layout
-        ``"shrec14"``: ``0.obj``, ``1.obj`` ... with a PSB ``.cla`` file [Shilane et al. 2004]. ``"tosca"``:
-        ``cat0.off``, ``cat1.off`` ..., the class and a number: the pose if all poses of the class are distinct numbers,
-        otherwise the index in the class.
     force
         Write into a nonempty folder; files of the same name are replaced, others stay.
     watched
@@ -56,29 +44,36 @@ def export(
     Raises
     ------
     ConfigurationError
-        If the layout is unknown, the folder is nonempty or contains the data set itself, or the layout does not support
-        a class name.
+        If the folder is nonempty or contains the data set itself, or a class or pose cannot be the name of a file.
     DatasetError
         If the shapes of a class have different cameras.
     ShapeError
         If a mesh is unreadable.
     """
-    if layout not in LAYOUTS:
-        raise did_you_mean("layout", layout, LAYOUTS)
-    _check_words(dataset.entries)
-    numbered = [f"{number}.obj" for number in range(len(dataset.entries))]
-    names = numbered if layout == "shrec14" else _class_names(dataset.entries)
-    cla = {CLA_FILE: _classification(dataset.entries)} if layout == "shrec14" else {}
-    texts = {**cla, SETTINGS_FILE: _settings(dataset)}
-    _check_target(dataset, folder, {*names, *texts}, force)
-    written = (*names, *texts, MANIFEST_FILE)
+    names = _file_names(dataset.entries)
+    settings = _settings(dataset)
+    _check_target(dataset, folder, force)
+    written = (*names, SETTINGS_FILE)
     with _filled(folder, written) as target:
-        shapes = zip(watched(dataset.entries), names, strict=True)
-        rows = [_write(dataset, entry, target / file) for entry, file in shapes]
-        for file, text in texts.items():
-            (target / file).write_bytes(text.encode())
-        write_manifest(target, rows)
+        for entry, file in zip(watched(dataset.entries), names, strict=True):
+            (target / file).parent.mkdir(exist_ok=True)
+            write_mesh(target / file, dataset.load(entry))
+        (target / SETTINGS_FILE).write_bytes(settings.encode())
     return written
+
+
+def _file_names(entries: Sequence[Entry]) -> list[str]:
+    """Return the file of each shape; a pose that several shapes of a class have is numbered."""
+    counts = Counter((entry.subject, entry.pose.casefold()) for entry in entries)
+    names = []
+    for number, entry in enumerate(entries):
+        is_single = entry.pose and counts[entry.subject, entry.pose.casefold()] == 1
+        pose = entry.pose if is_single else f"{entry.pose or 'pose'}-{number}"
+        for word in (entry.subject, pose):
+            if not re.fullmatch(r"\w[\w .+-]*", word):
+                raise ConfigurationError(f"{word!r} of '{entry.identifier}' cannot be the name of a file", "rename it")
+        names.append(f"{entry.subject}/{pose}.off")
+    return names
 
 
 @contextmanager
@@ -95,77 +90,16 @@ def _filled(folder: Path, files: Sequence[str]) -> Iterator[Path]:
         raise ConfigurationError(f"cannot write to {folder}: {error.strerror}", "choose another folder") from error
 
 
-def _check_empty(folder: Path, force: bool) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise ConfigurationError(f"{folder} is not a folder", "choose another one")
-    if folder.exists() and any(folder.iterdir()) and not force:
-        raise ConfigurationError(f"{folder} is not empty", "choose another folder, or pass --force to write into it")
-
-
-def _check_target(dataset: Dataset, folder: Path, files: set[str], force: bool) -> None:
+def _check_target(dataset: Dataset, folder: Path, force: bool) -> None:
     sources = {entry.path.resolve().parent for entry in dataset.entries if entry.path}
     if isinstance(dataset, FolderDataset):
         sources.add(dataset.folder.resolve())
     if folder.resolve() in sources:
         raise ConfigurationError(f"{folder} holds the data set itself", "choose another folder")
-    _check_empty(folder, force)
-    other = sorted(path.name for path in folder.glob("*.cla") if path.name not in files)
-    if other:
-        raise ConfigurationError(
-            f"{folder / other[0]} would classify the exported meshes", "remove it or choose another folder"
-        )
-
-
-def _write(dataset: Dataset, entry: Entry, path: Path) -> ManifestRow:
-    mesh = dataset.load(entry)
-    write_mesh(path, mesh)
-    return ManifestRow(path.name, entry.subject, entry.pose, mesh.n_vertices, mesh.n_faces, file_digest(path))
-
-
-def _class_names(entries: Sequence[Entry]) -> list[str]:
-    poses: dict[str, list[str]] = {}
-    for entry in entries:
-        poses.setdefault(entry.subject, []).append(entry.pose)
-    place: Counter[str] = Counter()
-    names = []
-    for entry in entries:
-        of_class = poses[entry.subject]
-        numbered = len(set(of_class)) == len(of_class) and all(re.fullmatch("0|[1-9][0-9]*", pose) for pose in of_class)
-        number = entry.pose if numbered else str(place[entry.subject])
-        place[entry.subject] += 1
-        # Class 'man-1' and number 0 must not be read as class 'man' and number 10.
-        stem = f"{entry.subject}{'-' if entry.subject[-1].isdecimal() else ''}{number}"
-        if subject_of_stem(stem) != entry.subject or not re.fullmatch(r"[\w][\w .+-]*", stem):
-            raise ConfigurationError(
-                f"'{entry.subject}' cannot be the class in a file name", "rename the class, or use --layout shrec14"
-            )
-        names.append(f"{stem}.off")
-    twice = [name for name, count in Counter(name.casefold() for name in names).items() if count > 1]
-    if twice:
-        raise ConfigurationError(
-            f"two classes would share the file {twice[0]}", "rename one of the classes, or use --layout shrec14"
-        )
-    return names
-
-
-def _check_words(entries: Sequence[Entry]) -> None:
-    """Raise ``ConfigurationError`` for names that are invalid in a ``.cla`` file or a manifest."""
-    for entry in entries:
-        if not re.fullmatch(r"\S+", entry.subject):
-            raise ConfigurationError(f"class '{entry.subject}' is not one word", "rename the class")
-        if re.search(r"[\t\r\n]", entry.pose):
-            raise ConfigurationError(f"pose {entry.pose!r} of '{entry.identifier}' is not one line", "rename the pose")
-
-
-def _classification(entries: Sequence[Entry]) -> str:
-    numbers: dict[str, list[int]] = {}
-    for number, entry in enumerate(entries):
-        numbers.setdefault(entry.subject, []).append(number)
-    blocks = [
-        f"\n{subject} 0 {len(members)}\n" + "".join(f"{number}\n" for number in members)
-        for subject, members in numbers.items()
-    ]
-    return f"PSB 1\n{len(numbers)} {len(entries)}\n" + "".join(blocks)
+    if folder.exists() and not folder.is_dir():
+        raise ConfigurationError(f"{folder} is not a folder", "choose another one")
+    if folder.exists() and any(folder.iterdir()) and not force:
+        raise ConfigurationError(f"{folder} is not empty", "choose another folder, or pass --force to write into it")
 
 
 def _settings(dataset: Dataset) -> str:

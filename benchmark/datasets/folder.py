@@ -1,4 +1,4 @@
-"""Folders of meshes or depth images: classes from a manifest, a PSB ``.cla`` file, sub-folders, or file names."""
+"""Folders of meshes or depth images: classes from a PSB ``.cla`` file, sub-folders, or file names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 from benchmark.datasets.base import Entry, natural_key, printable
 from benchmark.datasets.depth_folder import DepthFolder, with_depth_settings
 from benchmark.datasets.files import FolderDataset, text_of
-from benchmark.datasets.manifest import MANIFEST_FILE, ManifestRow, inside, read_manifest
 from benchmark.datasets.settings import SETTINGS_FILE, with_settings
 from benchmark.depth.reading import MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
@@ -25,7 +24,7 @@ UNREAD = frozenset({".3ds", ".3mf", ".dae", ".fbx", ".glb", ".gltf", ".pcd", ".p
 def folder_dataset(folder: Path) -> FolderDataset:
     """Read the list of shapes of a folder.
 
-    Classes come from the first available source: the column ``class`` of ``MANIFEST.tsv``, a ``.cla`` file, the names
+    Classes come from the first available source: a ``.cla`` file, the names
     of mesh files in the folder without trailing number (``cat10.off`` has class ``cat``), or sub-folders. A
     ``dataset.toml`` sets canonical poses and cameras, see :func:`~benchmark.datasets.settings.with_settings`. A folder
     without meshes may contain depth images, classified by sub-folder or file name, see :func:`depth_files`.
@@ -38,19 +37,13 @@ def folder_dataset(folder: Path) -> FolderDataset:
     Raises
     ------
     DatasetError
-        If the folder is unreadable or contains no shapes, or if its manifest or ``.cla`` file is invalid, names a file
-        outside the folder, or contradicts the other.
+        If the folder is unreadable or contains no shapes, or if its ``.cla`` file is invalid.
     ConfigurationError
-        If ``dataset.toml`` or the manifest has an unknown key.
+        If ``dataset.toml`` has an unknown key.
     """
     files = mesh_files(folder)
     cla = cla_file(folder)
-    manifest = read_manifest(folder)
-    if manifest and manifest[0].subject is not None:
-        entries = _from_manifest(folder, manifest)
-        if cla:
-            _check_agreement(entries, cla)
-    elif cla:
+    if cla:
         entries = _from_cla(cla, files)
     elif files:
         entries = _from_names(files)
@@ -233,31 +226,6 @@ def _pose_of_stem(stem: str) -> str:
     return stem[len(subject_of_stem(stem)) :].lstrip("-_ ")
 
 
-def _from_manifest(folder: Path, manifest: Iterable[ManifestRow]) -> list[Entry]:
-    entries: dict[str, Entry] = {}
-    for row in manifest:
-        path = inside(folder, row.file, folder / MANIFEST_FILE)
-        if not _is_file(path):
-            raise DatasetError(
-                f"{folder / MANIFEST_FILE} names '{row.file}', which is not there", "add the mesh or remove the line"
-            )
-        identifier = printable(Path(row.file).with_suffix("").as_posix())
-        if identifier in entries:
-            raise DatasetError(
-                f"{folder / MANIFEST_FILE} names '{identifier}' in two formats", "keep one line for each shape"
-            )
-        pose = printable(path.stem if row.pose is None else row.pose)
-        entries[identifier] = Entry(identifier, printable(str(row.subject)), pose, path)
-    return list(entries.values())
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:
-        return False
-
-
 def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
     by_number: dict[int, list[Path]] = {}
     for path in files:
@@ -281,18 +249,36 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
             raise DatasetError(
                 f"{cla} lists model {number}, which may be {path.name} or {others[0].name}", "keep one of them"
             )
-        inside(cla.parent, path.name, cla)
+        _inside(cla.parent, path.name, cla)
         stem = printable(path.stem)
         entries.append(Entry(stem, subject, stem, path))
     return entries
 
 
-def _check_agreement(entries: Iterable[Entry], cla: Path) -> None:
-    by_path = {entry.path: entry for entry in entries}
-    for other in _from_cla(cla, [path for path in by_path if path is not None]):
-        subject = by_path[other.path].subject
-        if subject != other.subject:
-            raise DatasetError(
-                f"{cla} puts '{other.identifier}' into class '{other.subject}', {MANIFEST_FILE} into '{subject}'",
-                "correct one of them or remove it",
-            )
+def _inside(folder: Path, name: str, source: Path) -> Path:
+    """Return the path of a listed file, which must be inside the folder after resolving links.
+
+    Parameters
+    ----------
+    folder
+        The folder of the data set.
+    name
+        Path relative to the folder.
+    source
+        The list, for the error message.
+
+    Raises
+    ------
+    DatasetError
+        If the path is invalid or outside the folder.
+    """
+    path = folder / name
+    try:
+        is_inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:  # NUL, name too long, circular links
+        raise DatasetError(f"{source} names {name[:80]!r}, which is no path: {error}", "correct the name") from error
+    if not is_inside:
+        raise DatasetError(
+            f"{source} names '{name}', which lies outside its folder", "copy the mesh into the folder and name it there"
+        )
+    return path

@@ -32,17 +32,14 @@ def test_meshes(tmp_path):
 
 
 def test_classes(tmp_path):
-    named, nested, listed, princeton = (tmp_path / name for name in ("named", "nested", "listed", "princeton"))
+    named, nested, princeton = (tmp_path / name for name in ("named", "nested", "princeton"))
     for number, name in enumerate(("cat0", "cat1", "dog0", "dog1")):
         mesh = rod(0.1, number / 2)
         write_off(named / f"{name}.off", *mesh)
         write_off(nested / name[:3] / f"{number}.off", *mesh)
-        write_off(listed / f"m{number}.off", *mesh)
         write_off(princeton / f"m{number}.off", *mesh)
-    rows = ["file\tclass", *(f"m{k}.off\t{name}" for k, name in enumerate(("cat", "cat", "dog", "dog")))]
-    (listed / "MANIFEST.tsv").write_text("\n".join(rows) + "\n")
     (princeton / "x.cla").write_text("PSB 1\n2 4\n\ncat 0 2\n0\n1\n\ndog 0 2\n2\n3\n")
-    for folder in (named, nested, listed, princeton):
+    for folder in (named, nested, princeton):
         assert "cat 2, dog 2" in check(folder)
 
 

@@ -6,7 +6,6 @@ from click.testing import CliRunner
 
 from benchmark.cli.options import data
 from benchmark.datasets.checking import check, check_source
-from benchmark.datasets.files import file_digest
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.inspection import count_holes
 from benchmark.geometry.mesh import Mesh
@@ -183,38 +182,6 @@ def test_a_frame_that_is_too_small_is_an_error(rods):
     (rods / "dataset.toml").write_text("half_width = 0.3\n")
     assert only(rods).startswith("error    thick1.off  extends to 0.567563, beyond")
     assert "set half_width = 0.630626" in only(rods)
-
-
-def manifest(folder, header, *rows):
-    (folder / "MANIFEST.tsv").write_text("\n".join("\t".join(map(str, row)) for row in (header, *rows)) + "\n")
-
-
-def test_the_files_are_compared_with_the_manifest(rods):
-    names = sorted(path.name for path in rods.glob("*.off"))
-    good = [(name, 290, 576, file_digest(rods / name)) for name in names]
-    header = ("file", "vertices", "faces", "sha256")
-    manifest(rods, header, *good)
-    assert lines(rods) == []
-    manifest(
-        rods, header, (names[0], 291, 576, good[0][3]), (*good[1][:3], "0" * 64), *good[2:5], ("gone.off", 1, 1, "")
-    )
-    assert lines(rods) == [
-        "error    thick0.off  has 290 vertices, in the manifest 291; fetch it again, or correct the line",
-        "error    thick1.off  is not the file of the manifest; fetch it again, or correct the line",
-        "error    gone.off  is named in the manifest but is no shape of the data set; "
-        "add the mesh or remove the line of MANIFEST.tsv",
-        "warning  thin2.off  is not in the manifest; add a line to MANIFEST.tsv",
-    ]
-
-
-def test_a_manifest_that_points_outside_is_an_error_also_for_an_official_set(tmp_path):
-    write_off(tmp_path / "secret.off", ROD)
-    write_rods(tmp_path / "tosca")
-    manifest(tmp_path / "tosca", ("file",), ("../secret.off",))
-    for name, root in (("tosca", tmp_path), (str(tmp_path / "tosca"), None)):
-        report = check_source(name, root)
-        assert any("'../secret.off', which lies outside its folder" in str(a) for a in report.anomalies)
-        assert not report.usable
 
 
 def test_the_verb_exits_with_1_on_errors_alone(rods):

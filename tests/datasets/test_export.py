@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import canonical_entry
-from benchmark.datasets.export import CLA_FILE, export
-from benchmark.datasets.folder import folder_dataset, read_cla
+from benchmark.datasets.export import export
+from benchmark.datasets.folder import folder_dataset
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import render_depth
@@ -44,15 +44,19 @@ def facts(dataset):
     return [(e.subject, e.pose, dataset.camera(e)) for e in dataset.entries]
 
 
-@pytest.mark.parametrize("layout", ["shrec14", "tosca"])
-def test_the_same_shapes_come_back(tmp_path, layout):
+def test_the_same_shapes_come_back(tmp_path):
     source = Beasts()
-    written = export(source, tmp_path / "out", layout)
+    written = export(source, tmp_path / "out")
     back = folder_dataset(tmp_path / "out")
-    assert sorted(written) == sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert facts(back) == facts(source)
+    names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
+    assert sorted(written) == sorted(names)
+        str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")
+    )
+    assert sorted(facts(back), key=str) == sorted(facts(source), key=str)
     assert (back.half_width, back.stand_in_for) == (1.3, "tosca")
-    for before, after in zip(source.entries, back.entries, strict=True):
+    exported = {(entry.subject, entry.pose): entry for entry in back.entries}
+    for before in source.entries:
+        after = exported[before.subject, before.pose]
         first, second = source.load(before), back.load(after)
         assert first.vertices.tobytes() == second.vertices.tobytes()
         assert first.faces.tobytes() == second.faces.tobytes()
@@ -60,15 +64,6 @@ def test_the_same_shapes_come_back(tmp_path, layout):
             render_depth(m, d.camera(e), d.half_width) for m, d, e in ((first, source, before), (second, back, after))
         ]
         assert views[0].tobytes() == views[1].tobytes()
-
-
-def test_the_layouts_have_the_names_and_the_classes_of_the_official_sets(tmp_path):
-    numbered = export(Beasts(), tmp_path / "a", "shrec14")
-    assert numbered == (*(f"{k}.obj" for k in range(9)), "classes.cla", "dataset.toml", "MANIFEST.tsv")
-    assert read_cla(tmp_path / "a" / CLA_FILE) == {k: SUBJECTS[k % 3] for k in range(9)}
-    assert (tmp_path / "a" / CLA_FILE).read_text().startswith("PSB 1\n3 9\n\nman-2 0 3\n0\n3\n6\n\ncat 0 3\n1\n4\n")
-    by_class = export(Beasts(), tmp_path / "b", "tosca")
-    assert by_class[:5] == ("man-2-0.off", "cat0.off", "man-1-0.off", "man-2-1.off", "cat1.off")
 
 
 @settings(max_examples=30)
@@ -91,7 +86,7 @@ def test_the_canonical_pose_and_a_camera_of_its_own_are_kept(tmp_path):
         'camera = { direction = [1, 2, 3] }\n[canonical_pose]\nthick = "2"\n', encoding="utf-8"
     )
     source = folder_dataset(tmp_path / "in")
-    export(source, tmp_path / "out", "shrec14")
+    export(source, tmp_path / "out")
     back = folder_dataset(tmp_path / "out")
     assert canonical_entry(back, "thick").pose == "2"
     assert canonical_entry(back, "thin").pose == "0"
@@ -103,47 +98,39 @@ def test_the_canonical_pose_and_a_camera_of_its_own_are_kept(tmp_path):
 
 
 def test_a_folder_with_files_is_left_alone_unless_forced(tmp_path):
-    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "cat").mkdir(parents=True)
     (tmp_path / "out" / "notes.txt").write_text("mine")
-    (tmp_path / "elsewhere.obj").write_text("precious")
-    (tmp_path / "out" / "0.obj").symlink_to(tmp_path / "elsewhere.obj")
+    (tmp_path / "elsewhere.off").write_text("precious")
+    (tmp_path / "out" / "cat" / "sit.off").symlink_to(tmp_path / "elsewhere.off")
     with pytest.raises(ConfigurationError, match="out is not empty; .*--force"):
-        export(Beasts(), tmp_path / "out", "shrec14")
-    assert (tmp_path / "out" / "0.obj").is_symlink()
-    export(Beasts(), tmp_path / "out", "shrec14", force=True)
+        export(Beasts(), tmp_path / "out")
+    assert (tmp_path / "out" / "cat" / "sit.off").is_symlink()
+    export(Beasts(), tmp_path / "out", force=True)
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
-    assert (tmp_path / "elsewhere.obj").read_text() == "precious"
-    assert facts(folder_dataset(tmp_path / "out")) == facts(Beasts())
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere.obj", "out"]
-
-
-def test_a_forced_export_does_not_mix_with_another_classification(tmp_path):
-    export(Beasts(), tmp_path / "out", "shrec14")
-    with pytest.raises(ConfigurationError, match="classes.cla would classify the exported meshes; remove it"):
-        export(Beasts(), tmp_path / "out", "tosca", force=True)
+    assert (tmp_path / "elsewhere.off").read_text() == "precious"
+    assert len(folder_dataset(tmp_path / "out").entries) == 9
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere.off", "out"]
 
 
 def test_a_set_is_never_written_over_itself(tmp_path):
     write_rods(tmp_path / "in")
     before = {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
     with pytest.raises(ConfigurationError, match="in holds the data set itself"):
-        export(folder_dataset(tmp_path / "in"), tmp_path / "in", "tosca", force=True)
+        export(folder_dataset(tmp_path / "in"), tmp_path / "in", force=True)
     assert before == {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
 
 
 @pytest.mark.parametrize(
-    ("subject", "pose", "layout", "message"),
+    ("subject", "pose", "message"),
     [
-        ("big cat", "0", "shrec14", "class 'big cat' is not one word"),
-        ("../cat", "0", "tosca", "'../cat' cannot be the class in a file name; .*--layout shrec14"),
-        ("cat-", "0", "tosca", "'cat-' cannot be the class in a file name"),
-        ("cat", "a\tb", "shrec14", "pose .* is not one line"),
+        ("../cat", "0", "'../cat' of 'x' cannot be the name of a file"),
+        ("cat", "a\tb", "cannot be the name of a file"),
     ],
 )
-def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, layout, message):
+def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, message):
     entries = (Entry("x", subject, pose), Entry("y", subject, "1"))
     with pytest.raises(ConfigurationError, match=message):
-        export(Beasts(entries=entries), tmp_path / "out", layout)
+        export(Beasts(entries=entries), tmp_path / "out")
 
 
 def test_cameras_that_differ_in_a_class_are_named(tmp_path):
@@ -152,4 +139,4 @@ def test_cameras_that_differ_in_a_class_are_named(tmp_path):
             return SIDE if entry.pose == "sit" else FRONT
 
     with pytest.raises(DatasetError, match="class 'man-2' have different cameras"):
-        export(Turning(), tmp_path / "out", "tosca")
+        export(Turning(), tmp_path / "out")

@@ -5,7 +5,6 @@ import pytest
 from benchmark.datasets.base import check_retrievable
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.folder import folder_dataset
-from benchmark.datasets.manifest import ManifestRow, read_manifest, write_manifest
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from tests.toy import rod, write_off, write_rods
@@ -112,66 +111,6 @@ def test_a_cla_file_cannot_lead_out_of_its_folder(tmp_path):
     (tmp_path / "set" / "1.off").symlink_to(tmp_path / "secret.off")
     with pytest.raises(DatasetError, match="names '1.off', which lies outside its folder; copy the mesh"):
         folder_dataset(tmp_path / "set")
-
-
-# Manifests
-
-
-def test_a_manifest_with_classes_lists_the_shapes(tmp_path):
-    numbered(tmp_path)
-    listed = [ManifestRow("3.off", "old man", "sits", 290, 576, ""), ManifestRow("0.off", "man-1", "", 290, 576, "")]
-    write_manifest(tmp_path, listed)
-    assert read_manifest(tmp_path) == tuple(listed)
-    assert [(e.identifier, e.subject, e.pose) for e in folder_dataset(tmp_path).entries] == [
-        ("3", "old man", "sits"),
-        ("0", "man-1", ""),
-    ]
-
-
-def test_a_manifest_without_classes_changes_nothing(tmp_path):
-    write_rods(tmp_path)
-    before = folder_dataset(tmp_path).entries
-    (tmp_path / "MANIFEST.tsv").write_bytes(b"file\tvertices\r\nthin0.off\t290\r\n")
-    assert folder_dataset(tmp_path).entries == before
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("file\n/etc/passwd\n", "names '/etc/passwd', which lies outside its folder"),
-        ("file\tclass\nlinked/secret.off\ta\n", "names 'linked/secret.off', which lies outside its folder"),
-        ("file\tclass\n0.off\ta\n0.off\ta\n", "names 0.off twice"),
-        ("file\tclass\n0.off\ta\n0.obj\ta\n", "names '0' in two formats"),
-        ("file\tclass\n0.off a\n", "line 2 has 1 cells, not 2; separate the columns by one tab"),
-        ("file\tclass\n0.off\t\n", "line 2 names no class"),
-        ("file\tvertices\n0.off\tmany\n", "line 2: vertices are 'many'; write a whole number"),
-        ("file\tclas\n0.off\ta\n", "unknown column of .*MANIFEST.tsv 'clas'; did you mean class"),
-        ("", "names no column 'file'"),
-    ],
-)
-def test_a_wrong_manifest_is_named(tmp_path, text, message):
-    folder = numbered(tmp_path / "set")
-    write_off(folder / "0.obj", rod(0.1, 1.0))
-    write_off(tmp_path / "secret.off", rod(0.1, 1.0))
-    (folder / "linked").symlink_to(tmp_path)
-    (folder / "MANIFEST.tsv").write_text(text)
-    with pytest.raises(BenchmarkError, match=message):
-        folder_dataset(folder)
-
-
-def test_a_manifest_and_a_cla_file_must_agree(tmp_path):
-    numbered(tmp_path)
-    (tmp_path / "test.cla").write_text(CLA)
-    subjects = ("man", "man", "woman", "woman")
-    (tmp_path / "MANIFEST.tsv").write_text(
-        "file\tclass\n" + "".join(f"{number}.off\t{subject}\n" for number, subject in enumerate(subjects))
-    )
-    assert [e.subject for e in folder_dataset(tmp_path).entries] == list(subjects)
-    (tmp_path / "MANIFEST.tsv").write_text(
-        (tmp_path / "MANIFEST.tsv").read_text().replace("1.off\tman", "1.off\twoman")
-    )
-    with pytest.raises(DatasetError, match="test.cla puts '1' into class 'man', MANIFEST.tsv into 'woman'; correct"):
-        folder_dataset(tmp_path)
 
 
 # Settings

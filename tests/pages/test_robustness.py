@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from tests.rows import is_form
 
 ROOT = Path(__file__).parents[2]
