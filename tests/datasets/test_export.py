@@ -50,8 +50,6 @@ def test_the_same_shapes_come_back(tmp_path):
     back = folder_dataset(tmp_path / "out")
     names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
     assert sorted(written) == sorted(names)
-        str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")
-    )
     assert sorted(facts(back), key=str) == sorted(facts(source), key=str)
     assert (back.half_width, back.stand_in_for) == (1.3, "tosca")
     exported = {(entry.subject, entry.pose): entry for entry in back.entries}
