@@ -1,15 +1,19 @@
-"""Write files atomically: to a temporary file, which then replaces the old one."""
+"""Digests of files, and writing of files atomically: to a temporary file, which then replaces the old one."""
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
+import functools
+import hashlib
 import os
 import secrets
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+from benchmark.errors import UnreadableMesh
 
 _SUFFIX = ".tmp"
 
@@ -110,3 +114,25 @@ def is_alive(process: int) -> bool:
     except OSError:
         return True  # it belongs to another user
     return True
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal, cached per process while the file is unchanged.
+
+    Raises
+    ------
+    UnreadableMesh
+        If the file is unreadable.
+    """
+    try:
+        facts = path.stat()
+        return _digest(path.absolute(), facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
+    except OSError as error:
+        raise UnreadableMesh(f"cannot read {path}: {error.strerror}", "check the file and its rights") from error
+
+
+@functools.lru_cache(maxsize=65536)
+def _digest(path: Path, size: int, modified: int, changed: int) -> str:
+    """Compute a file digest; size and times distinguish versions of a file in the cache."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

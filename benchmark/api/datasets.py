@@ -1,20 +1,27 @@
 """Interface for authors of data sets, which list shapes and return their meshes.
 
-A *data set* is a frozen, keyword-only dataclass with a class attribute ``info``, a method ``entries`` that lists its
-shapes, and a method ``load`` that returns the mesh of one. ``load`` is optional if every entry names a mesh file.
+A data set is a :class:`ShapeSet`: a list of shapes, and functions that say more about one of them. That of a plugin file
+is a variable of its module.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
-from benchmark.geometry.camera import FRONT, SIDE, Camera
+from benchmark.api.contracts import Input
+from benchmark.errors import UnreadableMesh
+from benchmark.files import file_digest
+from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
+from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 
-__all__ = ["FRONT", "SIDE", "Camera", "DatasetInfo", "Entry", "ListsShapes", "Mesh"]
+if TYPE_CHECKING:
+    from benchmark.depth.frame import ObservedObject
+
+__all__ = ["FRONT", "SIDE", "Camera", "DatasetInfo", "Entry", "ListsShapes", "Mesh", "ShapeSet"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +44,103 @@ class Entry:
     subject: str
     pose: str
     path: Path | None = None
+
+
+def read_entry(entry: Entry) -> Mesh:
+    """Read the mesh file of a shape; raise ``UnreadableMesh`` if it has none or it is damaged."""
+    return read_mesh(_path(entry))
+
+
+def digest_of_entry(entry: Entry) -> str:
+    """Return the digest of the mesh file of a shape; "" if it has none."""
+    if entry.path is None:
+        return ""
+    beside = [entry.path.with_suffix(".tri")] if entry.path.suffix.lower() == ".vert" else []
+    return "+".join(file_digest(path) for path in (entry.path, *beside))
+
+
+def front(entry: Entry) -> Camera:
+    """Return the front view, for shapes that stand along z and face -y."""
+    return FRONT
+
+
+def no_sensor(entry: Entry) -> DepthSensor | None:
+    """Return None: depth images are exact."""
+    return None
+
+
+def _path(entry: Entry) -> Path:
+    if entry.path is None:
+        raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'")
+    return entry.path
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeSet:
+    """A data set.
+
+    Parameters
+    ----------
+    name
+        Name on the command line: lower case, words joined by hyphens.
+    shapes
+        Shapes in the order of the distance matrix.
+    load
+        Function that returns the unprocessed mesh of a shape, or raises ``UnreadableMesh`` or ``InvalidMesh``; by
+        default it reads the file of the shape.
+    key
+        Function that returns text on which the mesh of a shape depends beside the code that makes it: parameters of a
+        generator, or the digest of a file. By default the digest of the file of the shape.
+    title
+        Name in tables; by default the name.
+    summary
+        One line for ``list datasets``.
+    camera
+        Function that returns the depth camera of a shape; by default :data:`FRONT`.
+    sensor
+        Function that returns the errors of the depth sensor for a shape, or None for exact depth images.
+    observe
+        Function that returns the object in the depth frame of a shape; None for a set of meshes.
+    half_width
+        Half the width of the depth camera's frame in units of the meshes; None fits it to the whole data set.
+    canonical_poses
+        Canonical pose by subject; for other subjects it is the first pose.
+    inputs
+        ``("mesh", "view")``, or ``("view",)`` for depth frames, which show one side of a shape.
+    stand_in_for
+        Name of the official set that a generated set replaces.
+    folder
+        Folder of the files; None for a generated set.
+    code
+        Modules, or the path of a plugin file, whose code makes the meshes.
+    files
+        Files that this code reads, relative to the folder of the plugin file.
+
+    Examples
+    --------
+    >>> shapes = tuple(Entry(f"{s}{k}", s, str(k)) for s in ("thin", "thick") for k in range(5))
+    >>> rods = ShapeSet(name="rods", shapes=shapes, load=rod)  # doctest: +SKIP
+    """
+
+    name: str
+    shapes: tuple[Entry, ...]
+    load: Callable[[Entry], Mesh] = read_entry
+    key: Callable[[Entry], str] = digest_of_entry
+    title: str = ""
+    summary: str = ""
+    camera: Callable[[Entry], Camera] = front
+    sensor: Callable[[Entry], DepthSensor | None] = no_sensor
+    observe: Callable[[Entry], ObservedObject] | None = None
+    half_width: float | None = None
+    canonical_poses: Mapping[str, str] = field(default_factory=dict)
+    inputs: tuple[Input, ...] = ("mesh", "view")
+    stand_in_for: str = ""
+    folder: Path | None = None
+    code: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "title", self.title or self.name)
 
 
 @dataclass(frozen=True, kw_only=True)

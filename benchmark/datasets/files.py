@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmark.datasets.base import Entry
-from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
+from benchmark.errors import BenchmarkError, DatasetError
+from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
@@ -57,21 +56,6 @@ class FolderDataset:
         return self.camera_for(entry) if self.camera_for else FRONT
 
 
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file in hexadecimal, cached per process while the file is unchanged.
-
-    Raises
-    ------
-    UnreadableMesh
-        If the file is unreadable.
-    """
-    try:
-        facts = path.stat()
-        return _digest(path.absolute(), facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
-    except OSError as error:
-        raise UnreadableMesh(f"cannot read {path}: {error.strerror}", "check the file and its rights") from error
-
-
 def is_there(path: Path) -> bool:
     """Return whether the path exists, including broken links."""
     return path.is_symlink() or path.exists()
@@ -91,13 +75,6 @@ def text_of(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
-
-
-@functools.lru_cache(maxsize=65536)
-def _digest(path: Path, size: int, modified: int, changed: int) -> str:
-    """Compute a file digest; size and times distinguish versions of a file in the cache."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _path(entry: Entry) -> Path:
