@@ -179,7 +179,7 @@ def _lazy(base: Path, name: str) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class _Module:
-    """Digest and imports (level, module, attribute) of a source file, and the modules of its lazy attributes, if any."""
+    """Digest of a source file, its imports (level, module, attribute) and the modules of its lazy attributes."""
 
     digest: str
     imports: tuple[tuple[int, str, str], ...] = ()

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from benchmark.api.parameters import CheckedParameters, Interval, Matches, OneOf
 from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
+from benchmark.text import LONGEST_NAME
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
@@ -31,6 +32,7 @@ __all__ = [
     "GeodesicSolver",
     "Input",
     "Interval",
+    "InvalidMesh",
     "Matches",
     "Mesh",
     "Method",
@@ -55,8 +57,17 @@ GeodesicSolver = Annotated[str, OneOf(_geodesic_solvers)]
 """Type of a parameter that names a solver for :meth:`Shape.geodesics`."""
 
 
+Name = Annotated[
+    str, Matches(rf"(?=.{{1,{LONGEST_NAME}}}$)[a-z][a-z0-9]*(-[a-z0-9]+)*", "lower-case words joined by hyphens")
+]
+"""Name on the command line."""
+
+Title = Annotated[str, Matches(r"\S.*", "a text of one line")]
+"""Name in the tables."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class MethodInfo:
+class MethodInfo(CheckedParameters):
     """Facts about a method, for the harness and the tables.
 
     Parameters
@@ -84,12 +95,17 @@ class MethodInfo:
     deterministic
         False if the form depends on the seed.
     files
-        Other files on which the results of a plugin depend, such as a program that it calls; paths are relative to the
-        plugin file. If one changes, results are outdated. Files opened in Python are detected automatically.
+        Other files on which the results depend, such as a table that it reads or a program that it calls; paths are
+        relative to its module. If one changes, its results are computed again.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value is not of its type.
     """
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     cite: str = ""
     family: Literal["paper", "control", "extended"] = "extended"
     summary: str = ""
@@ -141,7 +157,7 @@ class Shape:
     Parameters
     ----------
     identifier
-        Name of the shape in its data set; for plugins, a number derived from the mesh.
+        Name of the shape in its data set.
     mesh
         Prepared surface: one component, about 2000 vertices, unit area. With the view input, the open 2.5-D surface
         seen by the camera.
@@ -173,6 +189,32 @@ class Shape:
         self._cache = cache
         self._geodesics: dict[str, FloatArray] = {}
         self._laplacian: Laplacian | None = None
+
+    @classmethod
+    def from_arrays(cls, vertices: ArrayLike, faces: ArrayLike, name: str = "shape") -> Shape:
+        """Return a shape with the given surface, as it is; :func:`benchmark.canonicalise` prepares it as a run does.
+
+        Parameters
+        ----------
+        vertices
+            Coordinates, shape (n, 3).
+        faces
+            Vertex indices of the triangles, shape (m, 3).
+        name
+            Identifier of the shape.
+
+        Raises
+        ------
+        InvalidMesh
+            If they are no triangle mesh.
+
+        Examples
+        --------
+        >>> from baselines.gps import GPS
+        >>> form = GPS().canonicalise(Shape.from_arrays(vertices, faces))   # doctest: +SKIP
+        """
+        mesh = Mesh(vertices, faces)  # type: ignore[arg-type]
+        return cls(identifier=name, mesh=mesh, source_area=mesh.area)
 
     def __repr__(self) -> str:
         return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"

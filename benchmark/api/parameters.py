@@ -4,24 +4,20 @@ A parameter is a field of a dataclass. Its type determines the kind of value, ``
 ``Annotated`` adds a constraint to the type::
 
     iterations: Annotated[int, Interval(1)] = 20
-    start: Literal["mesh", "classic"] = "mesh"
-
-A field that declares only its type accepts every value of that type except NaN.
+    weights: Literal["uniform", "cotangent"] = "cotangent"
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
-import inspect
 import math
 import re
-import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from types import NoneType
 from typing import Annotated, Any, Literal
 
@@ -29,8 +25,6 @@ import msgspec
 import numpy as np
 
 from benchmark.errors import ConfigurationError, did_you_mean
-
-_WITH_LOW, _WITH_HIGH = ("both", "left"), ("both", "right")
 
 
 @dataclass(frozen=True)
@@ -52,14 +46,22 @@ class Interval:
     def admit(self, value: Any) -> Any:
         """Return the value if it lies inside, or raise ``ValueError``."""
         low, high = (-math.inf if self.low is None else self.low), (math.inf if self.high is None else self.high)
-        on_bound = (value == low and self.closed in _WITH_LOW) or (value == high and self.closed in _WITH_HIGH)
+        on_bound = (value == low and self.closed in ("both", "left")) or (
+            value == high and self.closed in ("both", "right")
+        )
         if not (math.isfinite(value) and (low < value < high or on_bound)):
             raise ValueError
         return value
 
     def __str__(self) -> str:
-        low = "" if self.low is None else f"{'of at least' if self.closed in _WITH_LOW else 'above'} {self.low:g}"
-        high = "" if self.high is None else f"{'of at most' if self.closed in _WITH_HIGH else 'below'} {self.high:g}"
+        low = (
+            "" if self.low is None else f"{'of at least' if self.closed in ('both', 'left') else 'above'} {self.low:g}"
+        )
+        high = (
+            ""
+            if self.high is None
+            else f"{'of at most' if self.closed in ('both', 'right') else 'below'} {self.high:g}"
+        )
         return " and ".join(filter(None, (low, high))) or "that is finite"
 
 
@@ -86,10 +88,8 @@ class OneOf:
         return names if isinstance(names, Mapping) else {name: name for name in names}
 
     def admit(self, value: Any) -> Any:
-        """Return the name for a spelling, or raise ``ValueError``."""
-        if value not in (known := self.known):
-            raise ValueError
-        return known[value]
+        """Return the name for a spelling, or raise ``KeyError``."""
+        return self.known[value]
 
     def __str__(self) -> str:
         return " or ".join(self.known)
@@ -120,25 +120,20 @@ class Matches:
         return self.words
 
 
-#: Constraints on a value in addition to its type. Each has ``admit``; as text, it describes the accepted values.
 _CONSTRAINTS = (Interval, OneOf, Matches)
-
-#: Descriptions of the types of single values.
 _WORDS: Mapping[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
+_UNIONS = (typing.Union, types.UnionType)
+_QUOTES = "'\""
 
 #: Errors raised by a value that does not fit its type.
-_UNFIT = (ValueError, TypeError, OverflowError, KeyError)
-
-_QUOTES = "'\""
-_UNIONS = (typing.Union, types.UnionType)
+_UNFIT = (ValueError, TypeError, OverflowError, KeyError, msgspec.ValidationError)
 
 
 class CheckedParameters:
     """Base class of frozen dataclasses that checks and normalises the parameters of each instance."""
 
     def __post_init__(self) -> None:
-        values = {name: getattr(self, name) for name in declared_parameters(type(self))}
-        for name, value in checked(type(self), values).items():
+        for name, value in checked(type(self), parameter_values(self)).items():
             object.__setattr__(self, name, value)
 
 
@@ -168,39 +163,60 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     fields = declared_parameters(cls)
     values = {}
     for name, value in given.items():
-        if not fields:
-            hint = f"leave it out: {owner} has no parameters"
-            raise ConfigurationError(f"unknown parameter of {owner} '{name}'", hint)
         if name not in fields:
-            raise did_you_mean(f"parameter of {owner}", name, fields)
-        annotation, default = fields[name]
+            if fields:
+                raise did_you_mean(f"parameter of {owner}", name, fields)
+            raise ConfigurationError(f"unknown parameter of {owner} '{name}'", f"leave it out: {owner} has none")
+        annotation, _ = fields[name]
         try:
-            values[name] = _fit(annotation, value, default)
+            values[name] = _fit(annotation, value)
         except _UNFIT:
             if isinstance(value, str) and (choices := _choices(annotation)):
                 raise did_you_mean(f"{name} of {owner}", value, choices) from None
-            words = values_in_words(annotation, default)
-            raise ConfigurationError(f"'{value}' does not fit {name} of {owner}", f"write {words}") from None
+            raise ConfigurationError(
+                f"'{value}' does not fit {name} of {owner}", f"write {values_in_words(annotation)}"
+            ) from None
     return values
 
 
 def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
-    """Return the parameters that differ from their defaults, checked, in the order of the fields.
-
-    See :func:`checked`.
-    """
-    values = checked(cls, given, owner)
-    return {
-        name: values[name]
-        for name, (annotation, default) in declared_parameters(cls).items()
-        if name in values and values[name] != _normalised(annotation, default)
-    }
+    """Return the parameters that differ from their defaults, in the order of the fields; see :func:`checked`."""
+    values, fields = checked(cls, given, owner), declared_parameters(cls)
+    defaults = {name: default for name, (_, default) in fields.items() if default is not dataclasses.MISSING}
+    defaults = checked(cls, {name: defaults[name] for name in values if name in defaults}, owner)
+    return {name: values[name] for name in fields if name in values and values[name] != defaults.get(name)}
 
 
 def parameter_values(instance: Any) -> dict[str, Any]:
-    """Return all parameters of an instance of a dataclass, normalised; empty for any other object."""
-    fields = declared_parameters(type(instance))
-    return {name: _normalised(annotation, getattr(instance, name)) for name, (annotation, _) in fields.items()}
+    """Return all parameters of an instance of a dataclass; empty for any other object."""
+    return {name: getattr(instance, name) for name in declared_parameters(type(instance))}
+
+
+def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
+    """Return type and default of each parameter of a dataclass, in the order of its fields; none for another class."""
+    if not dataclasses.is_dataclass(cls):
+        return {}
+    hints = _type_hints(cls)
+    return {
+        field.name: (
+            hints[field.name],
+            field.default if field.default_factory is dataclasses.MISSING else field.default_factory(),
+        )
+        for field in dataclasses.fields(cls)
+        if field.init
+    }
+
+
+@cache
+def _type_hints(cls: type[Any]) -> dict[str, Any]:
+    try:
+        return typing.get_type_hints(cls, include_extras=True)
+    except NameError as error:
+        problem = f"a type of {cls.__name__} is unknown: {error}"
+        raise ConfigurationError(problem, "import it outside of 'if TYPE_CHECKING'") from error
+
+
+# Text ----------------------------------------------------------------------------------------------------------------
 
 
 def format_value(value: Any) -> str:
@@ -258,40 +274,11 @@ def split(text: str, separator: str = ",") -> list[str]:
     return parts if text.strip() else []
 
 
-def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
-    """Return annotation and default of each parameter of a class, in the order of its fields."""
-    if not dataclasses.is_dataclass(cls):
-        return {}
-    return {
-        field.name: (
-            _annotation(cls, field),
-            field.default if field.default_factory is dataclasses.MISSING else field.default_factory(),
-        )
-        for field in dataclasses.fields(cls)
-        if field.init
-    }
-
-
-@functools.cache
-def _annotation(cls: type[Any], field: dataclasses.Field[Any]) -> Any:
-    """Return the type of a field with its constraints, or its text if a name in it is unknown at run time."""
-    if not isinstance(field.type, str):
-        return field.type
-    home = next((base for base in cls.__mro__ if field.name in inspect.get_annotations(base)), cls)
-    holder = types.SimpleNamespace(__annotations__={field.name: field.type})
-    names = vars(sys.modules[home.__module__]) if home.__module__ in sys.modules else {}
-    try:
-        return typing.get_type_hints(holder, names, dict(vars(home)), include_extras=True)[field.name]
-    except Exception:
-        return field.type
-
-
-def values_in_words(annotation: Any, default: Any = None) -> str:
-    """Describe the values that a type with constraints accepts; a default helps if the type is not specific."""
-    annotation = _kind(annotation, default)
+def values_in_words(annotation: Any) -> str:
+    """Describe the values that a type with constraints accepts."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        base = values_in_words(arguments[0], default)
+        base = values_in_words(arguments[0])
         limits = [limit for limit in arguments[1:] if isinstance(limit, _CONSTRAINTS)]
         return " and ".join(f"{base} {part}" if isinstance(part, Interval) else str(part) for part in limits) or base
     if origin is Literal:
@@ -299,21 +286,10 @@ def values_in_words(annotation: Any, default: Any = None) -> str:
     if origin in _UNIONS:
         return " or ".join("none" if kind is NoneType else values_in_words(kind) for kind in arguments)
     if origin is tuple:
-        inner = [kind for kind in arguments if kind is not Ellipsis]
-        count = "values" if Ellipsis in arguments else f"{len(inner)} values"
-        kind = f", each {values_in_words(inner[0])}" if len(set(inner)) == 1 and inner[0] is not Any else ""
-        return f"{count} in parentheses{kind}"
-    name = getattr(annotation, "__name__", str(annotation))
-    return _WORDS.get(annotation) or f"a {name}{'' if origin is None else ' in Python: no text stands for one'}"
-
-
-def _kind(annotation: Any, default: Any) -> Any:
-    """Return the type, or that of the default if the type is not specific."""
-    if isinstance(annotation, str) or annotation in (Any, object):
-        annotation = Any if default is None or default is dataclasses.MISSING else type(default)
-    if annotation is tuple:
-        return tuple[type(default[0]) if isinstance(default, tuple) and default else Any, ...]  # type: ignore[misc]
-    return annotation
+        count = "values" if Ellipsis in arguments else f"{len(arguments)} values"
+        kinds = set(arguments) - {Ellipsis}
+        return f"{count} in parentheses" + (f", each {values_in_words(*kinds)}" if len(kinds) == 1 else "")
+    return _WORDS.get(annotation) or f"a {getattr(annotation, '__name__', annotation)}"
 
 
 def _choices(annotation: Any) -> Iterable[str]:
@@ -324,39 +300,24 @@ def _choices(annotation: Any) -> Iterable[str]:
     return list(map(format_value, arguments)) if origin is Literal else ()
 
 
-def _normalised(annotation: Any, value: Any) -> Any:
-    """Return the normalised value; a value set by an author is returned as it is if it does not fit."""
-    try:
-        return _fit(annotation, value, value)
-    except _UNFIT:
-        return value
-
-
-def _fit(annotation: Any, value: Any, default: Any) -> Any:
-    """Convert a value to a type with constraints; a default helps if the type is not specific.
-
-    Raises
-    ------
-    ValueError, TypeError, OverflowError, KeyError
-        If it does not fit.
-    """
-    annotation = _kind(annotation, default)
+def _fit(annotation: Any, value: Any) -> Any:
+    """Convert a value to a type with constraints; raise an error of ``_UNFIT`` if it does not fit."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        fitted = _fit(arguments[0], value, default)
+        fitted = _fit(arguments[0], value)
         for limit in arguments[1:]:
-            fitted = limit.admit(fitted) if isinstance(limit, _CONSTRAINTS) and fitted is not None else fitted
+            fitted = limit.admit(fitted) if isinstance(limit, _CONSTRAINTS) else fitted
         return fitted
     if origin is Literal:
         return value if value in arguments else {format_value(choice): choice for choice in arguments}[str(value)]
     if origin in _UNIONS:
-        if NoneType in arguments and (value is None or (isinstance(value, str) and value.lower() == "none")):
+        if NoneType in arguments and (value is None or str(value).lower() == "none"):
             return None
         for kind in arguments:
             with suppress(*_UNFIT):
-                return _fit(kind, value, default)
+                return _fit(kind, value)
         raise ValueError
-    return _fit_tuple(arguments, value) if origin is tuple else _converted(value, annotation)
+    return _fit_tuple(arguments, value) if origin is tuple else _convert(annotation, value)
 
 
 def _fit_tuple(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
@@ -368,26 +329,18 @@ def _fit_tuple(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
     if not isinstance(value, tuple | list):
         raise TypeError
     kinds = kinds[:1] * len(value) if kinds[-1:] == (Ellipsis,) else kinds
-    return tuple(_fit(kind, part, None) for kind, part in zip(kinds, value, strict=True))
+    return tuple(_fit(kind, part) for kind, part in zip(kinds, value, strict=True))
 
 
-def _converted(value: Any, kind: Any) -> Any:
+def _convert(kind: Any, value: Any) -> Any:
     """Convert text or an object to a type; NaN is rejected, and an integer may be written as 2.0 or 1e3."""
     value = value.item() if isinstance(value, np.generic) else value
-    is_text = isinstance(value, str) and kind is not str
-    value = value.strip() if is_text else value
-    if is_text and kind in (int, float):  # accepted by Python, but not by JSON: .5, +7, 012
+    if isinstance(value, str) and kind in (int, float):  # Python reads more than JSON: .5, +7, 012
         value = int(value) if kind is int and value.strip(" +-").isdecimal() else float(value)
-    converted = msgspec.convert(value, kind, strict=kind is bool and not is_text, dec_hook=_of_its_kind)
-    if kind is float:
-        converted += 0.0  # so that -0.0 is 0.0
+    is_text = isinstance(value, str) and kind is not str
+    converted = msgspec.convert(
+        value, kind, strict=kind is bool and not is_text, dec_hook=lambda kind, text: kind(text)
+    )
     if converted != converted:
         raise ValueError
-    return converted
-
-
-def _of_its_kind(kind: type[Any], value: Any) -> Any:
-    """Convert text to a type that only its own class can parse."""
-    if not isinstance(value, str):
-        raise TypeError
-    return kind(value)
+    return converted + 0.0 if kind is float else converted  # so that -0.0 is 0.0

@@ -3,19 +3,19 @@
 A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods: ``signature`` describes
 one form, and ``compare`` compares the signatures of a whole gallery. Its fields are its parameters, as for methods (see
 :mod:`benchmark.api.contracts`). The forms of all methods are compared by the same scorer; descriptors use none.
-
-The interface has its own module, so that it is not part of the code that determines canonical forms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.contracts import Name, Title
+from benchmark.api.parameters import CheckedParameters, Interval
 from benchmark.geometry.mesh import Mesh
 
 __all__ = ["Mesh", "Scorer", "ScorerInfo", "SignatureArrays"]
@@ -25,7 +25,7 @@ SignatureArrays = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScorerInfo:
+class ScorerInfo(CheckedParameters):
     """Facts about a scorer, for the harness and the tables.
 
     Parameters
@@ -47,15 +47,15 @@ class ScorerInfo:
         Whether the signature is invariant to rotation, translation and scaling of the form, up to sampling. False for a
         scorer that undoes them only if the form has a well-defined pose.
     files
-        Other files on which the results of a plugin depend; see :class:`benchmark.api.contracts.MethodInfo`.
+        Other files on which the scores depend; see :class:`benchmark.api.contracts.MethodInfo`.
     """
 
-    name: str
-    title: str
+    name: Name
+    title: Title
     cite: str = ""
     summary: str = ""
     requires: tuple[str, ...] = ()
-    draws: int = 1
+    draws: Annotated[int, Interval(1, 100)] = 1
     invariant: bool = True
     files: tuple[str, ...] = ()
 

@@ -108,7 +108,7 @@ def described(cls: type[Any]) -> list[ParameterText]:
     texts = []
     for name, (annotation, default) in declared_parameters(cls).items():
         written = "" if default is dataclasses.MISSING else format_value(default)
-        texts.append(ParameterText(name, values_in_words(annotation, default), written, meanings.get(name, "")))
+        texts.append(ParameterText(name, values_in_words(annotation), written, meanings.get(name, "")))
     return texts
 
 

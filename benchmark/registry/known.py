@@ -19,6 +19,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
 from benchmark.registry.modules import load_module
 
+#: Name that selects all methods, in addition to other names.
+EVERY = "all"
+
 BUILT_IN: dict[str, str] = {
     "classic-mds": "baselines.classic_mds:ClassicMDS",
     "fast-mds": "baselines.fast_mds:FastMDS",
@@ -67,6 +70,8 @@ class Known(dict[str, Component]):
         super().__init__()
         self._kind, self._faults = kind, faults
         for component in components:
+            if component.name == EVERY:
+                raise ConfigurationError(f"a {kind} is called '{EVERY}', which stands for all", "rename it")
             if component.name in self:
                 both = f"{self[component.name].target} and {component.target}"
                 raise ConfigurationError(f"two {kind}s are called '{component.name}': {both}", "rename one")

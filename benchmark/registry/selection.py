@@ -8,11 +8,8 @@ from typing import Any
 
 from benchmark.errors import ConfigurationError
 from benchmark.registry.components import Component, Kind, component_of
-from benchmark.registry.known import data_sets, methods, scorers
+from benchmark.registry.known import EVERY, data_sets, methods, scorers
 from benchmark.registry.names import combinations, split_name
-
-#: Name that selects all methods, in addition to other names.
-EVERY = "all"
 
 
 def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Component]:

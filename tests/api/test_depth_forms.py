@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmark.api import canonical_form_of_depth
 from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, InvalidMask, NoObject
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth_forms import method_of_depth
+from benchmark.depth_forms import canonical_form_of_depth, method_of_depth
 from benchmark.errors import ConfigurationError
 from tests.depth.scenes import frame, in_millimetres
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmark.api import canonical_form_of_depth
+from benchmark.depth_forms import canonical_form_of_depth
 from benchmark.errors import BenchmarkError
 from benchmark.results import open_results
 from tests.behaviour.suite import MEASURES

@@ -98,8 +98,6 @@ def test_a_right_method_passes_every_check(findings):
     ("check", "changes", "message"),
     [
         # The class.
-        ("info", {"info": "name='tried', title=' '"}, "title is empty"),
-        ("info", {"info": "name='Tried_It', title='T'"}, "not lower-case words.*entry point is 'tried'"),
         ("class", {"dataclass": "kw_only=True"}, "can be changed after creation"),
         ("class", {"dataclass": "frozen=True"}, "can be passed by position"),
         ("parameters", {"field": "factor: object = np.linalg.norm"}, "do not fit into JSON"),

@@ -118,14 +118,3 @@ class Plain:
     def canonicalise(self, shape):
         return shape.form(shape.mesh.vertices)
 """
-
-
-def test_a_plugin_that_declares_nothing_keeps_its_own_checks(tmp_path):
-    (tmp_path / "plain.py").write_text(PARAMETERS)
-    known = registry.methods([tmp_path / "plain.py"])
-    assert known["plain"].all_parameters == {"factor": 1, "levels": (1, 2), "mode": None}
-    spec = registry.variant("plain[mode=fast,levels=12,factor=1.0]", known)
-    assert spec.name == "plain[levels=(12),mode=fast]"
-    assert registry.variant(spec.name, known) == spec
-    with pytest.raises(ConfigurationError, match="cannot be created: ValueError: factor is negative; choose"):
-        registry.variant("plain[factor=-1]", known)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
@@ -15,10 +15,9 @@ from benchmark.api.parameters import assignments, checked, format_value, non_def
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.geodesics import DEFAULT_SOLVER
 
-if TYPE_CHECKING:
-    from fractions import Fraction
 
-NAMES = ["red", "green"]
+def known_names() -> list[str]:
+    return ["red", "green"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,16 +34,13 @@ class Sample:
     level: Literal[1, 2] = 1
     pair: tuple[float, float] = (0.0, 1.0)
     levels: tuple[int, ...] = (1, 2)
-    bare: tuple = (1, 2)  # type: ignore[type-arg]
-    empty: tuple = ()  # type: ignore[type-arg]
     path: Path = Path("a")
-    unresolved: Fraction | None = 3  # type: ignore[assignment]
     made: list[int] = field(default_factory=list)
     least: Annotated[int, Interval(1)] = 1
     share: Annotated[float, Interval(0, 1, closed="neither")] = 0.5
     half_open: Annotated[float, Interval(0, 1, closed="left")] = 0.0
     most: Annotated[float, Interval(high=3)] = 0.0
-    colour: Annotated[str, OneOf(lambda: NAMES)] = "red"
+    colour: Annotated[str, OneOf(known_names)] = "red"
     solver: GeodesicSolver = "default"
     name: Annotated[str, Matches("[a-z]*", "lower-case letters")] = ""
     some: Annotated[int, Interval(1)] | None = None
@@ -98,10 +94,7 @@ def read(name: str, value: Any) -> Any:
         ("levels", "(1, 2, 3)", (1, 2, 3)),
         ("levels", "(1,)", (1,)),
         ("levels", "()", ()),
-        ("bare", "12", (12,)),
-        ("empty", "(a,b)", ("a", "b")),
         ("path", "b", Path("b")),
-        ("unresolved", "4", 4),
         ("share", "0.25", 0.25),
         ("half_open", "0", 0.0),
         ("most", "3", 3.0),
@@ -146,8 +139,7 @@ def test_a_value_is_read_as_its_type_wants_it(name: str, text: Any, value: Any) 
         ("pair", 3, "write 2 values in parentheses"),
         ("pair", "(1,b)", "write 2 values in parentheses, each a number"),
         ("levels", "(1,2.5)", "write values in parentheses, each a whole number"),
-        ("bare", "(1,b)", "write values in parentheses, each a whole number"),
-        ("made", "12", "write a list in Python: no text stands for one"),
+        ("made", "12", "write a list"),
         ("least", "0", "'0' does not fit least of Sample; write a whole number of at least 1"),
         ("least", "1" + "0" * 400, "write a whole number of at least 1"),
         ("share", "0", "write a number above 0 and below 1"),
@@ -183,6 +175,15 @@ def test_a_class_may_check_itself() -> None:
     with pytest.raises(ConfigurationError, match="'0' does not fit least of Guarded; write a whole number"):
         replace(Guarded(), least=0)
     assert parameter_values(Guarded()) == {"least": 1, "solver": DEFAULT_SOLVER}
+
+
+def test_a_type_that_is_unknown_at_run_time_is_named() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Unresolved:
+        fraction: Fraction = 3  # type: ignore[name-defined]  # noqa: F821
+
+    with pytest.raises(ConfigurationError, match="a type of Unresolved is unknown: name 'Fraction' is not defined"):
+        checked(Unresolved, {})
 
 
 @pytest.mark.parametrize(

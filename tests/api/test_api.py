@@ -1,0 +1,83 @@
+"""What authors import, and a method in two lines."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import benchmark.api
+from benchmark.api import CanonicalForm, InvalidMesh, MethodInfo, ScorerInfo, Shape, canonical_form
+from benchmark.errors import ConfigurationError
+
+VERTICES, FACES = np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+
+
+def test_dir_lists_what_there_is():
+    names = dir(benchmark.api)
+    assert {"Shape", "MethodInfo", "ScorerInfo", "TrainingData", "CanonicalForm", "Interval", "Entry"} <= set(names)
+    assert all(hasattr(benchmark.api, name) for name in names)
+
+
+def test_what_authors_import_needs_no_harness():
+    code = "import sys; from benchmark.api import *; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    heavy = {"benchmark.registry", "benchmark.pipeline", "benchmark.datasets", "torch", "numba", "pandas"}
+    assert "benchmark.api.learning" in loaded
+    assert not heavy & set(loaded)
+
+
+def test_a_method_is_used_on_arrays_in_two_lines():
+    from baselines.identity import Identity
+
+    form = Identity().canonicalise(Shape.from_arrays(VERTICES, FACES))
+    np.testing.assert_array_equal(form.vertices, VERTICES)
+    np.testing.assert_array_equal(form.faces, FACES)
+
+
+def test_arrays_that_are_no_mesh_are_refused():
+    with pytest.raises(InvalidMesh, match="a face names vertex 9"):
+        Shape.from_arrays(VERTICES, [[0, 1, 9]])
+
+
+def test_a_function_is_a_method():
+    @canonical_form(name="flatten", title="Flatten")
+    def flatten(shape):
+        """Flat."""
+        return shape.mesh.vertices * [1, 1, 0]
+
+    form = flatten().canonicalise(Shape.from_arrays(VERTICES, FACES))
+    assert isinstance(form, CanonicalForm)
+    assert np.ptp(form.vertices[:, 2]) == 0
+    assert (flatten.info.name, flatten.__doc__, flatten.__module__) == ("flatten", "Flat.", __name__)
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        (
+            {"name": "Smooth It"},
+            "'Smooth It' does not fit name of MethodInfo; write lower-case words joined by hyphens",
+        ),
+        ({"name": "a" * 61}, "write lower-case words joined by hyphens"),
+        ({"title": ""}, "'' does not fit title of MethodInfo; write a text of one line"),
+        ({"inputs": ("video",)}, "does not fit inputs of MethodInfo; write values in parentheses, each mesh or view"),
+        ({"scale": "any"}, "unknown scale of MethodInfo 'any'; choose one of equivariant, invariant"),
+        ({"deterministic": "maybe"}, "write true or false"),
+    ],
+)
+def test_a_description_that_does_not_fit_is_refused_where_it_is_written(facts, message):
+    with pytest.raises(ConfigurationError, match=message):
+        MethodInfo(**{"name": "smooth", "title": "Smooth", **facts})
+
+
+def test_the_draws_of_a_scorer_are_limited():
+    with pytest.raises(ConfigurationError, match="'0' does not fit draws of ScorerInfo"):
+        ScorerInfo(name="mine", title="Mine", draws=0)
+
+
+def test_a_shape_keeps_its_geodesics_and_draws_the_same_numbers_for_copies():
+    shape, copy = Shape.from_arrays(VERTICES, FACES), Shape.from_arrays(2 * VERTICES + 1, FACES, name="other")
+    assert shape.geodesics() is shape.geodesics()
+    assert shape.random("a").integers(1000) == copy.random("a").integers(1000)
+    assert not shape.geodesics().flags.writeable
