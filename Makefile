@@ -19,7 +19,6 @@ unexport PYTHONDONTWRITEBYTECODE
 POSES := $(addprefix --shape woman-3_,standing running squatting)
 BENT := $(addprefix --shape woman-3_,kicking squatting throwing)
 FAMILY := report -d humans --input mesh --force $(addprefix --shape woman-3_,standing t-pose squatting) --figure results/figures/family
-METRICS := diffusion commute-time biharmonic
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 
 .PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean boundscheck golden reference portability
@@ -120,12 +119,9 @@ figures: setup
 	$(BIN)/python -m benchmark report -d humans -m constrained-mds -m gps -m deformation-field \
 	    -m "deformation-field[reach=0]" --input mesh --force --figure results/figures/field-humans.png $(BENT)
 	$(BIN)/python -m benchmark $(FAMILY)-scaling.png -m classic-mds -m least-squares-mds -m non-metric-mds
-	$(BIN)/python -m benchmark $(FAMILY)-few-rows.png -m fast-mds -m accelerated-mds -m fast-classical-scaling \
-	    -m nystrom-mds -m subspace-mds
-	$(BIN)/python -m benchmark $(FAMILY)-metrics.png $(foreach m,$(METRICS),-m "classic-mds[metric=$m]") \
-	    $(foreach m,$(METRICS),-m "least-squares-mds[metric=$m]") -m gps
+	$(BIN)/python -m benchmark $(FAMILY)-few-rows.png -m fast-mds -m accelerated-mds -m fast-classical-scaling
 	$(BIN)/python -m benchmark $(FAMILY)-details.png -m constrained-mds -m feature-preserved -m skeleton \
-	    -m mesh-unfolding -m euclidean-distance -m "euclidean-distance[points=local]"
+	    -m mesh-unfolding
 	$(BIN)/python -m benchmark report -d tosca -m least-squares-mds --of effect \
 	    --force --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
 	$(BIN)/python -m benchmark report --published -t III --of cost --force --figure results/figures/cost-table-III.pdf

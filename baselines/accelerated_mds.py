@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
-
-import numpy as np
+from typing import Annotated, ClassVar
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import Side, low_rank_scaling, side_notes, vertex_areas
+from baselines._kernels.orientation import low_rank_scaling, side_notes, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
-    GeodesicSolver,
     Interval,
     MethodInfo,
     Shape,
@@ -28,29 +25,15 @@ class AcceleratedMDS(CheckedParameters):
     and Kimmel (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using multidimensional
     scaling", approximate
 
-    .. math:: D \circ D \approx P W P^\top \qquad \text{("samples")},
+    .. math:: D \circ D \approx P W P^\top,
 
-    and an option of ours also uses the rows away from the samples,
-
-    .. math:: D \circ D \approx P F + F^\top P^\top - P W P^\top \qquad \text{("interpolated")},
-
-    which is exact in the rows and columns of the samples (the Boolean sum of the two interpolations, Gordon 1971) and
-    needs the same distances. Both matrices have the form :math:`Z M Z^\top` with few columns in Z, see
-    :func:`baselines._kernels.orientation.low_rank_scaling`.
-    :class:`baselines.fast_classical_scaling.FastClassicalScaling` averages the two extensions, and
-    :class:`baselines.nystrom_mds.NystromMDS` uses the distances alone.
+    see :func:`baselines._kernels.orientation.low_rank_scaling`.
+    :class:`baselines.fast_classical_scaling.FastClassicalScaling` averages both extensions.
 
     Parameters
     ----------
-    variant
-        ``"samples"``, as published, or ``"interpolated"``, our Boolean sum.
     samples
         Number p of farthest-point samples.
-    solver
-        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
-    side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
-        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -59,16 +42,13 @@ class AcceleratedMDS(CheckedParameters):
         cite="shamai2015accelerated",
         family="extended",
         summary="classic scaling from interpolated geodesic distances of a few samples",
-        departs="Signs of axes, the side of the mirror and the variant `interpolated` follow rules of ours.",
+        departs="Signs of axes and the side of the mirror follow a rule of ours.",
     )
 
-    variant: Literal["samples", "interpolated"] = "samples"
     samples: Annotated[int, Interval(4)] = 25
-    solver: GeodesicSolver = "default"
-    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the form of the chosen variant, centred at the origin.
+        """Return the classic MDS of the interpolated distances, centred at the origin.
 
         Raises
         ------
@@ -81,15 +61,10 @@ class AcceleratedMDS(CheckedParameters):
         require_vertices(shape)
         require_connected(shape)
         samples = farthest_points(shape, self.samples)
-        rows = shape.geodesics_from(samples, self.solver)
+        rows = shape.geodesics_from(samples)
         interpolation = smooth_interpolation(shape.laplacian(), samples)
         between = squares_between(samples, rows)
-        if self.variant == "samples":
-            points = low_rank_scaling(shape.mesh, interpolation, between, self.side)
-        else:
-            identity = np.eye(len(samples))
-            coupling = np.block([[-between, identity], [identity, np.zeros_like(identity)]])
-            points = low_rank_scaling(shape.mesh, np.hstack([interpolation, rows.T**2]), coupling, self.side)
+        points = low_rank_scaling(shape.mesh, interpolation, between)
         return shape.form(
             points,
             samples=len(samples),

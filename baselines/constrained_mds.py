@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
@@ -43,8 +43,6 @@ class ConstrainedMDS(CheckedParameters):
         Number of values of :math:`\lambda`.
     iterations
         Number of iterations per cascade, each of a local and a global step.
-    start
-        Start of the MDS that gives the targets, see :class:`baselines.least_squares_mds.LeastSquaresMDS`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -63,7 +61,6 @@ class ConstrainedMDS(CheckedParameters):
     last_pull: Annotated[float, Interval(0, closed="neither")] = 10.0
     cascades: Annotated[int, Interval(1)] = 5
     iterations: Annotated[int, Interval(1)] = 20
-    start: Literal["mesh", "classic"] = "mesh"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the deformed surface.
@@ -80,7 +77,7 @@ class ConstrainedMDS(CheckedParameters):
 
         require_vertices(shape)
         require_connected(shape)
-        return self.deform_towards(shape, LeastSquaresMDS(start=self.start).canonicalise(shape).vertices)
+        return self.deform_towards(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
         """Deform the surface towards given positions of its vertices or their mirror image.

@@ -8,11 +8,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import Side, low_rank_scaling, side_notes, vertex_areas
+from baselines._kernels.orientation import low_rank_scaling, side_notes, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
-    GeodesicSolver,
     Interval,
     MethodInfo,
     Shape,
@@ -43,11 +42,6 @@ class FastClassicalScaling(CheckedParameters):
         Number p of farthest-point samples.
     fidelity
         Weight :math:`\mu` of the fit relative to the smoothness, on a surface of mean vertex area 1.
-    solver
-        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
-    side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
-        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -64,8 +58,6 @@ class FastClassicalScaling(CheckedParameters):
 
     samples: Annotated[int, Interval(4)] = 20
     fidelity: Annotated[float, Interval(0, closed="neither")] = 50.0
-    solver: GeodesicSolver = "default"
-    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the classic MDS of the extended distances, centred at the origin.
@@ -81,13 +73,13 @@ class FastClassicalScaling(CheckedParameters):
         require_vertices(shape)
         require_connected(shape)
         samples = farthest_points(shape, self.samples)
-        rows = shape.geodesics_from(samples, self.solver)
+        rows = shape.geodesics_from(samples)
         laplacian = shape.laplacian()
         areas = laplacian.mass / laplacian.mass.mean()
         interpolation = smooth_interpolation(laplacian, samples, weights=areas**2, fidelity=self.fidelity)
         half, zero = np.eye(len(samples)) / 2, np.zeros((len(samples), len(samples)))
         points = low_rank_scaling(
-            shape.mesh, np.hstack([interpolation, rows.T**2]), np.block([[zero, half], [half, zero]]), self.side
+            shape.mesh, np.hstack([interpolation, rows.T**2]), np.block([[zero, half], [half, zero]])
         )
         return shape.form(
             points,

@@ -8,12 +8,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_vertices
-from baselines._kernels.orientation import Side, oriented, side_notes, vertex_areas
+from baselines._kernels.orientation import oriented, side_notes, vertex_areas
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
-    GeodesicSolver,
     Interval,
     MethodInfo,
     Shape,
@@ -41,11 +40,6 @@ class FastMDS(CheckedParameters):
     ----------
     sweeps
         Maximum number of steps from a pivot to the vertex farthest from it, per axis.
-    solver
-        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics_from`.
-    side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
-        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -61,8 +55,6 @@ class FastMDS(CheckedParameters):
     )
 
     sweeps: Annotated[int, Interval(1)] = 5
-    solver: GeodesicSolver = "default"
-    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the FastMap embedding, centred at the origin.
@@ -75,7 +67,7 @@ class FastMDS(CheckedParameters):
         from baselines._kernels.sampling import farthest_from_centre, stress_of_rows
 
         require_vertices(shape)
-        rows = _Rows(shape, self.solver)
+        rows = _Rows(shape)
         start = farthest_from_centre(shape)
         points = np.zeros((shape.mesh.n_vertices, 3))
         for axis in range(3):
@@ -86,7 +78,7 @@ class FastMDS(CheckedParameters):
             if squared > 0.0:
                 points[:, axis] = (to_first + squared - to_second) / (2 * np.sqrt(squared))
         points -= points.mean(axis=0)
-        points = oriented(shape.mesh, points, side=self.side)
+        points = oriented(shape.mesh, points)
         known = list(rows.known)
         stress = stress_of_rows(points, known, np.stack([rows.known[vertex] for vertex in known]))
         return shape.form(
@@ -105,15 +97,14 @@ class FastMDS(CheckedParameters):
 class _Rows:
     """Geodesic distances from single vertices, each computed once."""
 
-    def __init__(self, shape: Shape, solver: str) -> None:
+    def __init__(self, shape: Shape) -> None:
         self._shape = shape
-        self._solver = solver
         self.known: dict[int, FloatArray] = {}
 
     def distances(self, vertex: int) -> FloatArray:
         """Return the geodesic distances from a vertex to all vertices, shape (n,)."""
         if vertex not in self.known:
-            self.known[vertex] = self._shape.geodesics_from([vertex], self._solver)[0]
+            self.known[vertex] = self._shape.geodesics_from([vertex])[0]
         return self.known[vertex]
 
     def farthest(self, vertex: int, points: FloatArray) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +50,6 @@ class FeaturePreserved(CheckedParameters):
         Maximum number of rounds in which seams shift.
     seam
         Width of the band in which a seam is smoothed, as a share of the square root of the area.
-    start
-        Start of the MDS, see :class:`baselines.least_squares_mds.LeastSquaresMDS`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -69,7 +67,6 @@ class FeaturePreserved(CheckedParameters):
     parts: Annotated[int, Interval(1)] = 16
     rounds: Annotated[int, Interval(0)] = 10
     seam: Annotated[float, Interval(0, closed="neither")] = 0.03
-    start: Literal["mesh", "classic"] = "mesh"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the surface with its parts in the pose of the least-squares MDS.
@@ -87,7 +84,7 @@ class FeaturePreserved(CheckedParameters):
 
         require_vertices(shape)
         require_connected(shape)
-        return self.move_onto(shape, LeastSquaresMDS(start=self.start).canonicalise(shape).vertices)
+        return self.move_onto(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def move_onto(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
         """Move the parts of a surface onto given positions of its vertices or their mirror image.

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import Side, oriented, side_notes
+from baselines._kernels.orientation import oriented, side_notes
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, MethodInfo, Shape
 
 
@@ -27,11 +27,6 @@ class GPS(CheckedParameters):
     of nearly equal eigenvalues may swap between poses; the notes give the relative gaps. Rustamov (2007),
     "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
 
-    Parameters
-    ----------
-    side
-        ``"moment"`` chooses between the form and its mirror image by a moment of the form, an addition to the source;
-        ``"off"`` leaves the choice to the signs of the axes, as in the source.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -47,8 +42,6 @@ class GPS(CheckedParameters):
         ),
         scale="invariant",
     )
-
-    side: Side = "moment"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the global point signatures of the vertices.
@@ -67,7 +60,7 @@ class GPS(CheckedParameters):
         # The constant function comes first; the fourth non-constant one only gives the gap to the next axis.
         values, functions = values[1:], functions[:, 1:4]
         points = functions / np.sqrt(values[:3])
-        points = oriented(shape.mesh, points, values[:3], areas=laplacian.mass, side=self.side)
+        points = oriented(shape.mesh, points, values[:3], areas=laplacian.mass)
         gaps = np.diff(values) / values[:-1]
         return shape.form(
             points,

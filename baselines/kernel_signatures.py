@@ -1,4 +1,4 @@
-"""Heat and wave kernel signatures: the spread of heat and waves from the points of a surface at each scale."""
+"""Heat kernel signatures: the spread of heat from the points of a surface at each scale."""
 
 from __future__ import annotations
 
@@ -34,57 +34,6 @@ def _pairwise(descriptors: Sequence[FloatArray], metric: str = "euclidean") -> F
     from scipy.spatial.distance import pdist, squareform
 
     return np.asarray(squareform(pdist(np.stack(descriptors), metric)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class MeanHKS(CheckedParameters):
-    r"""Mean of the heat kernel signature over the surface.
-
-    With the Laplacian eigenpairs :math:`(\lambda_k, \phi_k)` of the surface scaled to area 1, the signature of vertex x
-    at time t, the heat that remains at x from a unit source there, is
-
-    .. math:: \mathrm{HKS}(x, t) = \sum_k e^{-\lambda_k t} \phi_k(x)^2.
-
-    Its area-weighted mean is the heat trace :math:`\sum_k e^{-\lambda_k t}`. Shapes are compared by Euclidean distance.
-    A control without a canonical form. Sun, Ovsjanikov and Guibas (2009), "A concise and provably informative
-    multi-scale signature based on heat diffusion".
-
-    Parameters
-    ----------
-    eigenpairs
-        Number of non-constant eigenpairs.
-    times
-        Number of times, logarithmically spaced from 4 ln 10 over the last eigenvalue to 4 ln 10 over the first.
-    """
-
-    info: ClassVar[MethodInfo] = MethodInfo(
-        name="hks-mean",
-        title="Mean HKS",
-        cite="sun2009hks",
-        family="control",
-        summary="mean of the heat kernel signature over the surface",
-        departs="The source describes points by 300 eigenpairs; the mean over the surface and 100 eigenpairs are ours.",
-        scale="invariant",
-    )
-
-    eigenpairs: Annotated[int, Interval(2)] = 100
-    times: Annotated[int, Interval(2)] = 100
-
-    def describe(self, shape: Shape) -> FloatArray:
-        """Return the mean at each time, shape (times,).
-
-        Raises
-        ------
-        UnsupportedShape
-            If the shape has too few vertices for that many eigenpairs, no face, or several pieces.
-        """
-        values, _, _ = _eigenpairs(shape, self.eigenpairs)
-        times = 4 * np.log(10) / np.geomspace(values[-1], values[1], self.times)
-        return np.asarray(np.exp(-np.outer(times, values)).sum(axis=1))
-
-    def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """Return the Euclidean distances between the descriptors, shape (N, N)."""
-        return _pairwise(descriptors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,64 +107,3 @@ class ScaleInvariantHKS(CheckedParameters):
             closeness = np.exp(-cdist(shape[:, 1:], words, "sqeuclidean") / (2 * variance))
             bags.append(shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True)))
         return _pairwise(bags, "cityblock")
-
-
-@dataclass(frozen=True, kw_only=True)
-class MeanWKS(CheckedParameters):
-    r"""Quadratic mean of the wave kernel signature over the surface.
-
-    With the Laplacian eigenpairs :math:`(\lambda_k, \phi_k)`, the signature of vertex x at log-energy e is
-
-    .. math:: \mathrm{WKS}(x, e) = \frac{\sum_k \phi_k(x)^2 g_k(e)}{\sum_k g_k(e)}, \qquad
-              g_k(e) = \exp\left( -\frac{(e - \log \lambda_k)^2}{2 \sigma^2} \right).
-
-    Its arithmetic mean over the surface is uninformative: every eigenfunction has norm 1, so the mean is 1 / A for
-    every shape and energy. The descriptor is therefore the area-weighted root mean square, times the area A; a value of
-    1 means that waves of that energy cover the surface evenly. Shapes are compared by Euclidean distance. A control
-    without a canonical form. Aubry, Schlickewei and Cremers (2011), "The wave kernel signature: a quantum mechanical
-    approach to shape analysis".
-
-    Parameters
-    ----------
-    eigenpairs
-        Number of non-constant eigenpairs.
-    energies
-        Number of energies, evenly spaced from the logarithm of the first eigenvalue to that of the last divided by
-        1.02.
-    width
-        Standard deviation of the bands, in energy steps.
-    """
-
-    info: ClassVar[MethodInfo] = MethodInfo(
-        name="wks-mean",
-        title="Mean WKS",
-        cite="aubry2011wks",
-        family="control",
-        summary="quadratic mean of the wave kernel signature over the surface",
-        departs="The source describes points; the quadratic mean over the surface and 100 eigenpairs are ours.",
-        scale="invariant",
-    )
-
-    eigenpairs: Annotated[int, Interval(2)] = 100
-    energies: Annotated[int, Interval(2)] = 100
-    width: Annotated[float, Interval(0, closed="neither")] = 7.0
-
-    def describe(self, shape: Shape) -> FloatArray:
-        """Return the quadratic mean at each energy, times the area, shape (energies,).
-
-        Raises
-        ------
-        UnsupportedShape
-            If the shape has too few vertices for that many eigenpairs, no face, or several pieces.
-        """
-        values, functions, areas = _eigenpairs(shape, self.eigenpairs)
-        logarithms = np.log(values[1:])
-        energies = np.linspace(logarithms[0], logarithms[-1] / 1.02, self.energies)
-        deviation = self.width * (energies[1] - energies[0])
-        bands = np.exp(-((energies[:, None] - logarithms) ** 2) / (2 * deviation**2))
-        signatures = functions[:, 1:] ** 2 @ (bands / bands.sum(axis=1, keepdims=True)).T
-        return np.asarray(np.sqrt(areas @ signatures**2))
-
-    def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """Return the Euclidean distances between the descriptors, shape (N, N)."""
-        return _pairwise(descriptors)

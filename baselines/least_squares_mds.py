@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypedDict
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 
 from baselines._kernels.checks import require_pairs, require_vertices
-from baselines._kernels.orientation import vertex_areas
-from baselines._kernels.spectral import Metric, distances_under
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
-    GeodesicSolver,
     Interval,
     MethodInfo,
     Shape,
@@ -29,32 +26,21 @@ if TYPE_CHECKING:
 class LeastSquaresMDS(CheckedParameters):
     r"""Least-squares MDS of the geodesic distances (SMACOF).
 
-    Minimises the stress :math:`\sum_{i<j} w_{ij} (\|x_i - x_j\| - \delta_{ij})^2` of the form with respect to the
-    geodesic distances :math:`\delta` by Guttman transforms :math:`X \leftarrow V^+ B(X) X`, which never raise it. With
-    uniform weights, the default ``algorithm`` takes quasi-Newton steps from these transforms, after a coarse start on a
-    few well-spread vertices, see :func:`least_squares_scaling`. Elad and Kimmel (2003), "On bending invariant
-    signatures for surfaces"; de Leeuw (1977), "Applications of convex analysis to multidimensional scaling"; Borg and
-    Groenen (2005), chapter 8.
+    Minimises the stress :math:`\sum_{i<j} (\|x_i - x_j\| - \delta_{ij})^2` of the form with respect to the geodesic
+    distances :math:`\delta` by quasi-Newton steps from Guttman transforms :math:`X \leftarrow B(X) X / n`, after a
+    coarse start on a few well-spread vertices, see :func:`least_squares_scaling`. Elad and Kimmel (2003), "On
+    bending invariant signatures for surfaces"; de Leeuw (1977), "Applications of convex analysis to multidimensional
+    scaling"; Borg and Groenen (2005), chapter 8.
 
     Parameters
     ----------
     start
         ``"mesh"`` starts from the surface itself, so that limbs unfold from their position and the form keeps some of
         the pose and the orientation of the input; ``"classic"`` starts from classic MDS, which ignores the pose.
-    weights
-        ``"uniform"`` counts every pair of vertices once; ``"area"`` weights a pair by the product of the two vertex
-        areas, so that the stress is an integral over the surface and does not depend on the sampling.
-    algorithm
-        With uniform weights: ``"quasi-newton"``, or ``"majorization"`` for plain Guttman transforms from the start.
-        Area weights always use plain transforms.
     max_iterations
         Maximum number of Guttman transforms, each of which is one pass over all pairs.
     rtol
         Stop when a transform lowers the stress by less than this fraction.
-    metric, time, eigenfunctions
-        Metric of the distances :math:`\delta`, see :class:`baselines.classic_mds.ClassicMDS`.
-    solver
-        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -64,21 +50,15 @@ class LeastSquaresMDS(CheckedParameters):
         family="paper",
         summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
         departs=(
-            "Distances are those of Classic MDS here. By default, a quasi-Newton method over the Guttman transforms "
+            "Distances are those of Classic MDS here. A quasi-Newton method over the Guttman transforms "
             "starts from a few spread vertices, where the source takes plain steps of majorisation; it ends at a lower "
             "stress."
         ),
     )
 
     start: Literal["mesh", "classic"] = "mesh"
-    weights: Literal["uniform", "area"] = "uniform"
-    algorithm: Literal["quasi-newton", "majorization"] = "quasi-newton"
     max_iterations: Annotated[int, Interval(1)] = 100
     rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
-    metric: Metric = "geodesic"
-    time: Annotated[float, Interval(0, closed="neither")] = 0.05
-    eigenfunctions: Annotated[int, Interval(10)] = 100
-    solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the least-squares MDS of the distances, centred at the origin.
@@ -89,33 +69,21 @@ class LeastSquaresMDS(CheckedParameters):
             If the shape has fewer than four vertices, no face, or several pieces, or too many vertices for all pairwise
             distances.
         """
-        from baselines._kernels.smacof import normalised_stress, smacof
+        from baselines._kernels.smacof import normalised_stress
 
         require_vertices(shape)
         require_pairs(shape)
-        distances = distances_under(shape, self.metric, self.time, self.eigenfunctions, self.solver)
+        distances = shape.geodesics()
         start = start_positions(shape, distances, self.start)
-        limits: Limits = {"max_iterations": self.max_iterations, "rtol": self.rtol}
-        if self.weights == "uniform" and self.algorithm == "quasi-newton":
-            scaling = least_squares_scaling(distances, start, shape.mesh.vertices, **limits)
-            stress_of_start = normalised_stress(start, distances)
-        else:
-            weights = _products_of_areas(shape) if self.weights == "area" else None
-            scaling = smacof(distances, start, weights=weights, **limits)
-            stress_of_start = scaling.stress[0]
+        scaling = least_squares_scaling(
+            distances, start, shape.mesh.vertices, max_iterations=self.max_iterations, rtol=self.rtol
+        )
         return shape.form(
             scaling.points,
             stress=scaling.stress[-1],
-            stress_of_start=stress_of_start,
+            stress_of_start=normalised_stress(start, distances),
             iterations=scaling.iterations,
         )
-
-
-class Limits(TypedDict):
-    """Stopping criteria of an iteration, named as in :class:`LeastSquaresMDS`."""
-
-    max_iterations: int
-    rtol: float
 
 
 def least_squares_scaling(
@@ -174,8 +142,3 @@ def start_positions(shape: Shape, distances: FloatArray, start: Literal["mesh", 
     from baselines.classic_mds import oriented_classic_scaling
 
     return shape.mesh.vertices if start == "mesh" else oriented_classic_scaling(shape.mesh, distances)[0]
-
-
-def _products_of_areas(shape: Shape) -> FloatArray:
-    areas = vertex_areas(shape.mesh)
-    return np.outer(areas, areas)

@@ -13,7 +13,6 @@ from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
     FloatArray,
-    GeodesicSolver,
     Interval,
     MethodInfo,
     Shape,
@@ -44,8 +43,6 @@ class NonMetricMDS(CheckedParameters):
         Maximum number of regressions with a Guttman transform, each of which is one pass over all pairs.
     rtol
         Stop when an iteration lowers the stress by less than this fraction.
-    solver
-        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -62,7 +59,6 @@ class NonMetricMDS(CheckedParameters):
 
     max_iterations: Annotated[int, Interval(1)] = 100
     rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
-    solver: GeodesicSolver = "default"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the non-metric MDS of the geodesic distances.
@@ -79,7 +75,7 @@ class NonMetricMDS(CheckedParameters):
 
         require_vertices(shape)
         require_pairs(shape)
-        distances = shape.geodesics(self.solver)
+        distances = shape.geodesics()
         start, _ = oriented_classic_scaling(shape.mesh, distances)
 
         def scale(

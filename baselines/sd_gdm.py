@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from baselines._kernels.checks import require_pairs, require_vertices
-from benchmark.api.contracts import CheckedParameters, FloatArray, GeodesicSolver, Interval, MethodInfo, Shape
+from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,6 @@ class SDGDM(CheckedParameters):
     ----------
     count
         Number of singular values.
-    solver
-        Geodesic solver, see :meth:`benchmark.api.contracts.Shape.geodesics`.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -40,7 +38,6 @@ class SDGDM(CheckedParameters):
     )
 
     count: Annotated[int, Interval(1)] = 20
-    solver: GeodesicSolver = "default"
 
     def describe(self, shape: Shape) -> FloatArray:
         """Return the singular values over their sum, largest first, shape (count,).
@@ -55,7 +52,7 @@ class SDGDM(CheckedParameters):
 
         require_vertices(shape, self.count + 1)
         require_pairs(shape)
-        distances = shape.geodesics(self.solver)
+        distances = shape.geodesics()
         # The matrix is symmetric, so its singular values are the absolute values of its eigenvalues. The start is fixed
         # and has no symmetry: up to rounding errors the iteration keeps the symmetries of its start, so from a constant
         # vector it would miss half of the eigenvalues of a symmetric shape.

@@ -143,7 +143,7 @@ def of_forms(steps: int = 10) -> Iterator[Row]:
     peer = f"sklearn.manifold.smacof(metric=False), {steps} iterations"
     yield Row("non-metric-mds, given the geodesics", ours, peer, theirs, detail)
 
-    for name in ("accelerated-mds", "fast-classical-scaling", "nystrom-mds", "fast-mds"):
+    for name in ("accelerated-mds", "fast-classical-scaling", "fast-mds"):
         method = variant(name, known).create()
         ours, theirs = (partial(form_of_mesh, method, shape.mesh) for method in (method, classic))
         stresses = [normalised_stress(work().vertices, distances) for work in (ours, theirs)]

@@ -43,5 +43,5 @@ def require_pairs(shape: Shape) -> None:
         raise UnsupportedShape(
             f"{shape.identifier}: {shape.mesh.n_vertices} vertices, where the distances of all pairs are kept of "
             f"{MOST_WITH_ALL_PAIRS} at most",
-            "decimate the surface, or choose a method that needs a few rows: nystrom-mds or accelerated-mds",
+            "decimate the surface, or choose a method that needs a few rows, such as accelerated-mds",
         )

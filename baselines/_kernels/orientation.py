@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -121,8 +119,6 @@ def canonical_signs(coordinates: FloatArray, weights: FloatArray, positions: Flo
     return np.where(np.where(negligible, extremes, moments) < 0, -1.0, 1.0)
 
 
-Side = Literal["moment", "off"]
-
 DOUBTFUL = 0.02
 """Below this handedness, a note reports doubt, without any other effect: jitter of 1e-6 or another triangulation may
 flip the side."""
@@ -182,7 +178,6 @@ def oriented(
     eigenvalues: FloatArray | None = None,
     *,
     areas: FloatArray | None = None,
-    side: Side = "moment",
 ) -> FloatArray:
     """Resolve the ambiguities of an embedding: axes of equal eigenvalues, signs, and the choice of mirror image.
 
@@ -196,14 +191,12 @@ def oriented(
         Eigenvalues of the axes, shape (3,), if equal ones leave axes arbitrary.
     areas
         Vertex areas, shape (n,); those of the mesh by default.
-    side
-        ``"moment"``: see :func:`right_handed`; ``"off"``: the side given by the signs of the axes.
     """
     if eigenvalues is not None:
         points = settled_axes(points, eigenvalues, mesh.vertices)
     areas = vertex_areas(mesh) if areas is None else areas
     points = points * canonical_signs(points, areas, mesh.vertices)
-    return right_handed(points, areas) if side == "moment" else points
+    return right_handed(points, areas)
 
 
 def side_notes(points: FloatArray, weights: FloatArray) -> dict[str, float]:
@@ -212,7 +205,7 @@ def side_notes(points: FloatArray, weights: FloatArray) -> dict[str, float]:
     return {"handedness": value, "side_in_doubt": float(abs(value) < DOUBTFUL)}
 
 
-def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side: Side) -> FloatArray:
+def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray) -> FloatArray:
     r"""Compute the classic MDS of the squared distances :math:`Z M Z^\top` without forming that matrix.
 
     The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, whose size is the
@@ -226,8 +219,6 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side
         The matrix Z, shape (n, k) with k at least 3.
     coupling
         The symmetric matrix M, shape (k, k).
-    side
-        As in :func:`oriented`.
 
     Returns
     -------
@@ -237,4 +228,4 @@ def low_rank_scaling(mesh: Mesh, columns: FloatArray, coupling: FloatArray, side
     orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
     values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
     leading = np.maximum(values[:-4:-1], 0.0)
-    return oriented(mesh, orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading, side=side)
+    return oriented(mesh, orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), leading)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -88,11 +87,6 @@ def _spread(graph: csr_array, vertices: FloatArray, first: int, count: int) -> l
         # No vertex is farther than this from its nearest sample, so the search can stop there.
         np.minimum(nearest, dijkstra(graph, indices=chosen[-1], limit=nearest.max()), out=nearest)
     return chosen
-
-
-def within(graph: csr_array, centre: int, radius: float) -> NDArray[np.int64]:
-    """Return the vertices within a radius of a centre along the edges."""
-    return np.flatnonzero(np.isfinite(dijkstra(graph, indices=centre, limit=radius)))
 
 
 def edge_graph(shape: Shape) -> csr_array:

@@ -53,7 +53,7 @@ def _state(spec: PluginSpec[Any, Any]) -> str:
 
 
 def _methods(options: List) -> Rows:
-    """Return all methods, and all variants with their own rows; one that cannot be imported has the reason."""
+    """Return all methods; one that cannot be imported has the reason."""
     rows: Rows = []
     for name, spec in registry.methods(options.plugins).items():
         try:
@@ -62,10 +62,6 @@ def _methods(options: List) -> Rows:
             rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
             continue
         rows.append({"name": name, "title": info.title, "family": info.family, "state": state, "summary": info.summary})
-        for other in map(spec.with_parameters, registry.VARIANTS.get(name, ())):
-            chosen = ", ".join(f"{key}={value}" for key, value in other.parameters.items())
-            changed = {"name": other.name, "title": other.title, "family": "extended", "summary": f"with {chosen}"}
-            rows.append({**rows[-1], **changed})
     return rows
 
 

@@ -44,7 +44,7 @@ def compile_methods() -> None:
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.stages.shapes import complete, half_width_of, seen
     from benchmark.plugins.conformance.cases import figure
-    from benchmark.plugins.registry import VARIANTS, methods
+    from benchmark.plugins.registry import methods
 
     source = figure()
     prepared = {"mesh": complete(source), "view": seen(source, FRONT, half_width_of(source, FRONT))}
@@ -52,8 +52,7 @@ def compile_methods() -> None:
         name: Shape(identifier="figure", mesh=Mesh(arrays["vertices"], arrays["faces"]), depth=arrays.get("depth"))
         for name, arrays in prepared.items()
     }
-    specs = [spec for spec in methods().values() if not (spec.learns or spec.missing_packages())]
-    for row in [row for spec in specs for row in (spec, *map(spec.with_parameters, VARIANTS.get(spec.base_name, ())))]:
+    for row in [spec for spec in methods().values() if not (spec.learns or spec.missing_packages())]:
         method = row.create()
         apply = method.describe if isinstance(method, Descriptor) else method.canonicalise
         for input_ in row.info.inputs:

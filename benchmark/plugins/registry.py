@@ -34,13 +34,7 @@ BUILT_IN: dict[str, str] = {
     "learned": "learned.paired.methods:Learned",
     "accelerated-mds": "baselines.accelerated_mds:AcceleratedMDS",
     "fast-classical-scaling": "baselines.fast_classical_scaling:FastClassicalScaling",
-    "nystrom-mds": "baselines.nystrom_mds:NystromMDS",
-    "subspace-mds": "baselines.subspace_mds:SubspaceMDS",
-    "scikit-learn-classical-mds": "baselines.scikit_learn_classical_mds:ScikitLearnClassicalMDS",
-    "scikit-learn-smacof": "baselines.scikit_learn_smacof:ScikitLearnSMACOF",
-    "scikit-learn-isomap": "baselines.scikit_learn_isomap:ScikitLearnIsomap",
     "feature-preserved": "baselines.feature_preserved:FeaturePreserved",
-    "euclidean-distance": "baselines.euclidean_distance:EuclideanDistance",
     "learned-without-srf": "learned.paired.methods:WithoutSRF",
     "learned-without-lrf": "learned.paired.methods:WithoutLRF",
     "learned-without-weighting": "learned.paired.methods:WithoutWeighting",
@@ -50,23 +44,10 @@ BUILT_IN: dict[str, str] = {
     "learned-streamed": "learned.streamed.methods:StreamedLearner",
     "deformation-field": "learned.field.methods:DeformationField",
     "identity": "baselines.identity:Identity",
-    "pca": "baselines.pca:PCA",
-    "random": "baselines.random_form:RandomForm",
     "surface-area": "baselines.surface_area:SurfaceArea",
     "shape-dna": "baselines.shape_dna:ShapeDNA",
     "sd-gdm": "baselines.sd_gdm:SDGDM",
-    "wks-mean": "baselines.kernel_signatures:MeanWKS",
-    "hks-mean": "baselines.kernel_signatures:MeanHKS",
     "si-hks": "baselines.kernel_signatures:ScaleInvariantHKS",
-}
-
-_FURTHER_METRICS = tuple({"metric": metric} for metric in ("diffusion", "commute-time", "biharmonic"))
-
-#: Variants that get rows next to their method, unless the method is selected by name.
-VARIANTS: Mapping[str, tuple[Mapping[str, str], ...]] = {
-    "classic-mds": _FURTHER_METRICS,
-    "least-squares-mds": _FURTHER_METRICS,
-    "euclidean-distance": ({"points": "local"},),
 }
 
 
@@ -136,7 +117,7 @@ def select(names: Iterable[str], known: Mapping[str, MethodSpec], plugins: Itera
     ----------
     names
         Names, optionally with parameters: ``"least-squares-mds[start=classic]"``, or with several values:
-        ``"classic-mds[metric=geodesic|biharmonic]"``. ``"all"`` stands for the default selection, to which other names
+        ``"skeleton[bands=30|60]"``. ``"all"`` stands for the default selection, to which other names
         are added.
     known
         Result of :func:`methods`.

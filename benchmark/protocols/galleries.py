@@ -115,8 +115,6 @@ class Gallery:
             yield spec
         if spec.named or spec.parameters:
             return
-        if included:
-            yield from (spec.with_parameters(dict(parameters)) for parameters in rows.variants.get(spec.base_name, ()))
         trainings = rows.trainings.get(clean_name(self.dataset.name), {}).get(spec.base_name, ())
         for parameters in (*rows.models.get(spec.base_name, ()), *({"training": name} for name in trainings)):
             variant = spec.with_parameters(dict(parameters))

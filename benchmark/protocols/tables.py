@@ -12,7 +12,7 @@ from benchmark.api.learning import Learner
 from benchmark.datasets.catalogue import is_present
 from benchmark.datasets.official.sets import EXTENDED
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.plugins.registry import VARIANTS, MethodSpec
+from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TRAININGS, Training, only_training, trainings_on
 from benchmark.reference import paper
 
@@ -36,9 +36,6 @@ ONLY_ABLATED = ABLATION - {row.method for row in paper.ROWS}
 #: Parameters of the network with the paper's pixels and epochs, which has rows only where a table names them.
 AS_PRINTED: Mapping[str, str] = {"configuration": "as_printed"}
 
-#: Independent implementations: they have rows only if they are selected by name.
-ONLY_NAMED = frozenset({"scikit-learn-classical-mds", "scikit-learn-smacof", "scikit-learn-isomap"})
-
 _PAPER = frozenset({"paper"})
 _ALL = frozenset({"paper", "control", "extended"})
 
@@ -50,14 +47,11 @@ class Rows:
     Parameters
     ----------
     families
-        Families of methods without training that have rows, except those in :data:`ONLY_ABLATED` and
-        :data:`ONLY_NAMED`.
+        Families of methods without training that have rows, except those in :data:`ONLY_ABLATED`.
     learners
         Families of learners that have rows; a model of each must exist.
     names
         Other methods that have rows.
-    variants
-        Parameters of additional rows of methods.
     trainings
         Trainings of additional rows by learner, by data set, if there is a model.
     averaged
@@ -69,21 +63,20 @@ class Rows:
     families: frozenset[str] = _ALL
     learners: frozenset[str] = _PAPER
     names: Collection[str] = ()
-    variants: Mapping[str, tuple[Mapping[str, str], ...]] = field(default_factory=lambda: VARIANTS)
     trainings: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
     averaged: str = ""
     models: Mapping[str, tuple[Mapping[str, str], ...]] = field(default_factory=dict)
 
     def quick(self) -> Rows:
-        """Rows of a quick run: the methods of the paper and :data:`QUICK_CONTROLS`, without variants."""
+        """Rows of a quick run: the methods of the paper and :data:`QUICK_CONTROLS`."""
         names = (*self.names, *QUICK_CONTROLS)
-        return Rows(self.families & _PAPER, self.learners & _PAPER, names, {}, {}, self.averaged)
+        return Rows(self.families & _PAPER, self.learners & _PAPER, names, {}, self.averaged)
 
     def include(self, spec: MethodSpec) -> bool:
         """Return whether a method has a row by default; one that cannot be imported has, to show the reason."""
         if spec.base_name in self.names:
             return True
-        if not self.families or spec.base_name in ONLY_ABLATED | ONLY_NAMED:
+        if not self.families or spec.base_name in ONLY_ABLATED:
             return False
         try:
             return spec.info.family in (self.learners if spec.learns else self.families)
@@ -213,7 +206,7 @@ TABLES: tuple[Table, ...] = (
         stand_in="humans",
         # In Table I, the fold without a model would count as 0.
         folds=SUBJECT_FOLDS[:2],
-        rows=Rows(families=frozenset(), names=("learned",), variants={}, models={"learned": (AS_PRINTED,)}),
+        rows=Rows(families=frozenset(), names=("learned",), models={"learned": (AS_PRINTED,)}),
         part_of="I",
         ablation=True,
     ),
@@ -223,7 +216,7 @@ TABLES: tuple[Table, ...] = (
         dataset="people",
         any_of=tuple(f"people[draw={draw}]" for draw in range(3)),
         mean_over_sets=True,
-        rows=Rows(families=frozenset({"paper", "control"}), variants={}, averaged="training"),
+        rows=Rows(families=frozenset({"paper", "control"}), averaged="training"),
     ),
     Table(
         "II",
@@ -257,7 +250,7 @@ TABLES: tuple[Table, ...] = (
         dataset="shrec14-synthetic",
         stand_in="humans",
         folds=SUBJECT_FOLDS,
-        rows=Rows(families=frozenset(), names=ABLATION, variants={}, averaged="training_seed"),
+        rows=Rows(families=frozenset(), names=ABLATION, averaged="training_seed"),
         ablation=True,
     ),
     Table(
@@ -271,14 +264,13 @@ TABLES: tuple[Table, ...] = (
         "What breaks the methods: one gallery, clean and under each perturbation",
         dataset="animals-few",
         # It has 46 galleries. Least-squares and non-metric MDS are omitted, because they scale the same distances as
-        # classic MDS; another metric, the input itself and two descriptors are added.
+        # classic MDS; the input itself and two descriptors are added.
         rows=Rows(
             families=frozenset(),
             names=(
                 *("classic-mds", "fast-mds", "constrained-mds", "gps", "mesh-unfolding", "skeleton"),
                 *("identity", "surface-area", "shape-dna"),
             ),
-            variants={"classic-mds": ({"metric": "biharmonic"},)},
         ),
         runs="named",
         all_unseen=False,

@@ -5,11 +5,9 @@ import pytest
 
 from baselines._kernels import coarse_start as coarse
 from baselines._kernels.smacof import smacof
-from baselines._kernels.spectral import distances_under
-from baselines.least_squares_mds import LeastSquaresMDS, least_squares_scaling
+from baselines.least_squares_mds import LeastSquaresMDS
 from baselines.non_metric_mds import NonMetricMDS, non_metric_scaling
 from tests.baselines.embedding import PointShape, limbed, points_on_ellipsoid, spread
-from tools.golden import inputs
 
 pytestmark = pytest.mark.kernels
 
@@ -41,11 +39,3 @@ def test_non_metric_scaling_comes_to_rest_no_higher_than_without_samples(few_sam
 def test_points_in_space_stay_where_they_are(few_samples, method, count):
     points = points_on_ellipsoid(count)
     np.testing.assert_allclose(spread(method.canonicalise(PointShape(points)).vertices), spread(points), atol=1e-6)
-
-
-def test_rounding_errors_of_distances_do_not_decide_where_samples_come_to_rest():
-    shape = inputs.shape("large")
-    vertices, exact = shape.mesh.vertices, distances_under(shape, "biharmonic", 0.05, 100, "default")
-    noise = np.triu(np.random.default_rng(0).normal(0, 3e-11, exact.shape), 1)
-    form, other = (least_squares_scaling(d, vertices, vertices).points for d in (exact, exact * (1 + noise + noise.T)))
-    np.testing.assert_allclose(other, form, atol=1e-9)

@@ -16,11 +16,8 @@ from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, move
 from tests.baselines.test_perturbation import METHODS
 
 #: Coordinates from the mesh, not from distances: nothing to compare with another numbering, place or size.
-CONTROLS = {"identity", "random", "surface-area"}
-NAMES = [
-    *sorted(METHODS.keys() - CONTROLS), "accelerated-mds[variant=samples]", "classic-mds[metric=biharmonic]",
-    "constrained-mds[start=classic]", "least-squares-mds[start=classic]", "euclidean-distance[points=local]",
-]  # fmt: skip
+CONTROLS = {"identity", "surface-area"}
+NAMES = [*sorted(METHODS.keys() - CONTROLS), "least-squares-mds[start=classic]"]
 
 #: Largest difference relative to the size of the answer, where rounding decides more than usual.
 TOLERANCES = {"non-metric-mds": 2e-4, "constrained-mds": 2e-4, "feature-preserved": 5e-4, "accelerated-mds": 1e-4}
@@ -54,7 +51,7 @@ def test_a_method_keeps_the_contract(name: str) -> None:
     assert_same(answer(method, moved(shape)), expected, tolerance)
     scale = 2.0 if of_vertices and method.info.scale == "equivariant" else 1.0
     assert_same(answer(method, moved(shape, scale=2.0)), scale * expected, 2 * tolerance)
-    for mesh in (TRIANGLE,) if name == "pca" else (TRIANGLE, TWO_BALLS):
+    for mesh in (TRIANGLE, TWO_BALLS):
         with pytest.raises(UnsupportedShape):
             answer(method, Shape(identifier="unsupported", mesh=mesh))
 
@@ -64,8 +61,6 @@ def test_a_method_keeps_the_contract(name: str) -> None:
     ("name", "straight", "strain"),
     [
         ("constrained-mds", 0.88, 0.08),
-        ("euclidean-distance", 0.88, 0.03),
-        ("euclidean-distance[points=local]", 0.88, 0.03),
         ("feature-preserved", 0.88, 0.08),
         ("mesh-unfolding", 0.98, 0.05),
         ("skeleton", 0.95, 0.15),
@@ -91,9 +86,8 @@ def test_a_bent_tube_straightens_and_its_edges_hardly_stretch(name: str, straigh
 @pytest.mark.parametrize(
     ("name", "size", "factor"),
     [
-        ("accelerated-mds[variant=interpolated]", 1200, 1.2),
+        ("accelerated-mds[samples=50]", 1200, 1.2),
         ("fast-classical-scaling", 1000, 1.2),
-        ("nystrom-mds", 1000, 1.1),
     ],
 )
 def test_the_stress_is_near_that_of_classic_scaling_without_all_pairs(name: str, size: int, factor: float) -> None:
@@ -110,7 +104,6 @@ def test_the_stress_is_near_that_of_classic_scaling_without_all_pairs(name: str,
         ("constrained-mds", 0.08),
         ("feature-preserved", 0.08),
         ("mesh-unfolding", 0.05),
-        ("euclidean-distance[points=local]", 0.03),
     ],
 )
 def test_real_bodies_spread_their_limbs(data_root: Path, name: str, strain: float) -> None:

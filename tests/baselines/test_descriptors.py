@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.kernel_signatures import MeanHKS, MeanWKS, ScaleInvariantHKS
+from baselines.kernel_signatures import ScaleInvariantHKS
 from baselines.sd_gdm import SDGDM
 from baselines.shape_dna import ShapeDNA
 from baselines.surface_area import SurfaceArea
@@ -49,32 +49,6 @@ def test_surface_area_is_that_before_scaling():
     assert SurfaceArea().describe(ball(50, area=4.5)) == 4.5
     with pytest.raises(UnsupportedShape, match="area before scaling"):
         SurfaceArea().describe(ball(50))
-
-
-def test_mean_wks_is_even_on_a_sphere_and_agrees_with_the_definition():
-    # All functions of degrees 1 to 3: the squares of each degree sum to a constant, so every band is even.
-    np.testing.assert_allclose(MeanWKS(eigenpairs=15).describe(ball(1500)), 1, atol=0.01)
-    shape = limbed(200)
-    laplacian = shape.laplacian()
-    values, functions = eigenpairs(laplacian, 21)
-    area = laplacian.mass.sum()
-    logs = np.log(area * values[1:])
-    energies = np.linspace(logs[0], logs[-1] / 1.02, 10)
-    expected = []
-    for energy in energies:
-        weights = np.exp(-((energy - logs) ** 2) / (2 * (7 * (energies[1] - energies[0])) ** 2))
-        signature = sum(w * functions[:, k + 1] ** 2 for k, w in enumerate(weights)) / weights.sum()
-        expected.append(area * np.sqrt((laplacian.mass * signature**2).sum() / area))
-    np.testing.assert_allclose(MeanWKS(eigenpairs=20, energies=10).describe(shape), expected, rtol=1e-10)
-
-
-def test_mean_hks_is_the_heat_trace_of_a_sphere():
-    # Eigenvalues l (l + 1) on the unit sphere, each 2 l + 1 times; all of degrees 0 to 9.
-    degrees = np.arange(10)
-    values = 4 * np.pi * degrees * (degrees + 1)
-    times = 4 * np.log(10) / np.geomspace(values[-1], values[1], 20)
-    expected = np.exp(-np.outer(times, values)) @ (2 * degrees + 1)
-    np.testing.assert_allclose(MeanHKS(eigenpairs=99, times=20).describe(ball(3000)), expected, rtol=0.02)
 
 
 def test_si_hks_is_the_spectrum_of_the_slope_of_the_logarithm():

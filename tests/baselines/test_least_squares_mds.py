@@ -5,9 +5,7 @@ from hypothesis import strategies as st
 from sklearn.manifold import smacof as sklearn_smacof
 
 from baselines._kernels.smacof import smacof
-from baselines.least_squares_mds import LeastSquaresMDS
-from benchmark.api.contracts import Shape
-from tests.baselines.embedding import sphere, spread
+from tests.baselines.embedding import spread
 
 pytestmark = pytest.mark.kernels
 
@@ -40,15 +38,3 @@ def test_the_stress_never_rises_with_or_without_weights(seed, weighted):
     ).stress
     assert (np.diff(course) <= 1e-12).all()
     assert course[-1] < course[0]
-
-
-def test_majorization_takes_the_plain_steps_of_scikit_learn_from_the_mesh():
-    ball = sphere(150)
-    shape = Shape(identifier="ball", mesh=ball.with_vertices(ball.vertices * [3.0, 2.0, 1.0]))
-    expected, _ = sklearn_smacof(
-        shape.geodesics(), n_components=3, init=shape.mesh.vertices, n_init=1, max_iter=25, eps=0
-    )
-    plain = LeastSquaresMDS(algorithm="majorization", max_iterations=25, rtol=0).canonicalise(shape)
-    assert plain.notes["iterations"] == 25
-    np.testing.assert_allclose(plain.vertices, expected - expected.mean(axis=0), atol=1e-9)
-    assert np.abs(LeastSquaresMDS().canonicalise(shape).vertices - plain.vertices).max() > 1e-3

@@ -46,7 +46,7 @@ def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path
         told = canonicalise(tmp_path / "rod.off", "-o", tmp_path / output)
         assert "is not the name of a mesh file; use .off" in told
     assert "absent.png is not a file" in canonicalise("absent.png")
-    refused = CliRunner().invoke(cli, ["canonicalise", "-m", "pca", "."])
+    refused = CliRunner().invoke(cli, ["canonicalise", "-m", "fast-mds", "."])
     assert isinstance(refused.exception, ConfigurationError)
     assert "is not a file" in str(refused.exception)
 

@@ -75,5 +75,5 @@ def test_every_method_gives_a_form_or_a_named_refusal(tmp_path, sides):
     # Whoever reads the mesh can treat it; a network may see in the depth image what is no surface.
     refusing = {name for name, outcome in outcomes.items() if outcome != "form"}
     describing = {name for name in refusing if "describes shapes without a canonical form" in outcomes[name]}
-    assert describing == {"surface-area", "shape-dna", "sd-gdm", "wks-mean", "hks-mean", "si-hks"}
+    assert describing == {"surface-area", "shape-dna", "sd-gdm", "si-hks"}
     assert all(methods()[name].learns for name in refusing - describing), outcomes

@@ -65,7 +65,7 @@ LONG = "x" * 5000
         (("run", "-d", LONG), "--dataset 'xxxx"),
         (("run", "-d", ""), "--dataset is empty"),
         (("data", "check", LONG), "cannot be a path"),
-        (("canonicalise", "-m", "pca", "a.off", "-o", LONG), "cannot be a path"),
+        (("canonicalise", "-m", "fast-mds", "a.off", "-o", LONG), "cannot be a path"),
         (("list", "datasets", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
         (("data", "list", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
         (("new", "method", "x" * 300), "cannot be the name of a method; use 60 characters at most"),

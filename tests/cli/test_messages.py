@@ -37,8 +37,8 @@ def told(place, monkeypatch):
 @pytest.mark.parametrize(
     ("line", "rest", "most"),
     [
-        ("compare classic-mds gps", "53 more pairs differ; --all shows intervals and tests", 24),
-        ("tables -m gps", "10 tables: select with -t and -d, or print them with notes", 14),
+        ("compare classic-mds gps", "45 more pairs differ; --all shows intervals and tests", 24),
+        ("tables -m gps", "9 tables: select with -t and -d, or print them with notes", 14),
     ],
 )
 def test_a_first_screen_says_how_to_see_the_rest(told, line, rest, most):

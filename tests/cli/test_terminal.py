@@ -57,18 +57,14 @@ def rows(*methods, **more):
 
 def test_a_named_method_has_its_row_and_no_other_has_a_blank_one():
     assert rows("gps") == ["gps"]
-    assert rows("gps", "identity", "least-squares-mds[start=classic]") == [
-        "gps",
-        "least-squares-mds[start=classic]",
-        "identity",
-    ]
+    assert rows("gps", "identity") == ["gps", "identity"]
 
 
-def test_finished_stands_for_all_that_has_scores_variants_included(tmp_path):
+def test_finished_stands_for_all_that_has_scores_and_no_more(tmp_path):
     copy_published(tmp_path / "records", lambda each: each["data"]["name"] == "humans" and each["method"] != "gps")
     asked = {"table": "I", "dataset": "humans", "results": tmp_path}
     finished = rows("finished", **asked)
-    assert {"least-squares-mds[start=classic]", "identity", "shape-dna"} <= set(finished)
+    assert {"identity", "shape-dna"} <= set(finished)
     assert set(rows(**asked)) - set(finished) >= {"gps"}
     assert set(finished) < set(rows(**asked))
 
@@ -86,13 +82,17 @@ def test_a_table_that_is_none_or_has_no_record_is_refused_and_nothing_is_written
 
 def test_finished_can_be_planned_and_is_refused_where_nothing_has_finished(tmp_path):
     def planned(results):
-        options = ["-t", "III", "-d", "animals", "--input", "mesh", "-m", "finished", "--results", str(results)]
+        options = ["-t", "III", "-d", "animals", "--input", "view", "-m", "finished", "--results", str(results)]
         return CliRunner().invoke(cli, ["plan", *options])
 
     (tmp_path / "records").mkdir()
     assert "no job under" in str(planned(tmp_path).exception)
-    found = (each for each in published_records() if each["method"] == "least-squares-mds[start=classic]")
+    found = (
+        each
+        for each in published_records()
+        if each["method"] == "learned[configuration=as_printed]" and each["data"]["name"] == "animals"
+    )
     key = next(each["key"] for each in found if each["status"] == "ok")
     copy_published(tmp_path / "records", lambda each: each["key"] == key)
-    names = [line.split()[3] for line in planned(tmp_path).output.splitlines() if " animals mesh " in line]
-    assert names == ["least-squares-mds[start=classic]"]
+    names = [line.split()[3] for line in planned(tmp_path).output.splitlines() if " animals view " in line]
+    assert names == ["learned[configuration=as_printed]"]

@@ -254,7 +254,7 @@ def test_an_edit_while_a_job_runs_is_noticed_and_the_job_done_anew(place):
 # Shares --------------------------------------------------------------------------------------------------------------
 
 
-def orders(tmp_path, names=("identity", "pca", "surface-area"), datasets=("rods",), identifiers=("a", "b", "c")):
+def orders(tmp_path, names=("identity", "fast-mds", "surface-area"), datasets=("rods",), identifiers=("a", "b", "c")):
     return [
         Job(
             key=f"{dataset} {spec.name}", facts={"gallery": dataset}, dataset=dataset, data_root=None,

@@ -16,7 +16,7 @@ from benchmark.plugins.registry import MethodSpec, methods, select
 from benchmark.plugins.scorers import ScorerSpec
 from benchmark.protocols.galleries import galleries
 
-NAMES = ("classic-mds[metric=diffusion]", "least-squares-mds[rtol=1e-4,start=classic]", "identity", "learned")
+NAMES = ("skeleton[bands=30]", "least-squares-mds[rtol=1e-4,start=classic]", "identity", "learned")
 
 
 @pytest.fixture

@@ -47,7 +47,7 @@ def do(pool, tmp_path):
 
 def test_a_process_does_the_tasks_of_its_package_in_turn_and_ends_with_the_pool(pool, do):
     first = do("identity")
-    assert do("pca") == first
+    assert do("fast-mds") == first
     assert is_alive(first)
     other = do("learned")
     assert other != first, "another package"
@@ -69,4 +69,4 @@ def test_a_process_that_died_while_it_waited_is_replaced(do):
     first = do("identity")
     os.kill(first, signal.SIGKILL)
     wait_until(lambda: not is_alive(first))
-    assert do("pca") != first
+    assert do("fast-mds") != first

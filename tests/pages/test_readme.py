@@ -135,6 +135,6 @@ def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can() -> N
 @pytest.mark.parametrize("table", ["I", "III"])
 def test_the_surface_area_beats_every_canonical_form_of_complete_surfaces(table):
     area, rows = shown()[table, "mesh", "surface-area"], forms(table, "mesh")
-    assert len(rows) >= 20
+    assert len(rows) >= 10
     assert all(area[measure] > row[measure] for row in rows.values() for measure in PRINTED)
     assert all(shown()[numeral, "mesh", "si-hks"]["NN"] >= 0.975 - 5e-7 for numeral in ("I", "II", "III"))

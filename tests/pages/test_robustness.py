@@ -32,8 +32,6 @@ def forms() -> list[Point]:
 
 def test_only_forms_of_the_spectrum_fall_below_half_on_complete_surfaces() -> None:
     assert halves("mesh", forms()) == {
-        ("classic-mds[metric=biharmonic]", "missing-parts"): 0.1,
-        ("classic-mds[metric=biharmonic]", "shortcuts"): 5,
         ("gps", "missing-parts"): 0.1,
         ("gps", "shortcuts"): 5,
     }
@@ -53,7 +51,6 @@ def test_what_breaks_the_rows_of_single_views() -> None:
         ("gps", "view-angle"): 60,
         ("shape-dna", "view-angle"): 45,
         ("classic-mds", "depth-noise"): 0.001,
-        ("classic-mds[metric=biharmonic]", "depth-noise"): 0.008,
         ("gps", "depth-noise"): 0.008,
     }
     moved = [

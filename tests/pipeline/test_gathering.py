@@ -21,13 +21,13 @@ from tests.records import SHAPES, copy_published, failed, published, record
 
 MADE = (
     record("gps", environments=[{"environment": "{}"}, {"python": "3"}]),
-    record("pca", finished="2025-01-01T00:00:00+00:00", per_query={
+    record("fast-mds", finished="2025-01-01T00:00:00+00:00", per_query={
         "NN": [1, 1.0, 0.0, 1.0, None], "FT": [*[0.5] * 4, None], "ST": [*[0.75] * 4, None], "DCG": [*[0.8] * 4, None],
         "E": [*(k / 100 for k in range(4)), None],
     }, scores={"NN": 0.75, "FT": 0.5, "ST": 0.75, "DCG": 0.8, "E": 0.015}, shapes=[*SHAPES, "owl0"],
         labels=["cat", "cat", "dog", "dog", "owl"], n_shapes=5, n_classes=3),
     record("gps", gallery="balls[radius=2]", data={"name": "balls[radius=2]"}),
-    failed(method="random"),
+    failed(method="skeleton"),
 )  # fmt: skip
 
 
@@ -158,8 +158,8 @@ def test_merging_gathers_what_was_made_here_and_not_while_a_run_writes(tmp_path)
 def test_what_is_killed_at_any_of_its_files_loses_no_record_and_goes_on(tmp_path, work):
     """Old records of the places in which work is done may stay until it goes on, and nothing else."""
     data = {"source": "rods"}
-    old = [record(name, data=data, rekeyed=[{"from": name}]) for name in ("gps", "pca")]
-    new = [record(name, data=data, code="2", finished="2027") for name in ("gps", "pca")]
+    old = [record(name, data=data, rekeyed=[{"from": name}]) for name in ("gps", "fast-mds")]
+    new = [record(name, data=data, code="2", finished="2027") for name in ("gps", "fast-mds")]
     keys = {name: {each["key"] for each in found} for name, found in (("old", old), ("new", new))}
 
     def put():
@@ -185,7 +185,7 @@ def test_what_is_killed_at_any_of_its_files_loses_no_record_and_goes_on(tmp_path
         found = Records(tmp_path)
         left = {each["key"] for each in found}
         assert left >= needed
-        assert {each["method"] for each in found} >= ({"pca"} if work == "remove" else {"gps", "pca"})
+        assert {each["method"] for each in found} >= ({"fast-mds"} if work == "remove" else {"gps", "fast-mds"})
         assert not found.skipped
         do()
         assert texts(Records(tmp_path)) == wanted

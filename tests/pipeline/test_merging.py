@@ -23,10 +23,10 @@ def target(tmp_path):
 
 
 def test_new_records_are_added_and_known_ones_counted(target):
-    target.write(record("pca"))
-    merged = merge_records([record("pca", finished=LATER, peak_mib=1), record("gps")], target)
+    target.write(record("fast-mds"))
+    merged = merge_records([record("fast-mds", finished=LATER, peak_mib=1), record("gps")], target)
     assert ([r["method"] for r in merged.added], merged.known, merged.conflicts) == (["gps"], 1, [])
-    assert target.read(record("pca")["key"]) == record("pca")
+    assert target.read(record("fast-mds")["key"]) == record("fast-mds")
 
 
 def test_one_key_with_two_outcomes_is_a_conflict_and_the_folder_keeps_what_it_has(target):

@@ -165,12 +165,12 @@ def test_what_is_no_record_is_told(name):
 def test_what_is_no_record_is_passed_over(records):
     put_aliens(records.folder)
     records.write(GOOD)
-    records.write(failed(method="pca"))
-    assert {found["key"] for found in records} == {GOOD["key"], failed(method="pca")["key"]}
+    records.write(failed(method="fast-mds"))
+    assert {found["key"] for found in records} == {GOOD["key"], failed(method="fast-mds")["key"]}
     assert records.read("0" * 32) is None
     assert records.read("half") is None
     assert set(records.skipped) == {path.name for path in records.folder.glob("*.json")} - {
-        f"{found['key']}.json" for found in (GOOD, failed(method="pca"))
+        f"{found['key']}.json" for found in (GOOD, failed(method="fast-mds"))
     }
 
 

@@ -59,8 +59,8 @@ def test_a_name_is_split_from_what_its_one_pair_of_brackets_holds(name, expected
 
 def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in():
     known = methods()
-    chosen = select(["classic-mds[metric=biharmonic|geodesic]"], known)
-    assert [spec.name for spec in chosen] == ["classic-mds[metric=biharmonic]", "classic-mds"]
+    chosen = select(["least-squares-mds[start=classic|mesh]"], known)
+    assert [spec.name for spec in chosen] == ["least-squares-mds[start=classic]", "least-squares-mds"]
     assert all(spec.named for spec in chosen)
     grid = variants("least-squares-mds[start=mesh|classic,rtol=1e-3|1e-4|1e-3]", known)
     assert len(grid) == 4
@@ -68,5 +68,5 @@ def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in
 
 
 def test_where_one_method_is_wanted_a_grid_is_refused():
-    with pytest.raises(ConfigurationError, match="stands for 2 methods; name one: classic-mds$"):
-        variant("classic-mds[metric=geodesic|biharmonic]", methods())
+    with pytest.raises(ConfigurationError, match="stands for 2 methods; name one: least-squares-mds$"):
+        variant("least-squares-mds[start=mesh|classic]", methods())

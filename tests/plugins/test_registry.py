@@ -6,7 +6,6 @@ import pytest
 
 from benchmark.api.contracts import Descriptor, Method
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.geodesics import DEFAULT_SOLVER
 from benchmark.plugins import registry
 
 PLUGIN = '''
@@ -73,9 +72,8 @@ def test_a_class_without_behaviour_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("base", "ways"),
     [
-        ("non-metric-mds", ["rtol=1e-3", "rtol=.001", " rtol = 0.0010 ", "max_iterations=100.0", "", "solver=default"]),
-        ("non-metric-mds", [f"solver={DEFAULT_SOLVER}", "solver=default,rtol=1e-3"]),
-        ("constrained-mds", ["first_pull=1", "first_pull=1.00", "start=mesh"]),
+        ("non-metric-mds", ["rtol=1e-3", "rtol=.001", " rtol = 0.0010 ", "max_iterations=100.0", ""]),
+        ("constrained-mds", ["first_pull=1", "first_pull=1.00"]),
         ("learned", ["smoothing=0", "smoothing=-0", "jump=none", "training_seed=0"]),
     ],
 )
@@ -89,7 +87,7 @@ def test_every_way_to_write_the_defaults_is_the_method_itself(base, ways):
 def test_every_way_to_write_a_variant_is_one_method():
     known = registry.methods()
     ways = ["max_iterations=7,start=classic", "start=classic,max_iterations=7", "start = classic , max_iterations=7.0"]
-    ways += [f"solver=default,start=classic,max_iterations=+7,rtol={rtol}" for rtol in ("1e-3", "0.001")]
+    ways += [f"start=classic,max_iterations=+7,rtol={rtol}" for rtol in ("1e-3", "0.001")]
     (spec,) = registry.select([f"least-squares-mds[{way}]" for way in ways], known)
     assert spec.name == "least-squares-mds[start=classic,max_iterations=7]"
     assert spec.title == "Least Square MDS (start=classic, max_iterations=7)"

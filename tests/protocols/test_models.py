@@ -119,4 +119,4 @@ def test_the_row_of_a_learner_on_random_humans_is_the_mean_of_its_models(tmp_pat
     assert {m for m in methods if m.startswith("learned")} == {
         "learned", "learned[training=humans-fold-1]", "learned[training=humans-fold-2]"
     }  # fmt: skip
-    assert {"classic-mds", "identity", "wks-mean"} <= methods and not {"nystrom-mds", "euclidean-distance"} & methods
+    assert {"classic-mds", "identity", "si-hks"} <= methods and not {"accelerated-mds", "feature-preserved"} & methods

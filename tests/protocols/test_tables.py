@@ -202,19 +202,3 @@ def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path
     assert of(whole) == of(held_out) == [*without, *added, "mean-sampled[training=animals-III]"]
     assert not any("training" in name for name in of(galleries(["I"])[0]))
     assert rows(whole, "mean-target", trained_here=tmp_path) == ["mean-target"]
-
-
-def test_further_metrics_have_rows_of_their_own_unless_a_method_is_asked_for_by_name():
-    known = registry.methods()
-    (gallery, _) = galleries(["III"])
-
-    def rows(*names):
-        return [spec.name for spec in gallery.rows(registry.select(names, known)) if "classic-mds" in spec.name]
-
-    variants = [f"classic-mds[metric={metric}]" for metric in ("diffusion", "commute-time", "biharmonic")]
-    assert rows() == rows("all") == ["classic-mds", *variants]
-    assert rows("all", variants[1]) == ["classic-mds", variants[0], variants[1], variants[2]]
-    assert rows("classic-mds") == ["classic-mds"]
-    assert rows(variants[2]) == [variants[2]]
-    for spec in gallery.rows(registry.select([], known)):
-        assert spec.parameters == {} or spec.create()

@@ -78,6 +78,6 @@ def test_a_run_prints_what_was_asked_for_and_nothing_else(tmp_path):
         assert f"**Table {folder}. " in done.output
         return [line.split("|")[1].strip() for line in done.output.splitlines() if line.startswith("| ")][2:-1]
 
-    assert rows("rods", "gps", "pca", more=["--quick"]) == ["GPS ‡ ¹", "PCA"]
-    assert rows("rods", "pca", "surface-area") == ["PCA", "Surface area"]
+    assert rows("rods", "gps", "fast-mds", more=["--quick"]) == ["GPS ‡ ¹", "Fast MDS"]
+    assert rows("rods", "fast-mds", "surface-area") == ["Fast MDS", "Surface area"]
     assert rows("copy", "gps") == ["GPS ‡ ¹"]

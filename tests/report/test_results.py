@@ -22,7 +22,7 @@ from tests import records as made_up
 from tests.pipeline.test_records import put_aliens
 from tests.verbs import call
 
-METHODS = ("identity", "surface-area", "classic-mds[solver=dijkstra]")
+METHODS = ("identity", "surface-area", "least-squares-mds[start=classic]")
 EARLIER, LATER = "2026-01-01T00:00:00+00:00", "2026-02-01T00:00:00+00:00"
 
 
@@ -115,10 +115,13 @@ def test_what_edited_code_made_is_marked_and_counts_while_the_edit_lasts(rods, s
 
 
 def test_a_row_on_other_shapes_than_the_newest_is_marked_and_not_compared(rods, store):
-    for method, name, finished in (("identity", "horse0", EARLIER), ("pca", "dog0", LATER)):
+    for method, name, finished in (("identity", "horse0", EARLIER), ("fast-mds", "dog0", LATER)):
         (job,) = jobs(rods, store, [method])
         store.write_record(of_job(job, shapes=["cat0", "cat1", name, "dog1"], finished=finished))
-    assert {name: result.outdated for name, result in chosen(store).items()} == {"identity": "other shapes", "pca": ""}
+    assert {name: result.outdated for name, result in chosen(store).items()} == {
+        "identity": "other shapes",
+        "fast-mds": "",
+    }
     (table,) = contents(Results(store, methods()).all())
     assert table.significance["identity", "mesh"]["NN"].probability is None
 

@@ -59,7 +59,7 @@ def test_what_survives_is_told_apart_from_what_was_not_run_or_could_not_fall():
 def test_tables_write_the_curves_beside_the_other_tables_and_perturbed_sets_have_none_of_their_own(tmp_path):
     folder = tmp_path / "results" / "runs" / "records"
     folder.mkdir(parents=True)
-    for method in ("classic-mds", "pca"):
+    for method in ("classic-mds", "fast-mds"):
         for each in (record(method, nn=1.0), *noisy(0.75, 0.5, 0.25, 0.25, 0.0, method=method)):
             (folder / f"{each['key']}.json").write_text(as_text(each))
     whole = ("tables", "--results", tmp_path / "results", "-o", tmp_path / "out")
@@ -77,16 +77,16 @@ def test_tables_write_the_curves_beside_the_other_tables_and_perturbed_sets_have
     assert "stale: robustness-rods-mesh.png\nleft over: table-old.md;" in told
     assert json.loads(call(*whole[:3], "-d", "rods", "--format", "json"))[0]["table"] == "rods"  # one document
     alone = call(*whole[:3], "-d", "rods", "-t", "robustness")
-    assert "| Pca † | 1.00 | 0.004 |" in alone and "†: made before the last change." in alone
+    assert "| Fast-Mds † | 1.00 | 0.004 |" in alone and "†: made before the last change." in alone
     assert "Table rods" not in alone
 
 
 def test_a_plan_of_robustness_has_each_perturbation_under_the_inputs_that_it_is_made_for(tmp_path):
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    options = ("-d", rods, "-m", "pca", "-t", "robustness", "--results", tmp_path / "results")
+    options = ("-d", rods, "-m", "fast-mds", "-t", "robustness", "--results", tmp_path / "results")
     lines = call("plan", *options).splitlines()
-    expected = {f"rods {input_} pca" for input_ in INPUTS} | {
-        f"{perturbed_name('rods', perturbation, strength)} {input_} pca"
+    expected = {f"rods {input_} fast-mds" for input_ in INPUTS} | {
+        f"{perturbed_name('rods', perturbation, strength)} {input_} fast-mds"
         for perturbation, known in PERTURBATIONS.items()
         for input_ in known.inputs
         for strength in STRENGTHS

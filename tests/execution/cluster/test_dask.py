@@ -200,7 +200,7 @@ def test_a_process_beside_a_worker_does_the_tasks_of_a_run_in_turn(place, cluste
     from benchmark.execution import job_specs
 
     monkeypatch.setattr(job_specs, "LARGEST_BATCH", 5)
-    words = ("-d", place / "rods", "--input", "mesh", "-m", "pca", "-m", "surface-area", "--results")
+    words = ("-d", place / "rods", "--input", "mesh", "-m", "fast-mds", "-m", "surface-area", "--results")
     assert run(*words, place / "alone", "--executor", "serial").exit_code == 0
     worker = cluster.worker()
     done = run(*words, place / "cluster", *on(cluster))

@@ -67,13 +67,13 @@ def test_records_alone_make_a_report_that_says_what_brings_the_rest(artefacts, t
         tmp_path / "out",
         artefacts,
         record("gps"),
-        record("pca", nn=0.5),
+        record("fast-mds", nn=0.5),
         failed("crashed", "it <b>fell</b>", method="fell"),
     )
     assert (written.n_forms, written.n_distances, written.n_ranked) == (0, 0, 2)
     names = {path.name for path in (tmp_path / "out").glob("*.html")}
     assert names == {"index.html", "table-rods.html", "table-rods-forms.html"}
-    command = "python -m benchmark run -d rods -m gps -m pca"
+    command = "python -m benchmark run -d rods -m gps -m fast-mds"
     for name in names - {"index.html"}:
         assert command in (tmp_path / "out" / name).read_text()
     index = (tmp_path / "out" / "index.html").read_text()
@@ -96,7 +96,7 @@ def test_no_page_asks_the_network_and_every_file_that_a_page_names_is_there(arte
 
 def test_only_failures_are_a_report_too(artefacts, tmp_path):
     written = report(
-        tmp_path, artefacts, failed("memory", "too much", method="gps"), failed("timeout", "slow", method="pca")
+        tmp_path, artefacts, failed("memory", "too much", method="gps"), failed("timeout", "slow", method="fast-mds")
     )
     assert (written.n_ranked, written.n_forms) == (0, 0)
     assert "too much" in (tmp_path / "index.html").read_text()
@@ -181,7 +181,7 @@ def test_a_data_set_that_raises_costs_its_pictures_alone(artefacts, tmp_path):
 def test_classes_and_the_front_are_those_of_the_records(artefacts):
     rows = [
         record("gps", per_query={name: [1, 1, 0, 1] for name in PRINTED}, cost={"seconds_per_shape": {"a": 1, "b": 1}}),
-        record("pca", nn=0.5, family="control", cost={"seconds_per_shape": {"a": 0.5}}),
+        record("fast-mds", nn=0.5, family="control", cost={"seconds_per_shape": {"a": 0.5}}),
         record("slow", nn=0.25, cost={"seconds_per_shape": {"a": 9.0}}),
     ]  # fmt: skip
     (table,) = contents([Result(each) for each in rows])
@@ -190,7 +190,7 @@ def test_classes_and_the_front_are_those_of_the_records(artefacts):
     assert data["classes"] == ["cat", "dog"]
     assert told["gps"]["classes"]["NN"] == [1.0, 0.5]
     assert told["gps"]["seconds"] == 2.0
-    assert data["fronts"]["mesh"]["NN"] == {"methods": ["gps"], "all": ["pca", "gps"]}
+    assert data["fronts"]["mesh"]["NN"] == {"methods": ["gps"], "all": ["fast-mds", "gps"]}
 
 
 def test_commands_can_be_pasted(artefacts, tmp_path):

@@ -45,7 +45,7 @@ def test_the_front_of_a_figure_leaves_controls_out_and_titles_are_no_formulas():
 
 def test_no_scores_are_no_figure_of_cost():
     with pytest.raises(ConfigurationError, match="no row of the table has scores and a cost"):
-        cost_figure(table(failed(), failed(method="pca")))
+        cost_figure(table(failed(), failed(method="fast-mds")))
 
 
 @pytest.mark.slow
