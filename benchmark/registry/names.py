@@ -1,6 +1,6 @@
 """Parameters as text: names with parameters in brackets, alternatives, and descriptions from docstrings.
 
-``metric=geodesic|biharmonic,power=1|2`` stands for four choices.
+``start=mesh|classic,power=1|2`` stands for four choices.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def split_name(name: str) -> tuple[str, str] | None:
 
     Examples
     --------
-    >>> split_name("classic-mds[metric=biharmonic]")
-    ('classic-mds', 'metric=biharmonic')
+    >>> split_name("least-squares-mds[start=classic]")
+    ('least-squares-mds', 'start=classic')
     """
     match = _NAME.fullmatch(name.strip())
     return (match[1].strip(), match[2] or "") if match else None
@@ -55,8 +55,8 @@ def combinations(text: str) -> list[dict[str, str]]:
 
     Examples
     --------
-    >>> combinations("metric=geodesic|biharmonic,size=3")
-    [{'metric': 'geodesic', 'size': '3'}, {'metric': 'biharmonic', 'size': '3'}]
+    >>> combinations("start=mesh|classic,size=3")
+    [{'start': 'mesh', 'size': '3'}, {'start': 'classic', 'size': '3'}]
     """
     given = assignments(text)
     values = {name: _values(name, split(text, "|") or [""]) for name, text in given.items()}
