@@ -22,7 +22,7 @@ LAYERS = (
     ("benchmark.datasets",),
     ("benchmark.protocols", "benchmark.plugins.conformance", "benchmark.plugins.scaffold"),
     ("benchmark.pipeline",),
-    ("benchmark.execution", "benchmark.protocols.pairs"),
+    ("benchmark.execution", "benchmark.run", "benchmark.protocols.pairs"),
     ("benchmark.report",),
     ("benchmark.depth_forms", "benchmark.external", "benchmark.results"),
     ("benchmark.cli", "benchmark.kernels.__main__"),

@@ -14,7 +14,7 @@ import msgspec
 from benchmark.api.contracts import Input
 from benchmark.api.parameters import format_value
 from benchmark.datasets.own import is_own
-from benchmark.pipeline.ranking import BLOCK
+from benchmark.pipeline.artefact_ranking import BLOCK
 from benchmark.pipeline.recipes import draws_of
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import DEFAULT, ScorerSpec

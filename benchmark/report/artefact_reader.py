@@ -18,7 +18,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, S
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.method_run import MethodRun, Preparation, require_arrays
-from benchmark.pipeline.ranking import matrices_of
+from benchmark.pipeline.artefact_ranking import matrices_of
 from benchmark.pipeline.stages.shapes import form_mesh
 from benchmark.pipeline.storage.records import Record, place
 from benchmark.pipeline.storage.store import Store

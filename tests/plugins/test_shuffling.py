@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.pipeline.ranking import in_shuffled_order
+from benchmark.pipeline.artefact_ranking import in_shuffled_order
 
 
 def differences(items):

@@ -1,0 +1,134 @@
+"""Files of arrays under the digests of everything that determines them."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import os
+import zipfile
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.errors import BenchmarkError
+from benchmark.files import sweep, write_atomically
+
+Arrays = Mapping[str, NDArray[Any]]
+Kind = Literal["prepared", "forms", "signatures", "records"]
+
+#: Folder of local results in a results folder.
+RUNS = "runs"
+
+#: Folders of the suite's versions up to 0.2.
+_OLD = ("runs/artefacts", "runs/scratch", "runs/edited")
+
+
+class StorageError(BenchmarkError):
+    """The results folder cannot be read or written."""
+
+
+@contextmanager
+def storing(results: Path) -> Iterator[None]:
+    """Turn errors of the file system into a :class:`StorageError`."""
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(
+            f"cannot write to {results}: {error.strerror}",
+            "free some space, change its rights, or choose another --results DIR; finished jobs are kept",
+        ) from error
+
+
+@contextmanager
+def writing(results: Path) -> Iterator[None]:
+    """Hold the lock of a results folder for its only writer; readers need none.
+
+    Raises
+    ------
+    StorageError
+        If another process is writing to it, it cannot be written, or an earlier version made it.
+    """
+    if old := next((name for name in _OLD if (results / name).is_dir()), None):
+        raise StorageError(
+            f"{results / old} was made by an earlier version, whose results are not read",
+            f"delete {results / RUNS}, or choose another --results DIR",
+        )
+    with storing(results):
+        (results / RUNS / "records").mkdir(parents=True, exist_ok=True)
+        lock = os.open(results / RUNS / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise StorageError(
+                f"another run is writing to {results}", "wait for its end, or choose another --results DIR"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        sweep(results / RUNS)
+        yield
+    finally:
+        os.close(lock)
+
+
+@dataclass(frozen=True)
+class Cache:
+    """The cached files of a results folder; a damaged one counts as missing.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    """
+
+    results: Path
+
+    def has(self, kind: Kind, key: str) -> bool:
+        """Return whether there is a file under a key, damaged or not."""
+        return self._path(kind, key).is_file()
+
+    def read(self, kind: Kind, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
+        """Return the arrays under a key, except some; None if there are none, or their file is damaged in any way."""
+        try:
+            return read_arrays(self._path(kind, key), without)
+        except Exception:  # zip, zlib and numpy raise many types
+            return None
+
+    def write(self, kind: Kind, key: str, arrays: Arrays) -> None:
+        """Write the arrays under a key; raise :class:`StorageError` if that fails."""
+        with storing(self.results):
+            write_atomically(self._path(kind, key), lambda file: write_arrays(file, arrays))
+
+    def get(self, kind: Kind, key: str, compute: Callable[[], Arrays]) -> Arrays:
+        """Return the arrays under a key; compute and write them if they are missing."""
+        arrays: Arrays | None = self.read(kind, key)
+        if arrays is None:
+            arrays = compute()
+            self.write(kind, key, arrays)
+        return arrays
+
+    def _path(self, kind: Kind, key: str) -> Path:
+        return self.results / RUNS / kind / f"{key}.npz"
+
+
+def write_arrays(file: IO[bytes], arrays: Arrays) -> None:
+    """Write arrays as an ``.npz`` file; unlike with ``numpy.savez``, any name will do."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
+                np.lib.format.write_array(part, np.asanyarray(array), allow_pickle=False)
+
+
+def read_arrays(path: Path, without: Collection[str] = ()) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an ``.npz`` file, each read to its end, so that its checksum is compared."""
+    with zipfile.ZipFile(path) as archive:
+        return {
+            name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
+            for name in archive.namelist()
+            if name.removesuffix(".npy") not in without
+        }

@@ -1,0 +1,52 @@
+"""Where results come from: the commit, and versions of packages."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+#: Packages that move results.
+PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
+
+#: Folder that holds the packages of the suite.
+ROOT = Path(__file__).parents[2]
+_SUITE = ("benchmark", "baselines", "learned", "retrieval")
+
+
+@cache
+def packages() -> dict[str, str]:
+    """Return the versions of Python and of the installed packages, and the machine."""
+    versions = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    for name in PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return versions
+
+
+@cache
+def commit() -> str:
+    """Return the first ten digits of the commit, with ``+`` if code was changed; "" outside a repository."""
+    digest = _git("rev-parse", "--short=10", "HEAD")
+    return digest + ("+" if has_edits() else "") if digest else ""
+
+
+def has_edits() -> bool:
+    """Return whether files of the suite differ from the commit."""
+    return bool(_git("status", "--porcelain", "--untracked-files=no", "--", *_SUITE))
+
+
+def _git(*words: str) -> str:
+    """Return the output of git in the suite's own repository; "" if there is none."""
+    if not (ROOT / ".git").exists():  # an installed suite may lie inside of another repository
+        return ""
+    command = ["git", "--no-optional-locks", "-C", str(ROOT), *words]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""

@@ -1,0 +1,68 @@
+"""Estimate the time of a plan from the seconds of finished jobs, published ones included."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.pipeline.records import Record, read_records
+from benchmark.run.plan import Planned
+
+#: Stages whose results all methods share; they count once a shape.
+SHARED = ("prepare", "geodesics")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Upper bound for the work of the jobs that a run would do, as if nothing were in the cache.
+
+    Parameters
+    ----------
+    seconds
+        Seconds on one core.
+    unknown
+        Number of jobs without an estimate, because no job of their method has finished anywhere.
+    """
+
+    seconds: float
+    unknown: int
+
+
+def estimate(planned: Sequence[Planned], results: Path) -> Estimate:
+    """Estimate the work of a plan.
+
+    Seconds a shape are those of the same method and input on the same gallery, otherwise the median over other
+    galleries, of the method with any parameters if need be. Jobs here count before published ones.
+    """
+    costs: dict[tuple[str, str], list[Record]] = {}
+    for record in (*read_records(results, local=False), *read_records(results, published=False)):
+        for name in {record.method, _base(record.method)} if record.seconds else ():
+            costs.setdefault((name, record.input), []).append(record)
+    seconds, unknown = 0.0, 0
+    shared: dict[tuple[str, str, str], float] = {}
+    for job in planned:
+        if not job.to_run:
+            continue
+        phases = _seconds(job, costs)
+        unknown += not phases
+        seconds += len(job.shapes) * sum(value for phase, value in phases.items() if phase not in SHARED)
+        once = sum(phases.get(phase, 0.0) for phase in SHARED)
+        for shape in job.shapes:
+            place = (job.job.source, job.job.input, shape)
+            shared[place] = max(shared.get(place, 0.0), once)
+    return Estimate(seconds + sum(shared.values()), unknown)
+
+
+def _seconds(job: Planned, costs: Mapping[tuple[str, str], list[Record]]) -> dict[str, float]:
+    """Return seconds a shape by stage; empty if they are unknown."""
+    method, input_ = job.job.method.name, job.job.input
+    alike = costs.get((method, input_)) or costs.get((_base(method), input_), [])
+    of_gallery = [record for record in alike if record.gallery == job.facts["gallery"]]
+    timed = [record.seconds for record in of_gallery[-1:] or alike]
+    return {phase: statistics.median(row.get(phase, 0.0) for row in timed) for phase in sorted(set().union(*timed))}
+
+
+def _base(method: str) -> str:
+    return method.partition("[")[0]
