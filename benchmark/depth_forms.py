@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.api.learning import MeasuresFit
 from benchmark.depth.errors import InvalidIntrinsics
-from benchmark.depth.frame import ObservedObject, Up, observe
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe
 from benchmark.depth.intrinsics import Intrinsics, parse_intrinsics
-from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
 from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface

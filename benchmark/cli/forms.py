@@ -23,7 +23,7 @@ from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.datasets.folder import folder_dataset
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
-from benchmark.depth.reading import READERS, is_depth_file
+from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.execution.processes.calls import call_apart
@@ -64,7 +64,7 @@ def canonicalise(options: Canonicalise) -> bool:
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
     if warning := trained_on_people(spec):
         say(f"{method}: {warning}", err=True)
-    if may_miss or paths[0].suffix.lower() in READERS or paths[0].is_dir():
+    if may_miss or paths[0].suffix.lower() in EXTENSIONS or paths[0].is_dir():
         if vertices is not None:
             raise ConfigurationError("a depth image has no vertices", "omit --vertices")
         return _canonicalise_frames(_frame_jobs(options), options)
@@ -204,7 +204,7 @@ def frames_under(source: Path) -> list[Path]:
     matches = [Path(name) for name in sorted(glob.glob(str(source), recursive=True))]  # noqa: PTH207
     frames = [path for path in matches if is_depth_file(path)]
     if not frames:
-        raise ConfigurationError(f"no depth image matches {source}", f"name files in {', '.join(READERS)}")
+        raise ConfigurationError(f"no depth image matches {source}", f"name files in {', '.join(EXTENSIONS)}")
     return frames
 
 
@@ -281,7 +281,7 @@ def _retrieved(source: str, options: Retrieve) -> Iterable[str]:
     models = find_models(spec, gallery, store.models)
     preparation = Preparation(dataset, input_for(query, dataset, spec), store)
     run = MethodRun(preparation, store, spec, options.seed, models, scorer_spec(options))
-    frame = _frame_files(options)(query) if query.suffix.lower() in READERS else None
+    frame = _frame_files(options)(query) if query.suffix.lower() in EXTENSIONS else None
     nearest = search(run, query, frame, source)
     seconds = time.perf_counter() - start
     rows = [("rank", "name", "class", "distance")]

@@ -12,9 +12,8 @@ from benchmark.api.contracts import Input
 from benchmark.datasets.base import Entry
 from benchmark.datasets.files import FolderDataset, file_digest, is_there
 from benchmark.datasets.settings import read_settings
-from benchmark.depth.frame import FrameFiles, ObservedObject, Up, checked_up
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, Up, checked_up
 from benchmark.depth.intrinsics import Intrinsics, intrinsics_of, parse_intrinsics
-from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError, UnreadableMesh
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh

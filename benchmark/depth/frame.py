@@ -1,4 +1,4 @@
-"""A single frame of a depth camera: its object as a surface and as the depth image passed to methods."""
+"""A frame of a depth camera: from depths, intrinsics and mask to the surface of its object, upright and in metres."""
 
 from __future__ import annotations
 
@@ -10,23 +10,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics
-from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, read_intrinsics
-from benchmark.depth.projection import FRAME, HALF_WIDTH, object_surface, unprojected, upright, without_flying_pixels
-from benchmark.depth.reading import Depths, Mask, checked_mask, find_mask, in_metres, read_depth, read_mask
-from benchmark.depth.segmentation import Plane, background_planes, find_object
-from benchmark.geometry.mesh import Mesh
+from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, NoObject
+from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
+from benchmark.depth.reading import FEWEST_SEEN, Depths, Mask, checked_mask, find_mask, read_depth, read_mask
+from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
+from benchmark.geometry.camera import Camera
+from benchmark.geometry.mesh import Mesh, Points
 
-_PLANE_STEP = 2
-"""Pixel stride of the subsampled image in which planes are detected."""
+HALF_WIDTH = 1.285
+"""Half the frame width of the human data sets in metres, the reference scale of ``literal`` and ``wide``."""
 
-Up = Sequence[float]
+UPRIGHT = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+"""The orthographic camera in front of the surface of an object."""
+
+FRAME = np.diag([1.0, -1.0, -1.0])
+"""Transform from the camera's frame (right, down, forward) to the suite's (right, up, towards the camera)."""
 
 IMAGE_UP = np.array([0.0, -1.0, 0.0])
 """Default up direction in the camera's frame (right, down, forward)."""
 
 MOST_TILTED = np.cos(np.radians(75))
 """Minimum cosine of the angle between a given up direction and the image plane."""
+
+_PLANE_STEP = 2
+"""Pixel stride of the subsampled image in which planes are detected."""
+
+_LEAST_SUPPORT = 3
+"""Minimum number of the eight neighbours on the same surface; a pixel with fewer is a flying pixel."""
+
+Up = Sequence[float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,23 +93,20 @@ def observe(
     """
     height, width = depths.shape
     intrinsics.check_size(width, height)
-    seen = depths > 0
-    object_mask = None if mask is None else checked_mask(mask, seen)
-    rays = intrinsics.rays(width, height)
-    coarse = (slice(None, None, _PLANE_STEP),) * 2
-    if object_mask is None:
-        points = unprojected(depths, rays)
-        planes = background_planes(points[coarse], seen[coarse])
-        chosen, part = find_object(points, seen, planes), (slice(None),) * 2
-    else:  # the scene only has to provide the floor
-        planes = background_planes(unprojected(depths[coarse], rays[coarse]), (seen & ~object_mask)[coarse])
-        chosen, part = object_mask, _window(object_mask)
+    seen, rays = depths > 0, intrinsics.rays(width, height)
+    coarse = np.s_[::_PLANE_STEP, ::_PLANE_STEP]
+    chosen = None if mask is None else checked_mask(mask, seen)
+    rest = seen if chosen is None else seen & ~chosen  # beside a mask, the scene only has to provide the floor
+    planes = background_planes(unprojected(depths[coarse], rays[coarse]), rest[coarse])
+    if chosen is None:
+        chosen = find_object(unprojected(depths, rays), seen, planes)
+    part = tuple(slice(max(at.min() - 1, 0), at.max() + 2) for at in np.nonzero(chosen))
     kept = np.zeros_like(chosen)
     kept[part] = without_flying_pixels(depths[part], chosen[part])
     direction, up_source = _up(planes, up)
     surface = object_surface(depths[part], rays[part], kept[part], upright(direction), half_width)
     notes: dict[str, float | str] = {
-        "mask": "found" if object_mask is None else "given",
+        "mask": "found" if mask is None else "given",
         "up": up_source,
         "planes": float(len(planes)),
         "object_pixels": float(np.count_nonzero(kept)),
@@ -108,20 +117,12 @@ def observe(
     return ObservedObject(depths, kept, surface, notes)
 
 
-def _window(mask: Mask) -> tuple[slice, slice]:
-    """Return the bounding rows and columns of a mask, padded by one pixel on each side."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
-
-
 def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float64], str]:
     """Return the up direction in the camera's frame and its source."""
     floors = [plane for plane in planes if plane.is_floor]
     if floors:
-        return max(floors, key=lambda plane: -plane.offset).normal, "floor"
-    if recorded is None:
-        return IMAGE_UP, "image"
-    return checked_up(recorded), "sidecar"
+        return min(floors, key=lambda plane: plane.offset).normal, "floor"
+    return (IMAGE_UP, "image") if recorded is None else (checked_up(recorded), "sidecar")
 
 
 def checked_up(direction: Up) -> NDArray[np.float64]:
@@ -134,6 +135,116 @@ def checked_up(direction: Up) -> NDArray[np.float64]:
             "write [right, down, forward] of the camera, such as [0, -1, 0]; cameras that look straight down have none",
         )
     return up / length
+
+
+def upright(up: NDArray[np.float64]) -> Points:
+    """Return the rotation from the camera's frame to an upright frame in which the camera looks level.
+
+    Its rows are right, up, and back towards the camera; ``up`` has unit length and is not along the optical axis.
+    """
+    back = np.array([0.0, 0.0, -1.0]) + up[2] * up
+    back /= np.linalg.norm(back)
+    return np.stack([np.cross(up, back), up, back])
+
+
+def unprojected(depths: Depths, rays: Rays) -> Points:
+    """Return the 3D points of pixels, shape (h, w, 3), metres: right, down, forward."""
+    return np.concatenate([rays * depths[..., None], depths[..., None]], axis=-1)
+
+
+def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
+    """Return a mask without flying pixels, which cameras measure between two surfaces: few neighbours have their depth.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres.
+    mask
+        Pixels of the object, shape (h, w).
+    """
+    padded, inside, limit = np.pad(depths, 1), np.pad(mask, 1), jump(depths)
+    support = np.zeros(depths.shape, dtype=np.int8)
+    for window in _windows(depths.shape, 3):
+        support += inside[window] & (np.abs(padded[window] - depths) <= limit)
+    return np.asarray(mask & (support > _LEAST_SUPPORT))  # a pixel supports itself
+
+
+def _windows(shape: tuple[int, ...], count: int) -> list[tuple[slice, slice]]:
+    """Return the shifted windows into an image padded by one, row by row, whose last one ends at its corner."""
+    height, width = shape[0] + 3 - count, shape[1] + 3 - count
+    return [np.s_[down : down + height, right : right + width] for down in range(count) for right in range(count)]
+
+
+def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, half_width: float = HALF_WIDTH) -> Mesh:
+    """Return the surface of an object from its pixels.
+
+    Each pixel yields two triangles between its corners. The depth of a corner is the mean over the adjacent object
+    pixels; at a depth jump, each pixel gets its own corner, with the mean over the adjacent pixels on its side.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres.
+    rays
+        Rays of the pixels, shape (h, w, 2); see :meth:`benchmark.depth.intrinsics.Intrinsics.rays`.
+    mask
+        Pixels of the object, shape (h, w).
+    rotation
+        From :func:`upright`.
+    half_width
+        Half the side of the frame, in metres.
+
+    Raises
+    ------
+    NoObject
+        If there are too few pixels, or the surface is larger than the frame.
+    """
+    if np.count_nonzero(mask) < FEWEST_SEEN:
+        raise NoObject(
+            f"the object shows {np.count_nonzero(mask)} pixels, fewer than {FEWEST_SEEN}",
+            "go nearer, or check the mask",
+        )
+    part = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
+    points, faces = _squares(depths[part], rays[part], mask[part])
+    mesh = Mesh(points @ rotation.T, faces)
+    extents = np.ptp(mesh.vertices, axis=0)
+    if extents.max() >= 2 * half_width:
+        size = " x ".join(f"{extent:.2f}" for extent in extents)
+        raise NoObject(
+            f"the object is {size} m (width, height, depth), more than the {2 * half_width:.2f} m of the frame",
+            "check the depth scale, or pass a mask of the object alone",
+        )
+    return mesh
+
+
+def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, NDArray[np.int32]]:
+    """Return pixel corners in the camera's frame, shape (n, 3), and two camera-facing triangles per pixel."""
+    # The pixels around each corner: above left, above right, below left, below right.
+    windows, (height, width) = _windows(depths.shape, 2), mask.shape
+    around: Depths = np.stack([np.pad(depths, 1)[window] for window in windows])
+    held: Mask = np.stack([np.pad(mask, 1)[window] for window in windows])
+    nearest = np.where(held, around, np.inf).min(axis=0)
+    farthest = np.where(held, around, 0).max(axis=0)
+    used = held.any(axis=0)
+    whole = used & (farthest - nearest <= jump(np.where(used, nearest, 0)))
+    torn = held & (used & ~whole)
+    numbers = np.zeros(around.shape, dtype=np.int32)
+    numbers[:, whole] = np.arange(np.count_nonzero(whole))
+    numbers[torn] = np.count_nonzero(whole) + np.arange(np.count_nonzero(torn))
+    means = (around * held).sum(axis=0)[whole] / held.sum(axis=0)[whole]
+    _, row, column = np.nonzero(torn)
+    members, own = around[:, row, column], around[torn]
+    side = held[:, row, column] & (np.abs(members - own) <= jump(own))
+    z = np.concatenate([means, (members * side).sum(axis=0) / side.sum(axis=0)])
+    outer = np.pad(rays, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
+    of_corners = (outer[:-1, :-1] + outer[:-1, 1:] + outer[1:, :-1] + outer[1:, 1:]) / 4
+    xy = np.concatenate([of_corners[whole], of_corners[row, column]]) * z[:, None]
+    a, b, c, d = (
+        numbers[member, down : down + height, right : right + width][mask]
+        for member, down, right in ((3, 0, 0), (1, 1, 0), (0, 1, 1), (2, 0, 1))
+    )
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return np.column_stack([xy, z]), faces
 
 
 @dataclass(frozen=True)
@@ -175,20 +286,11 @@ class FrameFiles:
 
     def observe(self) -> ObservedObject:
         """Read the frame and return its object; raises ``DepthError``, which names the faulty file."""
-        depths = read_depth(self.image, self.scale)
-        mask = self.mask_file
-        return observe(depths, self._camera(), read_mask(mask) if mask else None, self.up, self.half_width)
-
-    def _camera(self) -> Intrinsics:
-        if self.intrinsics is not None:
-            return self.intrinsics
-        path = self.intrinsics_file
-        if path is None:
+        depths, mask, camera = read_depth(self.image, self.scale), self.mask_file, self.intrinsics_file
+        if not self.intrinsics and not camera:
             raise InvalidIntrinsics(
                 f"there are no intrinsics for {self.image}",
                 "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy",
             )
-        return read_intrinsics(path)
-
-
-__all__ = ["FRAME", "FrameFiles", "ObservedObject", "Up", "checked_up", "in_metres", "observe"]
+        intrinsics = self.intrinsics or read_intrinsics(camera or self.image)
+        return observe(depths, intrinsics, read_mask(mask) if mask else None, self.up, self.half_width)

@@ -1,4 +1,4 @@
-"""Intrinsics of a pinhole camera, from text, Open3D, ROS or four numbers, and the rays of its pixels."""
+"""Intrinsics of a pinhole camera, from text, Open3D, ROS, OpenCV or four numbers, and the rays of its pixels."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import functools
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from benchmark.depth.errors import InvalidIntrinsics
@@ -40,7 +41,10 @@ _BROWN_NAMES = ("", "plumb_bob", "rational_polynomial", "brown_conrady", "brown"
 #: Models other than a pinhole camera, rejected with any coefficients; other unknown models may have zero coefficients.
 _BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|unified|panoram"
 
-_LARGEST_FILE = 1_000_000
+#: Keys of lists of coefficients.
+_COEFFICIENTS = ("distortion_coefficients", "distortion_coeffs", "distortion", "dist_coeffs", "coeffs", "D", "d")
+
+_LARGEST_FILE = 100_000
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
 
 #: Iterations to find the ray of a distorted pixel; lenses of depth cameras need five.
@@ -93,20 +97,15 @@ class Intrinsics:
                 "pass the intrinsics of this image; those of a part of an image need its width and height beside them",
             )
 
+    @functools.lru_cache(maxsize=4)  # noqa: B019
     def rays(self, width: int, height: int) -> Rays:
         """Return the intersection of each pixel's ray with depth 1, shape (height, width, 2): right, down."""
-        return _rays(self, width, height)
-
-
-@functools.lru_cache(maxsize=4)
-def _rays(camera: Intrinsics, width: int, height: int) -> Rays:
-    x = (np.arange(width) - camera.cx) / camera.fx
-    y = (np.arange(height) - camera.cy) / camera.fy
-    seen = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
-    if any(camera.distortion):
-        seen = _undistorted(seen, camera.distortion)
-    seen.flags.writeable = False
-    return seen
+        x, y = (np.arange(width) - self.cx) / self.fx, (np.arange(height) - self.cy) / self.fy
+        rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
+        if any(self.distortion):
+            rays = _undistorted(rays, self.distortion)
+        rays.flags.writeable = False
+        return rays
 
 
 def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
@@ -127,7 +126,12 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
 
 def parse_intrinsics(text: str) -> Intrinsics:
     """Parse ``fx,fy,cx,cy`` or the numbers of a matrix; raises ``InvalidIntrinsics`` for anything else."""
-    return _of_numbers(_numbers(text), text)
+    words = re.sub(r"(#|%|//).*|[\[\],;]", " ", text).split()
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError as error:
+        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' is no list of numbers", _HINT) from error
+    return _of_numbers(numbers)
 
 
 def intrinsics_of(value: str) -> Intrinsics:
@@ -143,31 +147,41 @@ def read_intrinsics(path: Path) -> Intrinsics:
     Parameters
     ----------
     path
-        Text with a 3 x 3 or 4 x 4 matrix, or with fx fy cx cy; ``camera.json`` of Open3D; ``camera_info.yaml`` of ROS;
-        or JSON with ``fx``, ``fy``, ``cx`` (``ppx``) and ``cy`` (``ppy``).
+        Text with the numbers of a 3 x 3 or 4 x 4 matrix, or fx, fy, cx and cy; ``camera.json`` of Open3D;
+        ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; or a mapping with ``fx``, ``fy``, ``cx``, ``cy``.
 
     Raises
     ------
     InvalidIntrinsics
-        If the file is unreadable or does not describe a camera.
+        If the file is missing, holds no intrinsics, or those of a lens that is not a pinhole with Brown's distortion.
     """
     try:
         if path.stat().st_size > _LARGEST_FILE:
-            raise InvalidIntrinsics(f"{path} is too large for intrinsics", _HINT)
-        text = path.read_bytes().decode("utf-8")
+            raise InvalidIntrinsics("it is too large for intrinsics", _HINT)
+        text = path.read_bytes().decode("utf-8-sig")
+        content = _parsed(text)
+        return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
+    except InvalidIntrinsics as error:
+        raise InvalidIntrinsics(f"{path}: {error.problem}", error.hint) from error
     except OSError as error:
         raise InvalidIntrinsics(f"{path}: {error.strerror}", f"check the path; {_HINT}") from error
     except UnicodeDecodeError as error:
         raise InvalidIntrinsics(f"{path} is no text, as an image is none", _HINT) from error
-    try:
-        if text.lstrip().startswith("{"):
-            return _of_mapping(json.loads(text))
-        return _of_yaml(text) if re.search(r"(?m)^\s*(camera_matrix|[Kk])\s*:", text) else parse_intrinsics(text)
-    except InvalidIntrinsics as error:
-        raise InvalidIntrinsics(f"{path}: {error.problem}", error.hint) from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError) as error:
         what = f"{path} holds no intrinsics: {type(error).__name__} {' '.join(str(error).split())}"
         raise InvalidIntrinsics(f"{what:.300}", _HINT) from error
+
+
+def _parsed(text: str) -> Any:
+    """Return the content of JSON or of the first document of YAML; None for plain numbers."""
+    if text.lstrip().startswith("{"):
+        return json.loads(text)
+    if ":" not in text:
+        return None
+    plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
+    if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(plain)):  # a few of them can hold gigabytes
+        raise ValueError("it has aliases")
+    return next(iter(yaml.safe_load_all(plain)), None)
 
 
 def find_intrinsics(image: Path) -> Path | None:
@@ -176,25 +190,21 @@ def find_intrinsics(image: Path) -> Path | None:
     Files of the image itself take precedence over those of its folder, and these over those of its two parents.
     """
     stems = dict.fromkeys((image.stem, image.stem.partition(".")[0]))
-    for stem in stems:
-        for ending in ENDINGS:
-            if (path := image.with_name(stem + ending)).is_file():
-                return path
-    for folder in (image.parent, *image.absolute().parent.parents[:2]):
-        for name in NAMES:
-            if (path := folder / name).is_file():
-                return path
-    return None
+    own = [image.with_name(stem + ending) for stem in stems for ending in ENDINGS]
+    folders = (image.parent, *image.absolute().parent.parents[:2])
+    shared = [folder / name for folder in folders for name in NAMES]
+    return next((path for path in own + shared if path.is_file()), None)
 
 
 def _of_numbers(
-    numbers: Sequence[float], text: str, size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
+    numbers: Sequence[float], size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
 ) -> Intrinsics:
     if len(numbers) == 4:
         fx, fy, cx, cy = numbers
         return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
     if len(numbers) not in (9, 16):
-        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' holds {len(numbers)} numbers", _HINT)
+        shown = " ".join(f"{number:g}" for number in numbers)
+        raise InvalidIntrinsics(f"'{shown:.60}' are {len(numbers)} numbers", _HINT)
     matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3]
     if not np.isfinite(matrix).all() or (matrix[2] != (0, 0, 1)).any() or matrix[1, 0]:
         rows = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
@@ -209,15 +219,16 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     values = {**content, **(inner if isinstance(inner, Mapping) else {"K": inner})}
     size, distortion = _size(values), _distortion(values)
     if "intrinsic_matrix" in values:  # Open3D, column-major
-        numbers = np.array(values["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T.ravel().tolist()
-        return _of_numbers(numbers, "intrinsic_matrix", size, distortion)
-    for key in ("K", "k", "camera_matrix"):
+        return _of_numbers(
+            np.array(_flat(values["intrinsic_matrix"])).reshape(3, 3).T.ravel().tolist(), size, distortion
+        )
+    for key in ("K", "k", "camera_matrix", "Camera_Matrix"):
         if key in values:
-            return _of_numbers(_flat(values[key]), f"{key} {values[key]}", size, distortion)
+            return _of_numbers(_flat(values[key]), size, distortion)
     cx, cy = (values.get(f"c{axis}", values.get(f"pp{axis}")) for axis in "xy")
     if cx is None or cy is None:
-        raise InvalidIntrinsics(f"keys {', '.join(map(str, values))} name no principal point", _HINT)
-    return _of_numbers([float(values["fx"]), float(values["fy"]), float(cx), float(cy)], "", size, distortion)
+        raise InvalidIntrinsics(f"keys {', '.join(map(str, values)):.200} name no principal point", _HINT)
+    return _of_numbers(_flat([values["fx"], values["fy"], cx, cy]), size, distortion)
 
 
 def _flat(values: Any) -> list[float]:
@@ -235,11 +246,8 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
     """
     named = next((str(values[key]) for key in ("distortion_model", "model", "camera_model") if key in values), "")
     model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
-    coefficients = [float(values.get(name) or 0) for name in _BROWN] if any(name in values for name in _BROWN) else []
-    for key in ("distortion_coefficients", "distortion_coeffs", "distortion", "dist_coeffs", "coeffs", "D", "d"):
-        if not isinstance(values.get(key), str | None):
-            coefficients = _flat(values[key])
-            break
+    lists = (_flat(values[key]) for key in _COEFFICIENTS if not isinstance(values.get(key), str | None))
+    coefficients = next(lists, [float(values.get(name) or 0) for name in _BROWN])
     if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and any(coefficients)):
         raise InvalidIntrinsics(
             f"the distortion model is '{named:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
@@ -257,31 +265,3 @@ def _size(values: Mapping[str, Any]) -> tuple[int, int] | None:
             width, height = int(values[f"{prefix}width"]), int(values[f"{prefix}height"])
             return (width, height) if width > 0 and height > 0 else None
     return None
-
-
-def _of_yaml(text: str) -> Intrinsics:
-    """Read ROS ``camera_info``: lists of numbers and single-line values."""
-    values: dict[str, Any] = {}
-    for key, value in re.findall(r"(?m)^[ \t]*(\w+)[ \t]*:[ \t]*[\"']?([\w.][\w. -]*?)[\"']?[ \t]*$", text):
-        values.setdefault(key, value)
-    return _of_mapping(values | dict(_lists(text)))
-
-
-def _lists(text: str) -> Iterator[tuple[str, list[float]]]:
-    """Yield each list of numbers in a YAML text with its key, or the parent of ``rows``, ``cols`` and ``data``."""
-    key = ""
-    for match in re.finditer(
-        r"(?m)^([ \t]*)([A-Za-z_]\w*)\s*:[ \t]*(\[[^\]]*\]|(?:\n[ \t]*-[ \t]*[-+.\deE]+)+)?", text
-    ):
-        if match[2] not in ("rows", "cols", "data"):
-            key = match[2]
-        if match[3]:
-            yield key, _numbers(match[3].replace("\n", " ").replace("- ", " ").strip("[] "))
-
-
-def _numbers(text: str) -> list[float]:
-    words = [word for word in re.split(r"[\s,;]+", text.strip().strip("[]")) if word]
-    try:
-        return [float(word.strip("[]")) for word in words]
-    except ValueError as error:
-        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' is no list of numbers", _HINT) from error

@@ -1,21 +1,24 @@
-"""Read depth images (16-bit PNG and TIFF, NPY, NPZ, PFM) and masks."""
+"""Depth images and masks in files: Pillow reads PNG, TIFF, PGM and PFM, numpy the rest."""
 
 from __future__ import annotations
 
 import glob
-import io
 import re
-import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from benchmark.depth.errors import InvalidDepth, InvalidMask, UnreadableDepth
 
 Depths = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+EXTENSIONS = (".png", ".tif", ".tiff", ".pgm", ".pfm", ".npy", ".npz")
+"""Extensions of depth images, in lower case."""
 
 LARGEST_SIDE = 4096
 """Maximum pixels per side. Depth cameras have about a million pixels; larger images could exhaust the memory."""
@@ -29,14 +32,14 @@ NEAREST, FARTHEST = 0.05, 200.0
 FEWEST_SEEN = 200
 """Minimum number of pixels with a depth, as the projection requires of a shape."""
 
-_MEDIAN_OF = 10_000
-"""Approximate number of pixels for the median depth."""
+MASK_FOLDERS = ("mask", "masks")
+"""Names of mask folders."""
 
-#: Pillow modes suitable for depth: 16-bit or 32-bit integers and floats.
-_MODES = frozenset({"I", "I;16", "I;16L", "I;16B", "I;16N", "F"})
+#: The word "mask" in a file name, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
+_MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
 
-#: Maximum header size of an NPY file, in bytes.
-_LARGEST_HEADER = 10_000
+#: Maximum value of a portable grey map, which Pillow stretches to 16 bits.
+_MAXIMUM = re.compile(rb"P[25](?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d{1,5})\s")
 
 
 def read_depth(path: Path, scale: float | None = None) -> Depths:
@@ -45,7 +48,7 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
     Parameters
     ----------
     path
-        A ``.png``, ``.tif``, ``.tiff``, ``.npy``, ``.npz`` (with one array, or one named ``depth``) or ``.pfm`` file.
+        A file with one of the :data:`EXTENSIONS`; an ``.npz`` holds one array, or one named ``depth``.
     scale
         Units per metre; None for 1000 (integers) or 1 (floats).
 
@@ -62,31 +65,26 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
         As in :func:`in_metres`.
     """
     suffix = path.suffix.lower()
-    if suffix not in READERS:
-        raise UnreadableDepth(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(READERS)}")
+    if suffix not in EXTENSIONS:
+        raise UnreadableDepth(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}")
     try:
-        values = READERS[suffix](path)
-    except UnreadableDepth as error:
-        raise UnreadableDepth(f"{path}: {error.problem}", error.hint) from error
-    except OSError as error:
-        what = error.strerror or f"not a readable {suffix[1:]} file: {error}"
-        raise UnreadableDepth(f"{path}: {what}", "check the path, or export the image again") from error
-    except Exception as error:  # any reader failure on a damaged file excludes this file only
+        return in_metres(_array(path) if suffix in (".npy", ".npz") else _pixels(path), scale)
+    except (InvalidDepth, UnreadableDepth) as error:
+        raise type(error)(f"{path}: {error.problem}", error.hint) from error
+    except Exception as error:  # any failure on a damaged file excludes this file only
         what = f"not a readable {suffix[1:]} file: {' '.join(str(error).split()) or type(error).__name__}"
-        raise UnreadableDepth(f"{path}: {what:.300}", "export the image again") from error
-    try:
-        return in_metres(values, scale)
-    except InvalidDepth as error:
-        raise InvalidDepth(f"{path}: {error.problem}", error.hint) from error
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else f"{what:.300}"
+        raise UnreadableDepth(f"{path}: {reason}", "check the path, or export the image again") from error
 
 
 def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
-    """Return depths in metres, with 0 for missing depth (0, negative, NaN or infinite values).
+    """Return depths in metres, with 0 for missing depth.
 
     Parameters
     ----------
     values
-        Shape (h, w) or (h, w, 1), integers or floats.
+        Shape (h, w) or (h, w, 1), integers or floats. Missing are 0, negative, NaN and infinite values, and the largest
+        value of a type of integers, which several drivers write.
     scale
         Units per metre; None for 1000 (integers) or 1 (floats).
 
@@ -106,17 +104,20 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
     _check_size(values.shape[1], values.shape[0])
     if scale is not None and not (np.isfinite(scale) and scale > 0):
         raise InvalidDepth(f"a depth scale of {scale} is none", "pass a positive number of units per metre")
-    units = scale or (1.0 if values.dtype.kind == "f" else DEFAULT_SCALE)
+    is_float = values.dtype.kind == "f"
+    units = scale or (1.0 if is_float else DEFAULT_SCALE)
     with np.errstate(over="ignore", invalid="ignore"):
         depth = values.astype(np.float64) / units
         depth[~(np.isfinite(depth) & (depth > 0))] = 0
+    if not is_float:
+        depth[values == np.iinfo(values.dtype).max] = 0
     seen = depth[depth > 0]
     if len(seen) < FEWEST_SEEN:
         raise InvalidDepth(
             f"{len(seen)} of {depth.size} pixels have a depth, fewer than {FEWEST_SEEN}",
             "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen",
         )
-    median = float(np.median(seen[:: max(1, len(seen) // _MEDIAN_OF)]))
+    median = float(np.median(seen))
     if not NEAREST <= median <= FARTHEST:
         raise InvalidDepth(
             f"the median depth is {median:g} m with {units:g} units per metre",
@@ -134,120 +135,49 @@ def _check_size(width: int, height: int) -> None:
         )
 
 
-def _read_image(path: Path) -> NDArray[Any]:
-    from PIL import Image
-
-    try:
-        image = Image.open(path)
-    except Image.DecompressionBombError as error:
-        raise UnreadableDepth("it claims more pixels than any depth camera has", "export the image again") from error
-    with image:
+def _pixels(path: Path) -> NDArray[Any]:
+    with Image.open(path) as image:
         _check_size(*image.size)
-        if image.mode not in _MODES:
+        if image.mode != "F" and not image.mode.startswith("I"):
             kind = "8 bits" if image.mode in ("L", "1", "P") else f"colours ({image.mode})"
             raise UnreadableDepth(
                 f"the image holds {kind}, no depth", "export depth with 16 bits per pixel and one channel"
             )
-        return np.array(image)
+        values = np.array(image)
+        if image.mode == "I" and image.format in ("PNG", "PPM"):  # 16 bits in 32
+            head = _MAXIMUM.match(path.open("rb").read(1000))
+            values = np.round(values * (int(head[1]) / 65535 if head else 1)).astype(np.uint16)
+        return values
 
 
-def _read_npy(path: Path) -> NDArray[Any]:
-    with path.open("rb") as stream:
-        return _read_array(stream)
-
-
-def _read_npz(path: Path) -> NDArray[Any]:
-    with zipfile.ZipFile(path) as archive:
-        names = [name for name in archive.namelist() if name.endswith(".npy")]
-        chosen = "depth.npy" if "depth.npy" in names else names[0] if len(names) == 1 else ""
-        if not chosen:
-            listed = ", ".join(name.removesuffix(".npy") for name in names[:6]) or "nothing"
+def _array(path: Path) -> NDArray[Any]:
+    """Return an array, whose size is checked before it is read: a small file can declare any."""
+    loaded = np.load(path, mmap_mode="r", allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        return loaded
+    with loaded as archive:
+        names = archive.files
+        if "depth" not in names and len(names) != 1:
+            listed = ", ".join(names[:6]) or "nothing"
             raise UnreadableDepth(f"the archive holds {listed}", "name the array of depths 'depth'")
-        with archive.open(chosen) as stream:
-            return _read_array(stream)
-
-
-def _read_array(stream: Any) -> NDArray[Any]:
-    """Read an array after checking its header, since a small file can declare any size."""
-    version = np.lib.format.read_magic(stream)
-    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read_header(stream, max_header_size=_LARGEST_HEADER)
-    if dtype.kind not in "iuf" or len(shape) not in (2, 3):
-        raise UnreadableDepth(f"an array of {dtype} and shape {shape} is no depth image", "save shape (height, width)")
-    _check_size(shape[1], shape[0])
-    if len(shape) == 3 and shape[2] != 1:
-        raise UnreadableDepth(f"an array of shape {shape} has {shape[2]} channels", "save shape (height, width)")
-    stream.seek(0)
-    array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False, max_header_size=_LARGEST_HEADER)
-    return array
-
-
-def _read_pfm(path: Path) -> NDArray[Any]:
-    with path.open("rb") as stream:
-        return _parse_pfm(stream)
-
-
-def _parse_pfm(stream: BinaryIO) -> NDArray[Any]:
-    """Read a portable float map: rows from bottom to top; a negative scale means little endian."""
-    head = re.match(rb"(P[fF])\s+(\d{1,6})\s+(\d{1,6})\s+(-?[\d.eE+-]+)\s", stream.read(100))
-    if head is None or head[1] != b"Pf":
-        raise UnreadableDepth("it is no portable float map of one channel", "let it begin with 'Pf'")
-    width, height = int(head[2]), int(head[3])
-    _check_size(width, height)
-    stream.seek(head.end())
-    data = io.BytesIO(stream.read(4 * width * height)).getbuffer()
-    if len(data) < 4 * width * height:
-        raise UnreadableDepth(f"it ends after {len(data) // 4} of {width * height} pixels", "export the image again")
-    return np.frombuffer(data, "<f4" if float(head[4]) < 0 else ">f4").reshape(height, width)[::-1]
-
-
-#: The word "mask" in a file name, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
-_MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
-
-READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
-    ".png": _read_image,
-    ".tif": _read_image,
-    ".tiff": _read_image,
-    ".npy": _read_npy,
-    ".npz": _read_npz,
-    ".pfm": _read_pfm,
-}
-"""Reader of each lower-case extension."""
+        name = "depth" if "depth" in names else names[0]
+        if archive.zip.getinfo(f"{name}.npy").file_size > 8 * LARGEST_SIDE**2 + 1000:
+            raise UnreadableDepth(f"the array has more than {LARGEST_SIDE} pixels per side", "reduce it")
+        return np.asarray(archive[name])
 
 
 def is_depth_file(path: Path) -> bool:
     """Return whether a file may be a depth image: integers or floats by its header, and not named as a mask."""
     suffix = path.suffix.lower()
-    if suffix not in READERS or _MASK.search(path.stem):
+    if suffix not in EXTENSIONS or _MASK.search(path.stem):
         return False
-    if READERS[suffix] is not _read_image:
+    if suffix in (".npy", ".npz"):
         return True
-    from PIL import Image
-
     try:
         with Image.open(path) as image:
-            return image.mode in _MODES
-    except Exception:
-        return suffix == ".png" and _says_16_bits(path)
-
-
-def _says_16_bits(path: Path) -> bool:
-    """Return whether an unreadable PNG declares 16 bits; it then counts as a failed shape and is not ignored."""
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(26)
-    except OSError:
+            return bool(image.mode == "F" or image.mode.startswith("I"))
+    except Exception:  # a damaged image is a shape that is lost, not one that is ignored
         return True
-    return not head or (head[:8] == b"\x89PNG\r\n\x1a\n" and (len(head) < 26 or head[24:26] == b"\x10\x00"))
-
-
-Mask = NDArray[np.bool_]
-
-MASK_FOLDERS = ("mask", "masks")
-"""Names of mask folders."""
-
-#: Endings of image names that "mask" may replace in the name of a mask.
-_DEPTH = ("depth", "Depth", "DEPTH")
 
 
 def read_mask(path: Path) -> Mask:
@@ -263,8 +193,6 @@ def read_mask(path: Path) -> Mask:
     InvalidMask
         If the file is unreadable.
     """
-    from PIL import Image
-
     try:
         with Image.open(path) as image:
             if max(image.size) > LARGEST_SIDE:
@@ -282,14 +210,7 @@ def read_mask(path: Path) -> Mask:
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
-    """Return a mask restricted to pixels with a depth.
-
-    Parameters
-    ----------
-    mask
-        Shape (h, w); nonzero on the object.
-    seen
-        Pixels with a depth, shape (h, w).
+    """Return a mask, nonzero on the object, restricted to pixels with a depth.
 
     Raises
     ------
@@ -313,11 +234,9 @@ def find_mask(image: Path) -> Path | None:
 
 
 def _candidates(image: Path) -> Iterator[Path]:
-    shorter = (image.stem.removesuffix(word).rstrip("._-") for word in _DEPTH if image.stem.endswith(word))
-    stems = [image.stem, *filter(None, shorter)]
-    for stem in stems:
-        for mark in (".", "_", "-"):
-            yield image.with_name(f"{stem}{mark}mask.png")
+    shorter = re.sub(r"[._-]*(depth|Depth|DEPTH)$", "", image.stem)
+    stems = dict.fromkeys((image.stem, shorter or image.stem))
+    yield from (image.with_name(f"{stem}{mark}mask.png") for stem in stems for mark in "._-")
     for folder in (image.parent, image.parent.parent):
         for name in MASK_FOLDERS:
             for stem in stems:

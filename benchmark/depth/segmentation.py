@@ -1,8 +1,8 @@
-"""Segmentation of the object in a depth image: remove planes, then choose the nearest large segment."""
+"""Segmentation of the object in a depth image: remove planes, then choose the nearest large piece."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,35 @@ _TRIALS, _REFINEMENTS, _REACH = 150, 4, 3
 """Number of random samples, number of refits to the inliers of the best one, and ratio of the image side to the maximum
 offset between the points of a sample."""
 
+LARGE = 0.25
+"""Minimum surface area of a large piece relative to the largest piece; the nearest large piece is the object."""
+
+FEWEST = 0.004
+"""Minimum fraction of the image pixels covered by the object."""
+
+LARGEST_ERROR = 0.1
+"""Upper bound in metres on the measurement error in the depth difference of neighbours on one surface."""
+
+JOINED = 0.3
+"""Maximum distance in metres between pieces of a self-occluding object, such as an arm before a chest."""
+
+#: Hint of the error if no object is found.
+_HINT = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
+
+
+def error_at(depths: Depths) -> Depths:
+    """Return the maximum depth error in metres, for depths in metres.
+
+    The error is three standard deviations of a structured-light camera, 1.4 mm at 1 m and growing with the square of
+    the depth [Khoshelham and Elberink 2012], but at most 0.3 m.
+    """
+    return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.3))
+
+
+def jump(depths: Depths) -> Depths:
+    """Return the depth difference in metres above which neighbouring pixels belong to different surfaces."""
+    return np.asarray(0.03 + np.minimum(error_at(depths), LARGEST_ERROR))
+
 
 @dataclass(frozen=True, eq=False)
 class Plane:
@@ -55,13 +84,14 @@ class Plane:
     normal: NDArray[np.float64]
     offset: float
 
+    @classmethod
+    def facing(cls, normal: NDArray[np.float64], offset: float) -> Plane:
+        """Return the plane of a normal of either direction."""
+        return cls(normal, offset) if offset < 0 else cls(-normal, -offset)
+
     def heights(self, points: Points) -> NDArray[np.float64]:
         """Return the signed distances of points, shape (..., 3), in metres: positive in front of the plane."""
         return np.asarray(points @ self.normal - self.offset)
-
-    def holds(self, points: Points) -> NDArray[np.bool_]:
-        """Return whether points, shape (..., 3), lie on the plane within the measurement error."""
-        return np.asarray(np.abs(self.heights(points)) <= self.slack(points))
 
     def slack(self, points: Points) -> NDArray[np.float64]:
         """Return the tolerance on the distance of points to the plane, in metres.
@@ -71,22 +101,17 @@ class Plane:
         depths = np.maximum(points[..., 2], 1e-6)
         return np.asarray(UNEVEN - self.offset * error_at(depths) / depths)
 
+    def holds(self, points: Points) -> Mask:
+        """Return whether points, shape (..., 3), lie on the plane within the measurement error."""
+        return np.asarray(np.abs(self.heights(points)) <= self.slack(points))
+
     @property
     def is_floor(self) -> bool:
         """Whether the normal points up steeply enough for a floor."""
         return bool(-self.normal[1] >= FLOOR)
 
 
-def error_at(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the maximum depth error in metres, for depths in metres.
-
-    The error is three standard deviations of a structured-light camera, 1.4 mm at 1 m and growing with the square of
-    the depth [Khoshelham and Elberink 2012], but at most 0.3 m.
-    """
-    return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.3))
-
-
-def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
+def background_planes(points: Points, seen: Mask) -> list[Plane]:
     """Find the planes that bound a scene by RANSAC with three-point samples [Fischler and Bolles 1981].
 
     A background plane contains at least ``SHARE`` of the points, has almost no points behind it other than those of
@@ -107,22 +132,22 @@ def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
     random = np.random.default_rng(0)
     step = max(1, round((seen.size / _POINTS) ** 0.5))
     points, seen = points[::step, ::step], seen[::step, ::step]
-    margins = [max(1, round(EDGE / 2 * length)) for length in seen.shape]
+    rows, columns = (max(1, round(EDGE / 2 * length)) for length in seen.shape)
     edge = np.ones(seen.shape, dtype=bool)
-    edge[margins[0] : -margins[0], margins[1] : -margins[1]] = False
-    fewest = max(SHARE * np.count_nonzero(seen), 3)
+    edge[rows:-rows, columns:-columns] = False
+    n_seen = np.count_nonzero(seen)
     left, spoiled = seen.copy(), np.zeros(seen.shape, dtype=bool)
     planes: list[Plane] = []
     for _ in range(3 * MOST_PLANES):
         candidates = left & ~spoiled
-        plane = _best_plane(points, candidates, random) if np.count_nonzero(candidates) >= fewest else None
-        if plane is None or len(planes) == MOST_PLANES:
+        if len(planes) == MOST_PLANES or np.count_nonzero(candidates) < max(SHARE * n_seen, 3):
             break
-        held = candidates & plane.holds(points)
-        if np.count_nonzero(held) < fewest:
+        plane = _best_plane(points, candidates, random)
+        held = candidates & plane.holds(points) if plane else candidates & False
+        if plane is None or np.count_nonzero(held) < max(SHARE * n_seen, 3):
             break
         behind = left & (plane.heights(points) < -2 * plane.slack(points))
-        bounds = np.count_nonzero(behind) <= BEHIND * np.count_nonzero(seen)
+        bounds = np.count_nonzero(behind) <= BEHIND * n_seen
         if bounds and np.count_nonzero(held & edge) >= EDGE * np.count_nonzero(held):
             planes.append(plane)
             left &= ~plane.holds(points)
@@ -132,7 +157,7 @@ def background_planes(points: Points, seen: NDArray[np.bool_]) -> list[Plane]:
     return planes
 
 
-def _best_plane(points: Points, candidates: NDArray[np.bool_], random: np.random.Generator) -> Plane | None:
+def _best_plane(points: Points, candidates: Mask, random: np.random.Generator) -> Plane | None:
     """Return the plane with the most inliers among those through random neighbours, refined by least squares."""
     rows, columns = np.nonzero(candidates)
     first = random.integers(len(rows), size=_TRIALS)
@@ -154,45 +179,16 @@ def _best_plane(points: Points, candidates: NDArray[np.bool_], random: np.random
     inside = points[candidates]
     some = inside[:: max(1, len(inside) // _SCORED)]
     slack = UNEVEN + np.abs(offsets[:, None]) * (error_at(some[:, 2]) / some[:, 2])
-    held = np.abs(normals @ some.T - offsets[:, None]) <= slack
-    plane = _facing(normals[best := int(held.sum(axis=1).argmax())], float(offsets[best]))
+    best = int((np.abs(normals @ some.T - offsets[:, None]) <= slack).sum(axis=1).argmax())
+    plane = Plane.facing(normals[best], float(offsets[best]))
     for _ in range(_REFINEMENTS):
-        held_points = inside[plane.holds(inside)]
-        if len(held_points) < 3:
+        held = inside[plane.holds(inside)]
+        if len(held) < 3:
             return None
-        plane = _fitted(held_points)
+        centre = held.mean(axis=0)
+        normal = np.linalg.eigh((held - centre).T @ (held - centre))[1][:, 0]
+        plane = Plane.facing(normal, float(normal @ centre))
     return plane
-
-
-def _fitted(points: Points) -> Plane:
-    """Return the least-squares plane of points."""
-    centre = points.mean(axis=0)
-    moved = points - centre
-    normal = np.linalg.eigh(moved.T @ moved)[1][:, 0]
-    return _facing(normal, float(normal @ centre))
-
-
-def _facing(normal: NDArray[np.float64], offset: float) -> Plane:
-    return Plane(normal, offset) if offset < 0 else Plane(-normal, -offset)
-
-
-LARGE = 0.25
-"""Minimum surface area of a large piece relative to the largest piece; the nearest large piece is the object."""
-
-FEWEST = 0.004
-"""Minimum fraction of the image pixels covered by the object."""
-
-LARGEST_ERROR = 0.1
-"""Upper bound in metres on the measurement error in the depth difference of neighbours on one surface."""
-
-JOINED = 0.3
-"""Maximum distance in metres between pieces of a self-occluding object, such as an arm before a chest."""
-
-_LEFT, _RIGHT = (slice(None), slice(None, -1)), (slice(None), slice(1, None))
-_UPPER, _LOWER = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
-
-#: Hint of the error if no object is found.
-_HINT = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
 
 
 def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
@@ -221,14 +217,16 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     free = seen.copy()
     for plane in planes:
         free &= plane.heights(points) > plane.slack(points)
-    labels, count = pieces(depths, free)
-    if not count:
+    if not free.any():
         raise NoObject("nothing but planes and specks is left of the scene", _HINT)
-    of_pixels = labels[free]
+    # A piece ends where the depth jumps.
+    labels = np.full(free.shape, -1, dtype=np.int64)
+    labels[free] = np.arange(np.count_nonzero(free))
+    labels[free] = _joined(labels, depths, jump(depths))
     # At twice the depth, a pixel covers four times the area.
-    surfaces = np.bincount(of_pixels, weights=depths[free] ** 2, minlength=count)
-    pixels = np.bincount(of_pixels, minlength=count)
-    distances = np.bincount(of_pixels, weights=depths[free], minlength=count) / pixels
+    surfaces = np.bincount(labels[free], weights=depths[free] ** 2)
+    pixels = np.bincount(labels[free])
+    distances = np.bincount(labels[free], weights=depths[free]) / pixels
     large = (surfaces >= LARGE * surfaces.max()) & (pixels >= FEWEST * seen.size)
     if not large.any():
         raise NoObject(
@@ -236,55 +234,18 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
             _HINT,
         )
     chosen = int(np.flatnonzero(large)[distances[large].argmin()])
-    # An arm before a chest is a separate piece.
-    _, group = _groups(count, _touching(labels, depths, lambda _: np.asarray(JOINED)))
+    group = _joined(labels, depths, np.full_like(depths, JOINED))  # an arm before a chest is a separate piece
     return np.asarray(free & (group == group[chosen])[labels])
 
 
-def pieces(depths: NDArray[np.float64], free: Mask) -> tuple[NDArray[np.int64], int]:
-    """Label the pieces of an image separated by depth jumps.
-
-    Parameters
-    ----------
-    depths
-        Shape (h, w), metres.
-    free
-        Pixels that belong to pieces, shape (h, w).
-
-    Returns
-    -------
-    labels : numpy.ndarray
-        Shape (h, w); -1 elsewhere.
-    count : int
-        Number of pieces.
-    """
-    labels = np.full(free.shape, -1, dtype=np.int64)
-    labels[free] = np.arange(np.count_nonzero(free))
-    count, of_pixel = _groups(int(np.count_nonzero(free)), _touching(labels, depths, jump))
-    labels[free] = of_pixel
-    return labels, count
-
-
-def jump(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the depth difference in metres above which neighbouring pixels belong to different surfaces."""
-    return np.asarray(0.03 + np.minimum(error_at(depths), LARGEST_ERROR))
-
-
-def _touching(
-    labels: NDArray[np.int64], depths: NDArray[np.float64], limit: Callable[[Depths], Depths]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return label pairs of neighbouring pixels whose depths differ by at most the limit at the nearer one; skip -1."""
+def _joined(labels: NDArray[np.int64], depths: Depths, limits: Depths) -> NDArray[np.int64]:
+    """Return the group of each label of an image: labels of neighbours at depths within the limit of the nearer one."""
     pairs = []
-    for one, other in ((_LEFT, _RIGHT), (_UPPER, _LOWER)):
-        close = (labels[one] >= 0) & (labels[other] >= 0) & (labels[one] != labels[other])
-        close &= np.abs(depths[one] - depths[other]) <= limit(np.minimum(depths[one], depths[other]))
-        pairs.append((labels[one][close], labels[other][close]))
-    first, second = zip(*pairs, strict=True)
-    return np.concatenate(first), np.concatenate(second)
-
-
-def _groups(count: int, pairs: tuple[NDArray[np.int64], NDArray[np.int64]]) -> tuple[int, NDArray[np.int64]]:
-    """Return the number of connected groups of labels and the group of each label, shape (count,)."""
-    graph = coo_array((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=(count, count))
-    n_groups, group = connected_components(graph.tocsr(), directed=False)
-    return int(n_groups), group.astype(np.int64)
+    for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        limit = np.where(depths[one] <= depths[other], limits[one], limits[other])
+        close = (labels[one] >= 0) & (labels[other] >= 0) & (np.abs(depths[one] - depths[other]) <= limit)
+        pairs.append(np.stack([labels[one][close], labels[other][close]]))
+    first, second = np.concatenate(pairs, axis=1)
+    count = int(labels.max()) + 1
+    graph = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
+    return np.asarray(connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)

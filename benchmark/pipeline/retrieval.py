@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input, Mesh, Shape
 from benchmark.arrays import Arrays
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.depth.frame import FrameFiles
-from benchmark.depth.projection import HALF_WIDTH, UPRIGHT
-from benchmark.depth.reading import READERS
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
+from benchmark.depth.reading import EXTENSIONS
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.io import read_mesh
@@ -84,7 +83,7 @@ def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
     ConfigurationError
         If the method does not accept it.
     """
-    is_view = query.suffix.lower() in READERS or "mesh" not in getattr(dataset, "inputs", ("mesh",))
+    is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in getattr(dataset, "inputs", ("mesh",))
     input_: Input = "view" if is_view or "mesh" not in spec.info.inputs else "mesh"
     if input_ not in spec.info.inputs:
         raise ConfigurationError(

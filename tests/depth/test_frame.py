@@ -5,9 +5,8 @@ import pytest
 import trimesh
 
 from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, InvalidMask, NoObject
-from benchmark.depth.frame import observe
+from benchmark.depth.frame import UPRIGHT, observe, unprojected, without_flying_pixels
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth.projection import UPRIGHT, unprojected, without_flying_pixels
 from benchmark.depth.scene import KINECT, DepthFaults, Pose, Scene
 from benchmark.depth.segmentation import background_planes
 from benchmark.geometry.depth import render_depth

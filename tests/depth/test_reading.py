@@ -1,116 +1,141 @@
-"""Depth images in files: every kind says the same, and every fault has a name."""
+"""Files of a depth camera: every way to write them says the same, and every fault has a name."""
+
+from __future__ import annotations
 
 import io
+import json
 import struct
 import zlib
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
-from benchmark.depth.errors import DepthError, InvalidDepth, UnreadableDepth
-from benchmark.depth.reading import in_metres, is_depth_file, read_depth
+from benchmark.depth.errors import DepthError, InvalidDepth, InvalidIntrinsics, InvalidMask, UnreadableDepth
+from benchmark.depth.frame import FrameFiles
+from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, intrinsics_of, read_intrinsics
+from benchmark.depth.reading import find_mask, in_metres, is_depth_file, read_depth, read_mask
 
+INPUTS = Path(__file__).with_name("inputs")
 DEPTHS = np.linspace(0.5, 4.0, 30 * 40).reshape(30, 40).round(3)
 DEPTHS[0, :5] = 0
-MILLIMETRES = np.round(1000 * DEPTHS).astype(np.uint16)
+FLOATS, MILLIMETRES = DEPTHS.astype(np.float32), np.round(1000 * DEPTHS).astype(np.uint16)
 
 
-def pfm(values, order="<"):
-    return (
-        b"Pf\n%d %d\n%s\n" % (*values.shape[::-1], b"-1.0" if order == "<" else b"1.0")
-        + values[::-1].astype(f"{order}f4").tobytes()
-    )
+# --- images ------------------------------------------------------------------------------------------------------
 
 
-def write(path, kind):
-    path = path / f"depth.{kind.split()[-1]}"
-    floats = DEPTHS.astype(np.float32)
-    match kind:
-        case "png" | "tiff":
-            Image.fromarray(MILLIMETRES).save(path)
-        case "float tif":
-            Image.fromarray(floats).save(path)
-        case "npy":
-            np.save(path, floats)
-        case "integer npy":
-            np.save(path, MILLIMETRES.astype(np.int32))
-        case "npz":
-            np.savez_compressed(path, depth=floats, other=np.zeros(3))
-        case "single npz":
-            np.savez(path, frame=floats)
-        case "pfm":
-            path.write_bytes(pfm(floats))
-        case "big pfm":
-            path.write_bytes(pfm(floats, ">"))
-    return path
+def stored(values: np.ndarray, kind: str, **named: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    if kind == "npy":
+        np.save(stream, values)
+    elif kind == "npz":
+        np.savez_compressed(stream, **named or {"frame": values})
+    else:
+        Image.fromarray(values).save(stream, kind)
+    return stream.getvalue()
 
 
-KINDS = ("png", "tiff", "float tif", "npy", "integer npy", "npz", "single npz", "pfm", "big pfm")
+def pfm(order: str = "<") -> bytes:
+    return b"Pf\n40 30\n%s\n" % (b"-1.0" if order == "<" else b"1") + FLOATS[::-1].astype(f"{order}f4").tobytes()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_all_kinds_of_files_say_the_same(tmp_path, kind):
-    path = write(tmp_path, kind)
-    np.testing.assert_allclose(read_depth(path), DEPTHS, atol=1e-6)
-    assert is_depth_file(path)
+def pgm(maximum: int) -> bytes:
+    return b"P5\n# by hand\n40 30\n%d\n" % maximum + MILLIMETRES.astype(">u2").tobytes()
 
 
-def test_what_is_no_positive_number_was_not_seen():
-    values = DEPTHS.copy()
-    values[1, :4] = np.nan, np.inf, -np.inf, -2
-    depth = in_metres(values)
-    assert not depth[1, :4].any()
-    np.testing.assert_array_equal(depth[2:], DEPTHS[2:])
-
-
-def png_of(width, height):
+def png_of(width: int, height: int) -> bytes:
     """A PNG of 16 bits that claims a size and holds next to nothing."""
 
-    def chunk(kind, data):
+    def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0))
     return b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(bytes(10000))) + chunk(b"IEND", b"")
 
 
-def npy_of(shape):
+def npy_of(shape: tuple[int, ...]) -> bytes:
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": "<f4", "fortran_order": False, "shape": shape})
     return stream.getvalue()
 
 
-def whole_png(tmp_path):
-    return write(tmp_path, "png").read_bytes()
-
-
-def encoded(image):
-    stream = io.BytesIO()
-    image.save(stream, "PNG")
-    return stream.getvalue()
-
-
-BAD = {
-    "truncated": ("png", lambda t: whole_png(t)[:-200], UnreadableDepth, "not a readable png file"),
-    "8 bits": ("png", lambda t: encoded(Image.new("L", (40, 30), 9)), UnreadableDepth, "holds 8 bits.*16 bits"),
-    "large": ("png", lambda t: png_of(8000, 6000), UnreadableDepth, "8000 x 6000 pixels are more than 4096"),
-    "bomb": ("png", lambda t: png_of(60000, 60000), UnreadableDepth, "more pixels than any depth camera"),
-    "short array": ("npy", lambda t: npy_of((400, 400)), UnreadableDepth, "not a readable npy file"),
-    "short map": ("pfm", lambda t: pfm(DEPTHS)[:-8], UnreadableDepth, "ends after 1198 of 1200 pixels"),
-    "jpeg": ("jpg", lambda t: b"", UnreadableDepth, "unknown extension '.jpg'; convert it to one of .png"),
-    "absent": ("png", None, UnreadableDepth, "No such file"),
+PNG = stored(MILLIMETRES, "png")
+IMAGES = {
+    "a.png": PNG,
+    "a.PNG": PNG,
+    "a.tiff": stored(MILLIMETRES, "tiff"),
+    "floats.tif": stored(FLOATS, "tiff"),
+    "a.pgm": pgm(65535),
+    "twelve-bits.pgm": pgm(4095),
+    "text.pgm": b"P2 40 30 65535\n" + " ".join(map(str, MILLIMETRES.ravel())).encode(),
+    "a.pfm": pfm(),
+    "big.pfm": pfm(">"),
+    "a.npy": stored(FLOATS, "npy"),
+    "integers.npy": stored(MILLIMETRES.astype(np.int32), "npy"),
+    "channel.npy": stored(FLOATS[..., None], "npy"),
+    "named.npz": stored(FLOATS, "npz", depth=FLOATS, other=np.zeros(3)),
+    "single.npz": stored(FLOATS, "npz"),
 }
 
 
-@pytest.mark.parametrize("fault", BAD)
-def test_each_fault_of_a_file_is_named(tmp_path, fault):
-    ending, made, kind, said = BAD[fault]
-    path = tmp_path / f"bad.{ending}"
-    if made:
-        path.write_bytes(made(tmp_path))
-    with pytest.raises(kind, match=said) as caught:
-        read_depth(path)
-    assert str(path) in caught.value.problem
+@pytest.mark.parametrize("name", IMAGES)
+def test_all_kinds_of_images_say_the_same(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(IMAGES[name])
+    np.testing.assert_allclose(read_depth(tmp_path / name), DEPTHS, atol=1e-6)
+    assert is_depth_file(tmp_path / name)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.uint8])
+def test_no_positive_number_and_the_largest_of_a_type_are_no_reading(dtype: type) -> None:
+    values = np.tile(np.arange(50, 90), (30, 1)).astype(dtype)
+    values[1, :2] = np.iinfo(dtype).max, 0
+    depth = in_metres(values, 100)
+    assert not depth[1, :2].any()
+    assert depth.max() == 0.89
+    floats = DEPTHS.copy()
+    floats[1, :4] = np.nan, np.inf, -np.inf, -2
+    assert not in_metres(floats)[1, :4].any()
+
+
+def test_an_object_before_pixels_without_a_reading_stands_where_it_is() -> None:
+    found = FrameFiles(INPUTS / "depth-65535.png", read_intrinsics(INPUTS / "depth-65535.txt")).observe()
+    assert found.notes["distance"] == pytest.approx(2, abs=0.1)
+    assert found.notes["size"] < 2
+
+
+BAD_IMAGES: dict[str, tuple[bytes | None, str]] = {
+    "truncated.png": (PNG[:-200], "not a readable png file: .*truncated|broken"),
+    "empty.png": (b"", "not a readable png file: cannot identify"),
+    "eight-bits.png": (stored(np.full((30, 40), 9, np.uint8), "png"), "holds 8 bits, no depth; export depth with 16"),
+    "colours.png": (stored(np.zeros((30, 40, 3), np.uint8), "png"), r"holds colours \(RGB\)"),
+    "large.png": (png_of(8000, 6000), "8000 x 6000 pixels are more than 4096 per side"),
+    "bomb.png": (png_of(60000, 60000), "3600000000 pixels.* exceeds limit"),
+    "short.npy": (npy_of((400, 400)), "not a readable npy file"),
+    "huge.npy": (npy_of((2**40, 2**20)), "not a readable npy file"),
+    "pickled.npy": (stored(np.array([{}]), "npy"), "Python objects"),
+    "channels.npy": (stored(np.zeros((30, 40, 3)), "npy"), r"shape \(30, 40, 3\) is no depth image"),
+    "two.npz": (stored(FLOATS, "npz", a=FLOATS, b=FLOATS), "holds a, b; name the array of depths 'depth'"),
+    "noise.npz": (b"PK\x03\x04 and more", "not a readable npz file"),
+    "large.npz": (stored(FLOATS, "npz", depth=np.zeros((1, 2**25))), "more than 4096 pixels per side"),
+    "short.pfm": (pfm()[:-8], "not a readable pfm file: .*truncated"),
+    "short.pgm": (pgm(65535)[:-8], "not a readable pgm file"),
+    "photo.jpg": (b"", r"unknown extension '\.jpg'; convert it to one of \.png"),
+    "absent.png": (None, "No such file"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_IMAGES)
+def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(tmp_path: Path, name: str) -> None:
+    content, said = BAD_IMAGES[name]
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises((UnreadableDepth, InvalidDepth), match=said) as caught:
+        read_depth(tmp_path / name)
+    assert str(caught.value).startswith(f"{tmp_path / name}: ")
+    assert "\n" not in str(caught.value)
     assert caught.value.hint
 
 
@@ -121,34 +146,187 @@ def test_each_fault_of_a_file_is_named(tmp_path, fault):
         (np.full((30, 40), 1500, np.uint16), "all 1200 pixels lie at 1.5 m"),
         (1000 * DEPTHS, "the median depth is 2.* m with 1 units per metre; pass the camera's --depth-scale"),
         (np.round(DEPTHS).astype(np.uint16), "the median depth is 0.002 m with 1000 units"),
-        (np.zeros((30, 40, 3)), "shape .30, 40, 3. is no depth image"),
     ],
 )
-def test_each_fault_of_depths_is_named(values, said):
+def test_each_fault_of_depths_is_named(values: np.ndarray, said: str) -> None:
     with pytest.raises(InvalidDepth, match=said):
         in_metres(values)
     for scale in (0, -1, np.nan):
-        with pytest.raises(DepthError):
+        with pytest.raises(DepthError, match="depth scale of"):
             in_metres(MILLIMETRES, scale)
 
 
+def test_masks_and_colours_are_no_depth_images_and_a_damaged_image_is_a_lost_shape(tmp_path: Path) -> None:
+    for name in ("0_mask", "MASK", "0.masks", "mask3", "depthMask2", "unmasked", "damask", "Unmasked"):
+        np.save(tmp_path / f"{name}.npy", MILLIMETRES)
+        assert is_depth_file(tmp_path / f"{name}.npy") is (name in ("unmasked", "damask", "Unmasked"))
+    for name, content, expected in (("colour", BAD_IMAGES["colours.png"][0], False), ("cut", PNG[:30], True)):
+        (tmp_path / f"{name}.png").write_bytes(content or b"")
+        assert is_depth_file(tmp_path / f"{name}.png") is expected
+
+
+# --- masks -------------------------------------------------------------------------------------------------------
+
+MASK = np.zeros((6, 8), dtype=np.uint8)
+MASK[2:5, 3:6] = 255
+CLEAR = np.dstack([np.full((6, 8, 3), 255, np.uint8), MASK])
+
+
+@pytest.mark.parametrize("mode", ["1", "RGB", "LA", "I;16", "RGBA"])
+def test_what_is_neither_black_nor_transparent_is_the_object(tmp_path: Path, mode: str) -> None:
+    images = {"I;16": Image.fromarray(MASK.astype(np.uint16)), "RGBA": Image.fromarray(CLEAR)}
+    (images.get(mode) or Image.fromarray(MASK).convert(mode)).save(tmp_path / "mask.png")
+    np.testing.assert_array_equal(read_mask(tmp_path / "mask.png"), MASK > 0)
+    (tmp_path / "noise.png").write_bytes(b"mask")
+    with pytest.raises(InvalidMask, match=r"noise\.png is no readable mask: .*; pass a PNG that is white"):
+        read_mask(tmp_path / "noise.png")
+
+
 @pytest.mark.parametrize(
-    ("name", "is_mask"),
-    [("unmasked", False), ("masked", False), ("damask", False), ("0_mask", True), ("MASK", True), ("0.masks", True),
-     ("mask3", True), ("depthMask", True), ("depthMask2", True), ("Mask", True), ("Unmasked", False)],
-)  # fmt: skip
-def test_a_mask_has_the_word_in_its_name(tmp_path, name, is_mask):
-    np.save(tmp_path / f"{name}.npy", MILLIMETRES)
-    assert is_depth_file(tmp_path / f"{name}.npy") is not is_mask
+    ("image", "mask"),
+    [
+        ("a/0.png", "a/0.mask.png"),
+        ("a/frame-1.depth.png", "a/frame-1.mask.png"),
+        ("a/depth/0.png", "a/mask/0.png"),
+        ("a/depth/000.png", "a/masks/000_shirt.png"),
+    ],
+)
+def test_masks_are_found_by_their_usual_names_unless_there_are_several(tmp_path: Path, image: str, mask: str) -> None:
+    for name in (image, mask, "a/depth/7.png", "a/mask/7_shirt.png", "a/mask/7_man.png"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    assert find_mask(tmp_path / image) == tmp_path / mask
+    assert find_mask(tmp_path / "a/1.png") is None
+    assert find_mask(tmp_path / "a/depth/7.png") is None
 
 
-def test_masks_and_colours_are_no_depth_images(tmp_path):
-    for name, image in (
-        ("a_mask.png", Image.fromarray(MILLIMETRES)),
-        ("colour.png", Image.new("RGB", (40, 30))),
-        ("grey.png", Image.new("L", (40, 30))),
-    ):
-        image.save(tmp_path / name)
-        assert not is_depth_file(tmp_path / name)
-    (tmp_path / "cut.png").write_bytes(whole_png(tmp_path)[:-200])
-    assert is_depth_file(tmp_path / "cut.png"), "a damaged depth image is a shape that is lost, not one that is ignored"
+# --- intrinsics --------------------------------------------------------------------------------------------------
+
+SIZE = (640, 480)
+K = [525, 0, 319.5, 0, 526, 239.5, 0, 0, 1]
+LENS = (0.1, -0.25, 0.001, -0.002, 0.0)
+OPENCV = """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 525., 0., 319.5, 0.,
+       526., 239.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ 1.0e-01, -2.5e-1, 0.001, -0.002, 0 ]
+"""
+ROS = OPENCV.replace("%YAML:1.0\n---\n", "").replace(" !!opencv-matrix", "") + "distortion_model: plumb_bob\n"
+ECHOED = f"height: 480\nwidth: 640 # px\nD: {list(LENS)}\nK: {K}\n---\nheight: 1\n"
+NESTED = "width: 640\nheight: 480\ncamera_matrix:\n- [525, 0, 319.5]\n- [0, 526, 239.5]\n- [0, 0, 1]\n"
+OPEN3D = {"width": 640, "height": 480, "intrinsic_matrix": [525, 0, 0, 0, 526, 0, 319.5, 239.5, 1]}
+REALSENSE = {"width": 640, "height": 480, "fx": 525, "fy": 526, "ppx": 319.5, "ppy": 239.5}
+INTRINSIC = {"intrinsic": [K[:3], K[3:6], K[6:]], "D": LENS, "width": 640, "height": 480}
+WRITTEN: dict[str, tuple[str | dict[str, object], bool, bool]] = {
+    "three rows": ("525.0 0 319.5\n0 526.0 239.5\n0 0 1\n", False, False),
+    "four by four": ("525 0 319.5 0\n0 526 239.5 0\n0 0 1 0\n0 0 0 1", False, False),
+    "comments": ("# depth camera\n525 0 319.5 // fx\n0, 526, 239.5;\n0 0 1 % last\n", False, False),
+    "brackets": ("[[525, 0, 319.5], [0, 526, 239.5], [0, 0, 1]]", False, False),
+    "four numbers": ("525 526 319.5 239.5", False, False),
+    "open3d": (OPEN3D, True, False),
+    "open3d, distorted": (OPEN3D | {"distortion": [[value] for value in LENS]}, True, True),
+    "realsense": (REALSENSE | {"model": "distortion.brown_conrady", "coeffs": LENS}, True, True),
+    "by name": (REALSENSE | dict(zip(("k1", "k2", "p1", "p2", "k3"), LENS, strict=True)), True, True),
+    "another model of zeros": (REALSENSE | {"model": "thin_prism", "coeffs": [0] * 5}, True, False),
+    "camera_info": ({"K": K, "height": 480, "width": 640, "distortion_model": "plumb_bob", "D": LENS}, True, True),
+    "nested": (INTRINSIC, True, True),
+    "nested yaml": (NESTED, True, False),
+    "opencv": (OPENCV, True, True),
+    "ros": (ROS, True, True),
+    "echoed": (ECHOED, True, True),
+    "byte-order mark": ("\ufeff" + ECHOED, True, True),
+}
+
+
+@pytest.mark.parametrize("how", WRITTEN)
+def test_every_way_to_write_intrinsics_says_the_same(tmp_path: Path, how: str) -> None:
+    content, has_size, is_distorted = WRITTEN[how]
+    (tmp_path / "camera").write_text(content if isinstance(content, str) else json.dumps(content))
+    read = read_intrinsics(tmp_path / "camera")
+    assert (read.fx, read.fy, read.cx, read.cy) == (525, 526, 319.5, 239.5)
+    assert read.size == (SIZE if has_size else None)
+    zeros = (0.0,) * 8
+    assert (*read.distortion, *zeros)[:8] == (*(LENS if is_distorted else ()), *zeros)[:8]
+
+
+@pytest.mark.parametrize(
+    "coefficients", [(0.1, -0.25, 0.001, -0.002), (-0.3, 0.1, 0, 0, 0.01), (0.5, -2.6, 0.001, 0, 1.5, 0.4, -2.4, 1.4)]
+)
+def test_rays_of_a_distorted_camera_are_those_of_opencv(coefficients: tuple[float, ...]) -> None:
+    """Distorting the rays again gives the pixels."""
+    rays = Intrinsics(525, 526, 319.5, 239.5, SIZE, coefficients).rays(*SIZE)[::7, ::7].reshape(-1, 2)
+    points, zero = np.c_[rays, np.ones(len(rays))], np.zeros(3)
+    seen, _ = cv2.projectPoints(points, zero, zero, np.array(K, dtype=float).reshape(3, 3), np.array(coefficients))
+    u, v = np.meshgrid(np.arange(0, 640, 7.0), np.arange(0, 480, 7.0))
+    np.testing.assert_allclose(seen.reshape(-1, 2), np.c_[u.ravel(), v.ravel()], atol=1e-3)
+
+
+BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
+    "fisheye": ((INPUTS / "fisheye.yaml").read_bytes(), "the distortion model is 'equidistant'; rectify the image"),
+    "kannala": (ROS.replace("plumb_bob", "Kannala Brandt4"), "the distortion model is 'Kannala Brandt4'"),
+    "straight fisheye": (json.dumps(REALSENSE | {"model": "distortion.ftheta", "coeffs": [0] * 5}), "is .*ftheta"),
+    "unknown lens": (json.dumps(REALSENSE | {"model": "thin_prism", "coeffs": LENS}), "model is 'thin_prism'"),
+    "three coefficients": (ECHOED.replace(str(list(LENS)), "[1, 2, 3]"), "3 coefficients of distortion; pass 4"),
+    "singular": ("0 0 319.5\n0 525 239.5\n0 0 1", "focal lengths 0, 525 .* are those of no camera"),
+    "nan": ("nan 0 3 0 1 2 0 0 1", "the matrix nan 0 3"),
+    "five": ("1 2 3 4 5", "'1 2 3 4 5' are 5 numbers; write a 3 x 3 matrix"),
+    "words": ("camera of mine", "'camera of mine' is no list of numbers"),
+    "no centre": ('{"width": 640}', "keys width name no principal point"),
+    "no lengths": ('{"cx": 1, "cy": 2}', "holds no intrinsics: KeyError 'fx'"),
+    "cut": (json.dumps(REALSENSE)[:30], "holds no intrinsics: JSONDecodeError"),
+    "bad yaml": ("K: [1, 2\nD: }", "holds no intrinsics: ParserError"),
+    "aliases": ("a: &a [1, 1]\nK: [*a, *a]\n", "it has aliases"),
+    "huge": ("1" * 200_000, "it is too large for intrinsics"),
+    "image": (PNG, "is no text, as an image is none"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", BAD_CAMERAS)
+def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(tmp_path: Path, fault: str) -> None:
+    content, said = BAD_CAMERAS[fault]
+    path = tmp_path / "camera"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InvalidIntrinsics, match=said) as caught:
+        read_intrinsics(path)
+    assert str(path) in caught.value.problem
+    assert "\n" not in str(caught.value)
+    assert caught.value.hint
+
+
+def test_intrinsics_of_another_size_are_refused_and_numbers_on_the_command_line_are_no_file() -> None:
+    with pytest.raises(InvalidIntrinsics, match="those of 1280 x 960 pixels, the image has 640 x 480"):
+        Intrinsics(1050, 1050, 640, 480, (1280, 960)).check_size(*SIZE)
+    with pytest.raises(InvalidIntrinsics, match="far from the middle"):
+        Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
+    Intrinsics(525, 525, 600, 100, SIZE).check_size(*SIZE)  # a part of a larger image
+    assert intrinsics_of("525,526,319.5,239.5") == Intrinsics(525, 526, 319.5, 239.5)
+    with pytest.raises(InvalidIntrinsics, match=r"absent\.json: No such file"):
+        intrinsics_of("absent.json")
+
+
+@pytest.mark.parametrize(
+    ("image", "files"),
+    [
+        ("a/b/0.png", ["a/intrinsics.txt", "camera.json"]),
+        ("a/b/0.png", ["camera_info.yaml"]),
+        ("a/frame-000.depth.png", ["a/depthIntrinsics.txt"]),
+        ("a/0.depth.png", ["a/0_camera.json", "a/camera.json"]),
+    ],
+)
+def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
+    tmp_path: Path, image: str, files: list[str]
+) -> None:
+    for name in (image, *files):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    assert find_intrinsics(tmp_path / image) == tmp_path / files[0]

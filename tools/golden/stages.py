@@ -24,7 +24,7 @@ from benchmark.datasets.scans.sampler import ScanSampler
 from benchmark.datasets.varied.sampler import Sampler
 from benchmark.datasets.varied.wide import WideSampler
 from benchmark.datasets.varied_animals import AnimalSampler
-from benchmark.depth import frame, intrinsics, projection, reading
+from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
@@ -104,7 +104,7 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
     seen_object = frame.observe(
         reading.in_metres(depth), intrinsics.Intrinsics(*stored["camera"]), stored["mask"] if given else None, up
     )
-    prepared = shapes.seen(seen_object.surface, projection.UPRIGHT, projection.HALF_WIDTH)
+    prepared = shapes.seen(seen_object.surface, frame.UPRIGHT, frame.HALF_WIDTH)
     notes = {f"seen:{key}": value for key, value in seen_object.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
 

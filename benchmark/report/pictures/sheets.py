@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageChops, ImageDraw, ImageFont
 
 from benchmark.datasets.base import Dataset, Entry
-from benchmark.depth.projection import UPRIGHT
+from benchmark.depth.frame import UPRIGHT
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import ConfigurationError, DatasetError, ShapeError
 from benchmark.geometry.camera import Camera
