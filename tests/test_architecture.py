@@ -20,7 +20,7 @@ LAYERS = (
     ("benchmark.reference", "benchmark.pipeline.storage"),
     ("benchmark.plugins", "benchmark.registry"),
     ("benchmark.datasets",),
-    ("benchmark.protocols", "benchmark.plugins.conformance", "benchmark.plugins.scaffold"),
+    ("benchmark.protocols", "benchmark.check", "benchmark.new"),
     ("benchmark.pipeline",),
     ("benchmark.execution", "benchmark.run", "benchmark.protocols.pairs"),
     ("benchmark.report",),

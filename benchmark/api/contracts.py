@@ -305,12 +305,9 @@ class Shape:
         InvalidMesh
             If the positions are not finite real numbers, one for each vertex.
         """
-        positions = self.mesh.with_vertices(vertices).vertices
-        if len(positions) != self.mesh.n_vertices:
-            raise InvalidMesh(
-                f"there are {len(positions)} positions for {self.mesh.n_vertices} vertices", "return one for each"
-            )
-        return CanonicalForm(positions, self.mesh.faces, notes)
+        if (count := len(np.atleast_1d(vertices))) != self.mesh.n_vertices:
+            raise InvalidMesh(f"there are {count} positions for {self.mesh.n_vertices} vertices", "return one for each")
+        return CanonicalForm(self.mesh.with_vertices(vertices).vertices, self.mesh.faces, notes)
 
 
 @runtime_checkable

@@ -230,10 +230,11 @@ def _wrapped(head: str, text: str, width: int) -> list[str]:
 
 def new(kind: str, name: str) -> None:
     """Write a plugin of a kind."""
-    from benchmark.plugins.scaffold import new_plugin
+    from benchmark.new import new_method
 
-    paths = new_plugin(kind, name)
+    if kind != "method":
+        raise ConfigurationError(f"there is no template for a {kind}", "copy the one in examples/")
+    paths = new_method(name)
     for path in paths:
         say(path)
-    build = f"'g++ -O2 -o {paths[0].stem} {paths[2]}' and " if kind == "external" else ""
-    say(f"next: edit it, then {build}'python -m benchmark check {paths[0]}'", err=True)
+    say(f"next: edit it, then 'python -m benchmark check {paths[0]}'", err=True)

@@ -8,24 +8,30 @@ from typing import Any
 
 from benchmark.api.learning import CARD, ChecksOptions, Learner, read_card
 from benchmark.api.parameters import assignments
+from benchmark.check import LIMIT
+from benchmark.check import check as run_check
 from benchmark.cli.options import Check, RunOptions, Train
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import call_apart
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.conformance import Target, check_apart
 from benchmark.plugins.registry import MethodSpec, methods, variant
 from benchmark.protocols.tables import trainings_of
 from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, Training, find_training, with_validation
-from benchmark.text import say, say_lines
+from benchmark.registry import find
+from benchmark.text import say
 
 
 def check(options: Check) -> bool:
     """Print the results of the checks of a method or file."""
-    schedule = tuple(assignments(options.assigned).items())
-    target = Target(options.target, options.chosen, tuple(options.plugins), schedule)
-    report = check_apart(target, options.timeout)
-    say_lines(str(report))
-    return bool(report)
+    limit = options.timeout or LIMIT
+    names = options.chosen or (options.target,)
+    plugins = [*options.plugins, *([Path(options.target)] if options.chosen else [])]
+    failed = False
+    for component in [component for name in names for component in find(name, plugins)]:
+        for finding in run_check(component, assignments(options.assigned), limit):
+            say(f"{component.name}  {finding}")
+            failed |= finding.outcome == "failed"
+    return not failed
 
 
 def train(options: Train) -> None:

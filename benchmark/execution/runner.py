@@ -18,8 +18,8 @@ from benchmark.execution.job_specs import Job, Status, Task
 from benchmark.execution.plan import CHANGED, UNSAVED, difference
 from benchmark.execution.processes.process import ForeignError, ProcessEnded, is_child
 from benchmark.pipeline import recipes
-from benchmark.pipeline.method_run import MethodRun, Preparation, in_random_order
 from benchmark.pipeline.artefact_ranking import GalleryRanking
+from benchmark.pipeline.method_run import MethodRun, Preparation, in_random_order
 from benchmark.pipeline.storage import keys, lock
 from benchmark.pipeline.storage.environment import commit
 from benchmark.pipeline.storage.records import Record

@@ -31,7 +31,7 @@ def compile_bodies() -> None:
 
 def compile_scorer() -> None:
     """Compare a figure with a bent copy."""
-    from benchmark.plugins.conformance.cases import BENDS, figure
+    from benchmark.check.shapes import BENDS, figure
     from benchmark.plugins.scorers import ScorerSpec
 
     scorer = ScorerSpec().create()
@@ -41,9 +41,9 @@ def compile_scorer() -> None:
 def compile_methods() -> None:
     """Apply each method that does not learn to a small figure, complete and as a single view."""
     from benchmark.api.contracts import Descriptor, Mesh, Shape
+    from benchmark.check.shapes import figure
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.stages.shapes import complete, half_width_of, seen
-    from benchmark.plugins.conformance.cases import figure
     from benchmark.plugins.registry import methods
 
     source = figure()
@@ -63,7 +63,7 @@ def compile_methods() -> None:
 def compile_learners() -> None:
     """Apply the default model of a learner of each module to a small figure."""
     from benchmark.api.contracts import Shape
-    from benchmark.plugins.conformance.cases import figure
+    from benchmark.check.shapes import figure
     from benchmark.plugins.registry import methods
     from benchmark.protocols.models import with_model
 

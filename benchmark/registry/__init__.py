@@ -3,7 +3,7 @@
 from benchmark.code_digest import code_digest, code_of
 from benchmark.registry.components import Component, component_of
 from benchmark.registry.known import BUILT_IN, SCORERS, data_sets, methods, scorers
-from benchmark.registry.selection import select, select_one, variants
+from benchmark.registry.selection import find, select, select_one, variants
 
 __all__ = [
     "BUILT_IN",
@@ -13,6 +13,7 @@ __all__ = [
     "code_of",
     "component_of",
     "data_sets",
+    "find",
     "methods",
     "scorers",
     "select",

@@ -13,6 +13,7 @@ from types import FunctionType
 from typing import Any, Literal, Self
 
 from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_form
+from benchmark.api.datasets import ShapeSet
 from benchmark.api.parameters import format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, plugin_file
@@ -93,7 +94,8 @@ class Component:
     @property
     def info(self) -> Any:
         """Its description: ``MethodInfo``, ``ScorerInfo`` or the ``ShapeSet``."""
-        return self.load() if self.kind == "data set" else self.load().info
+        found = self.load()
+        return found if self.kind == "data set" else found.info
 
     @property
     def summary(self) -> str:
@@ -119,7 +121,7 @@ class Component:
             If that fails, or the class has no ``info``.
         """
         if self.given is not None:
-            return type(self.given)
+            return self.given if self.kind == "data set" else type(self.given)
         attribute = self.target.rpartition(":")[2]
         found = getattr(load_module(self.target), attribute, None)
         if found is None:
@@ -189,26 +191,29 @@ class Component:
         return secrets.token_hex(8) if is_here else ""
 
 
-def component_of(value: Any, kind: Kind = "method") -> Component:
-    """Return the component for an object, a class or, for a method, a function from a shape to positions.
+def component_of(value: Any) -> Component:
+    """Return the component for a method, scorer or data set, its class, or a function from a shape to positions.
 
     Raises
     ------
     ConfigurationError
-        If it is nothing of this kind.
+        If it is nothing of these kinds.
     """
-    if isinstance(value, FunctionType) and kind == "method":
+    if isinstance(value, ShapeSet):
+        return Component("data set", value.name, f"{value.name}:", given=value)
+    if isinstance(value, FunctionType):
         title = value.__name__.replace("_", " ").strip()
         value = canonical_form(name=title.replace(" ", "-").lower(), title=title.capitalize())(value)
-    if isinstance(value, type):
-        value = value()
+    value = value() if isinstance(value, type) else value
+    info, cls = getattr(value, "info", None), type(value)
+    kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
     info_type, contract, lacking = _CONTRACTS[kind]
-    if not (isinstance(value, contract) and isinstance(value.info, info_type)):
-        raise ConfigurationError(
-            f"{value!r:.80} is no {kind}: it has {lacking}, or no info", "see docs/reference/plugins.md"
-        )
-    cls = type(value)
+    if not (isinstance(value, contract) and isinstance(info, info_type)):
+        problem = f"{value!r:.80} is no method, scorer or data set: it has {lacking}, or no info"
+        raise ConfigurationError(problem, "see docs/reference/plugins.md")
     file = getattr(sys.modules.get(cls.__module__), "__file__", None)
-    module = str(Path(file).resolve()) if file and cls.__module__ == "__main__" else cls.__module__
+    module = str(Path(file).resolve()) if file and file.endswith(".py") else cls.__module__
+    if cls.__module__.partition(".")[0] in FIRST_PARTY:
+        module = cls.__module__
     chosen = non_default_values(cls, parameter_values(value))
-    return Component(kind, value.info.name, f"{module}:{cls.__qualname__}", chosen, given=value)
+    return Component(kind, str(info.name), f"{module}:{cls.__qualname__}", chosen, given=value)

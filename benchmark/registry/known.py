@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from benchmark.api.contracts import MethodInfo
+from benchmark.api.datasets import ShapeSet
 from benchmark.api.scoring import ScorerInfo
 from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
@@ -119,13 +120,15 @@ def in_file(path: Path) -> list[Component]:
     target = str(path.resolve())
     module, found = load_module(target), []
     for attribute, value in vars(module).items():
+        if isinstance(value, ShapeSet):
+            found.append(Component("data set", value.name, f"{target}:{attribute}"))
         info = getattr(value, "info", None)
         is_own = isinstance(value, type) and value.__module__ == module.__name__
         if is_own and isinstance(info, MethodInfo | ScorerInfo):
             kind: Kind = "method" if isinstance(info, MethodInfo) else "scorer"
             found.append(Component(kind, info.name, f"{target}:{attribute}"))
     if not found:
-        hint = "give a class an 'info' that is a MethodInfo or a ScorerInfo, or use @canonical_form"
+        hint = "write a class with an 'info' (MethodInfo or ScorerInfo), use @canonical_form, or make a ShapeSet"
         raise ConfigurationError(f"{path} defines no method, no scorer and no data set", hint)
     return found
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmark.errors import ConfigurationError
 from benchmark.registry.components import Component, Kind, component_of
-from benchmark.registry.known import EVERY, data_sets, methods, scorers
+from benchmark.registry.known import EVERY, data_sets, in_file, methods, scorers
 from benchmark.registry.names import combinations, split_name
 
 
@@ -69,3 +69,30 @@ def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
         if variant.parameters and not variant.missing_packages():
             variant.create()  # lets the class refuse invalid combinations now
     return list({variant.name: variant for variant in found}.values())
+
+
+def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
+    """Return the components of a plugin file, or the methods, scorers and data sets of a name, for ``check``.
+
+    Parameters
+    ----------
+    name
+        Path of a plugin file, or a name; both optionally with parameters in brackets, which methods take.
+    plugins
+        Plugin files.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is nothing of this name, or a parameter is unknown or invalid.
+    """
+    base, inside = split_name(name) or (name, "")
+    if base.endswith(".py"):
+        found = in_file(Path(base))
+        known = methods([Path(base), *plugins])
+        named = [component for component in found if component.kind == "method"]
+        return [variant for c in named for variant in variants(f"{c.name}[{inside}]", known)] if inside else found
+    groups = (methods(plugins), scorers(plugins), data_sets(plugins))
+    return [component for known in groups if base in known for component in variants(name, known)] or variants(
+        name, groups[0]
+    )

@@ -17,8 +17,8 @@ from benchmark.datasets.own import is_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError, one_line
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.pipeline.method_run import MethodRun, Preparation, require_arrays
 from benchmark.pipeline.artefact_ranking import matrices_of
+from benchmark.pipeline.method_run import MethodRun, Preparation, require_arrays
 from benchmark.pipeline.stages.shapes import form_mesh
 from benchmark.pipeline.storage.records import Record, place
 from benchmark.pipeline.storage.store import Store

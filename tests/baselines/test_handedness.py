@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from baselines._kernels.orientation import handedness, vertex_areas
 from benchmark.api.contracts import Shape
-from benchmark.plugins.conformance.cases import figure
+from benchmark.check.shapes import figure
 from benchmark.plugins.registry import methods, variant
 
 MIRROR = np.array([1.0, 1.0, -1.0])

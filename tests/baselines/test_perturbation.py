@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import FloatArray, Mesh, Method
-from benchmark.plugins.conformance.cases import figure, view
+from benchmark.check.shapes import figure, view
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from tests.baselines.deformable import moved_to, shape_of, sheet, tube
 from tests.baselines.perturbation import moved, other_rounding

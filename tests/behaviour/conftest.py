@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.behaviour.suite import PLUGINS, call, write_frames, write_off, write_rods
+from tests.behaviour.suite import PLUGINS, ROOT, call, write_frames, write_off, write_rods
+
+#: Example by the name under which it is used.
+EXAMPLES = {
+    "ray-stretch": "ray-stretch",
+    "spread": "distance-profile",
+    "tiny": "nearest-view",
+    "far": "distance-distribution",
+    "blobs": "bent-ellipsoids",
+}
 
 
 @pytest.fixture(scope="session")
@@ -33,17 +42,16 @@ def material(tmp_path_factory) -> Path:
         (folder / name / "index.html").write_text("mine")
     (folder / "own.py").write_text(PLUGINS)
     (folder / "syntax.py").write_text("def\n")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder / "plugins")
-        kinds = {
-            "method": "ray-stretch",
-            "descriptor": "spread",
-            "learner": "tiny",
-            "scorer": "far",
-            "dataset": "blobs",
-        }
-        assert [call("new", kind, name).code for kind, name in kinds.items()] == [0] * 5
+    for name, example in EXAMPLES.items():
+        text = (ROOT / "examples" / f"{example.replace('-', '_')}.py").read_text()
+        (folder / "plugins" / f"{name.replace('-', '_')}.py").write_text(
+            text.replace(example, name).replace(_title(example), _title(name))
+        )
     return folder
+
+
+def _title(name: str) -> str:
+    return name.replace("-", " ").title()
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.own import data_sets_of, open_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.plugins import conformance, remote
+from benchmark.plugins import remote
 from benchmark.plugins.inspection import inspect
 from tests.toy import write_rods
 
@@ -133,33 +133,3 @@ def test_a_file_that_hangs_while_it_lists_its_shapes_is_refused_from_outside(plu
 
 
 # The checks ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "check", "message"),
-    [
-        ({"entries": "return [Entry('a', 'b', '0'), Entry('c', 'b', '1')]"}, "entries", "has one class"),
-        (
-            {"entries": "e = eval(ORIGINAL); random.SystemRandom().shuffle(e); return e"},
-            "entries",
-            "lists other shapes the second time",
-        ),
-        ({"load": "return Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])"}, "meshes", "thin0"),
-        (
-            {"load": "m = rod(0.1, 1.0, 12, 8); return m.with_vertices(m.vertices * random.SystemRandom().random())"},
-            "repeatable",
-            "changes between calls",
-        ),
-        (
-            {"load": "m = rod(0.1, 1.0, 12, 8); return m.with_vertices(m.vertices * (1 + os.getpid()))"},
-            "fresh process",
-            "another process gets other shapes",
-        ),
-    ],
-)
-def test_a_fault_is_found_by_its_check(plugin, changes, check, message):
-    original = "[Entry(f'{s}{n}', s, str(n)) for s in ('thin', 'thick') for n in range(9)]"
-    changes = {name: text.replace("ORIGINAL", repr(original)) for name, text in changes.items()}
-    report = conformance.check_target(str(plugin(**changes)))
-    failed = {f.name: f.explanation for f in report.findings["rods (data set)"] if f.outcome == "failed"}
-    assert message in failed[check]

@@ -1,0 +1,301 @@
+"""The contract checks: right plugins pass, and each fault is found by the check that is made for it."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from benchmark.check import check, run_checks
+from benchmark.check.checks import Finding
+from benchmark.registry import Component, find, methods
+from benchmark.registry.known import BUILT_IN, in_file
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+METHOD = """
+import itertools
+import os
+import sys
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from benchmark.api import CanonicalForm, MethodInfo, UnsupportedShape
+
+CALLS = []
+COUNT = itertools.count()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    info: ClassVar[MethodInfo] = MethodInfo({info})
+
+    {body}
+"""
+FORM = "def canonicalise(self, shape):\n        x = shape.mesh.vertices\n        "
+LEANS = (
+    "y = x - x.mean(axis=0)\n        if y.var() > 0.14 / 3:\n            y = y @ np.linalg.eigh(y.T @ y)[1]\n"
+    "            y = y * np.sign((y**3).sum(axis=0))\n        return shape.form(y)"
+)
+DESCRIBE = "def describe(self, shape):\n        x = shape.mesh.vertices\n        "
+SPREAD = "return np.array([shape.geodesics().std(), shape.source_area])"
+DISTANCES = (
+    "\n\n    def distances(self, descriptors):\n        d = np.stack(descriptors)\n"
+    "        return np.abs(d[:, None] - d[None]).sum(axis=2)"
+)
+PLACES = (
+    "\n\n    def distances(self, descriptors):\n        k = np.arange(len(descriptors), dtype=float)\n"
+    "        return np.abs(k[:, None] - k)"
+)
+
+
+def written(path: Path, body: str = FORM + "return shape.form(x)", info: str = "") -> Component:
+    info = "name='tried', title='Tried'" + (f", {info}" if info else "")
+    path.write_text(METHOD.format(body=body, info=info))
+    (component,) = in_file(path)
+    return component
+
+
+def findings(component: Component, until: str = "") -> dict[str, Finding]:
+    """The findings by name, up to a check."""
+    found: dict[str, Finding] = {}
+    for event in run_checks(component):
+        if isinstance(event, Finding):
+            found[event.name] = event
+            if event.name == until:
+                break
+    return found
+
+
+def test_a_right_method_passes_every_check(tmp_path):
+    found = findings(written(tmp_path / "tried.py"))
+    assert {finding.outcome for finding in found.values()} == {"ok"}
+    assert len(found) == 9
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "info", "message"),
+    [
+        ("answer", FORM + "return shape.form(x * np.nan)", "", "500 of 500 vertices are NaN"),
+        ("answer", FORM + "return shape.form(0 * x)", "", "at one point"),
+        ("answer", FORM + "return shape.form(x[1:])", "", "499 positions for 500 vertices"),
+        ("answer", FORM + "return x", "", "it is of type ndarray, not CanonicalForm; return shape.form"),
+        ("answer", FORM + "x[0] = 0\n        return shape.form(x)", "", "work on a copy"),
+        ("answer", FORM + "import no_such_package", "", "name packages beyond the core in info.requires"),
+        ("answer", FORM + "raise UnsupportedShape('too thin')", "", r"refuses an ordinary surface \(too thin\)"),
+        ("answer", FORM + "return topp", "", r"^tried.py:23: NameError: name 'topp' is not defined$"),
+        ("answer", FORM + "sys.exit(3)", "", r"^tried.py:23: SystemExit: 3$"),
+        ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
+        (
+            "input untouched",
+            FORM
+            + "d = shape.geodesics()\n        d.flags.writeable = True\n        d *= 2\n        return shape.form(x)",
+            "",
+            "changes the geodesics of the shape",
+        ),
+        ("input untouched", FORM + "shape.seed = 7\n        return shape.form(x)", "", "changes the attributes"),
+        (
+            "repeatable",
+            FORM + "CALLS.append(1)\n        return shape.form(x * len(CALLS))",
+            "",
+            "two runs on one shape differ by .*; draw from .*, keep no state between shapes",
+        ),
+        (
+            "repeatable",
+            FORM + "CALLS.append(len(CALLS))\n        return shape.form(x * (1 + (len(CALLS) > 2)))",
+            "",
+            "the answer differs after another shape",
+        ),
+        (
+            "repeatable",
+            FORM + "return shape.form(x * np.where(np.arange(3) == next(COUNT) % 3, -1, 1))",
+            "",
+            r"differ by signs; make the largest entry .* a fixed start \(v0=...\)",
+        ),
+        ("seed", FORM + "return shape.form(x * (1 + shape.random().random()))", "", "declare deterministic=False"),
+        ("seed", FORM + "return shape.form(x * len(shape.identifier))", "", "depends on the name or the seed"),
+        ("seed", FORM + "return shape.form(x)", "deterministic=False", "ignores the seed"),
+        ("relabelling", FORM + "return shape.form(x - 0.5 * (x[0] @ x[0]) * x)", "", "break ties by geometry"),
+        ("rigid motion", FORM + "return shape.form(x * [1, 1, 2])", "", "position of the shape in space"),
+        ("mirror", FORM + LEANS, "", "mirrors some shapes and not others"),
+        ("mirror", FORM + "return shape.form(x * (2 + np.tanh(np.linalg.det(x[[0, 9, 99]]))))", "", "another form"),
+        ("scale", FORM + "return shape.form(x / np.sqrt(shape.mesh.area))", "", "or declare 'invariant'"),
+        ("scale", FORM + "return shape.form(x)", "scale='invariant'", "difference 1.5e.00.* or declare 'equivariant'"),
+        ("scale", DESCRIBE + SPREAD + DISTANCES, "scale='invariant'", "or declare 'equivariant'"),
+        ("scale", DESCRIBE + "return np.array([1.0])" + DISTANCES, "", "does not distinguish poses"),
+        ("dissimilarities", DESCRIBE + SPREAD + DISTANCES.replace("np.abs", "np.exp"), "", "not symmetric"),
+        (
+            "dissimilarities",
+            DESCRIBE + SPREAD + DISTANCES.replace("return np", "return -np"),
+            "",
+            "return numbers >= 0",
+        ),
+        ("dissimilarities", DESCRIBE + SPREAD + PLACES, "", "depends on the order of the shapes"),
+        ("awkward shapes", FORM + "return shape.form(x + 0 * x[10])", "", "a triangle: tried.py:23: IndexError"),
+        (
+            "awkward shapes",
+            FORM + "if len(x) < 5: raise UnsupportedShape('')\n        return shape.form(x)",
+            "",
+            "a tetrahedron is refused without a reason",
+        ),
+    ],
+)
+def test_a_fault_is_found_by_its_check(name, body, info, message, tmp_path):
+    found = findings(written(tmp_path / "tried.py", body, info), until=name)
+    assert found[name].outcome == "failed", [str(finding) for finding in found.values()]
+    assert re.search(message, found[name].explanation), found[name].explanation
+    if name in ("answer", "repeatable"):
+        assert list(found)[-1] == name  # there is nothing to compare
+
+
+def test_a_right_descriptor_passes(tmp_path):
+    found = findings(written(tmp_path / "tried.py", DESCRIBE + "return [shape.geodesics().std()]" + DISTANCES))
+    assert {name for name, finding in found.items() if finding.outcome != "ok"} == {"mirror"}
+
+
+def test_a_method_of_depth_images_gets_one_and_may_have_vertices_of_its_own(tmp_path):
+    body = (
+        FORM + "if shape.depth is None: raise UnsupportedShape('no depth image')\n"
+        "        d = shape.depth[::100, ::100].astype(float)\n"
+        "        v = np.stack([*np.indices(d.shape), d], axis=-1).reshape(-1, 3)\n"
+        "        return CanonicalForm(v, np.array([[0, 1, 2]], dtype=np.int32))"
+    )
+    found = findings(written(tmp_path / "tried.py", body, "inputs=('view',)"))
+    assert not [finding for finding in found.values() if finding.outcome == "failed"]
+    assert found["relabelling"].explanation == "the form has its own vertices"
+    assert found["rigid motion"].explanation == found["scale"].explanation == "the depth image has one camera"
+
+
+def test_a_missing_package_is_no_fault(tmp_path):
+    found = findings(written(tmp_path / "tried.py", info="requires=('no_such_package',)"))
+    assert [str(f) for f in found.values()] == ["skipped  packages         install no_such_package, then check again"]
+
+
+@pytest.mark.parametrize(
+    ("example", "old", "new", "name", "message"),
+    [
+        ("distance_distribution", '{"shares": counts / weights.sum()}', "counts", "answer", "not named arrays"),
+        ("distance_distribution", "distances / mean", "distances", "rigid motion", "depends on position or size"),
+        (
+            "distance_distribution",
+            "counts / weights.sum()}",
+            "counts / weights.sum() + abs(form.vertices[0, 0])}",
+            "relabelling",
+            "numbering",
+        ),
+        ("distance_distribution", '"cityblock")', '"cityblock") * 0.0', "dissimilarities", "does not distinguish any"),
+        ("distance_distribution", "if not mean > 0:", "if 1 / mean < 0:", "awkward shapes", "a point"),
+        ("nearest_view", '"seed{self.training_seed}"', '"a/b"', "training", "model_name is 'a/b'"),
+        ("nearest_view", '] = "table"', '] = "tabel"', "training", "split is 'tabel'; choose one of table"),
+        ("nearest_view", '"identifiers": data.identifiers,', '"identifiers": ["me"],', "training", "all identifiers"),
+        ("nearest_view", "return loaded", "return None", "training", "'load' returns NoneType"),
+        ("nearest_view", "hexdigest()", "hexdigest()[::-1]", "training", "has digest"),
+    ],
+)
+def test_a_fault_of_a_scorer_or_learner_is_found(example, old, new, name, message, tmp_path):
+    text = (EXAMPLES / f"{example}.py").read_text()
+    assert old in text
+    path = tmp_path / "edited.py"
+    path.write_text(text.replace(old, new))
+    (component,) = in_file(path)
+    found = findings(component, until=name)
+    assert found[name].outcome == "failed", [str(finding) for finding in found.values()]
+    assert message in found[name].explanation
+
+
+DATA_SET = """
+from itertools import count
+
+import numpy as np
+
+from benchmark.api import Entry, Mesh, ShapeSet
+from benchmark.check.shapes import figure
+
+COUNT = count()
+
+
+def load(entry):
+    {body}
+
+
+SHAPES = tuple(Entry({name}, f"c{{k % 2}}", str(k)) for k in range(4))
+SET = ShapeSet(name="mine", title="Mine", shapes=SHAPES, load=load)
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "name", "check_name", "message"),
+    [
+        ("return figure()", 'f"s{k}"', "", ""),
+        ("return figure()", '"s"', "shapes", "two shapes are called 's'"),
+        ("return None", 'f"s{k}"', "meshes", "'load' returns NoneType for 's0'; return Mesh(vertices, faces)"),
+        ("return 1 / 0", 'f"s{k}"', "meshes", "mine.py:13: ZeroDivisionError: division by zero"),
+        (
+            "return figure().with_vertices(figure().vertices + next(COUNT))",
+            'f"s{k}"',
+            "repeatable",
+            "the mesh of 's3' changes between calls",
+        ),
+        ("return Mesh(np.eye(3), [[0, 0, 1]])", 'f"s{k}"', "inputs", "'s1': after cleaning"),
+    ],
+)
+def test_a_data_set_is_checked(body, name, check_name, message, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(DATA_SET.format(body=body, name=name))
+    (component,) = in_file(path)
+    found = findings(component)
+    assert [key for key, finding in found.items() if finding.outcome == "failed"] == [check_name] * bool(check_name)
+    assert message in (found[check_name].explanation if check_name else "")
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("[x for x in iter(int, 1)]", "no answer after 1 s on one shape; find the endless loop"),
+        ("time.sleep(3600)", "no answer after 1 s on one shape"),
+        ("os._exit(0)", "ended its process with exit code 0"),
+        ("os.kill(os.getpid(), 11)", "ended its process with SIGSEGV"),
+    ],
+)
+def test_a_loop_or_a_crash_fails_its_check(body, message, tmp_path):
+    component = written(tmp_path / "tried.py", FORM + f"if len(x) == 3: {body}\n        return shape.form(x)")
+    begun, found = time.monotonic(), {}
+    for finding in check(component, limit=8.0 if body.startswith("os") else 4.0):
+        found[finding.name] = finding
+    assert time.monotonic() - begun < 60
+    assert [name for name, finding in found.items() if finding.outcome == "failed"] == ["awkward shapes"]
+    assert message.replace("1 s", "4 s") in found["awkward shapes"].explanation
+
+
+def test_prints_do_not_stand_among_findings(tmp_path, capfd):
+    component = written(tmp_path / "tried.py", FORM + "print('printed')\n        return shape.form(x)")
+    assert next(check(component)).outcome == "ok"
+    out, err = capfd.readouterr()
+    assert "printed" not in out
+    assert "printed" in err
+
+
+def test_what_is_checked_is_found_by_file_and_by_name():
+    scorer = EXAMPLES / "distance_distribution.py"
+    assert [(c.kind, c.name) for c in find(f"{EXAMPLES / 'ray_stretch.py'}[strength=0|0.5]")] == [
+        ("method", "ray-stretch[strength=0.0]"),
+        ("method", "ray-stretch[strength=0.5]"),
+    ]
+    assert [c.name for c in find("distance-distribution[bins=8]", [scorer])] == ["distance-distribution[bins=8]"]
+    assert [(c.kind, c.name) for c in find("cm-bof")] == [("scorer", "cm-bof")]
+
+
+#: Methods of the paper's tables are tried in the slow tests, others when asked: each takes some seconds.
+PAPER = {name for name, component in methods().items() if component.info.family == "paper"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n in PAPER else pytest.mark.exhaustive) for n in BUILT_IN]
+)
+def test_every_built_in_method_keeps_the_contract(name):
+    assert not [str(finding) for finding in findings(methods()[name]).values() if finding.outcome == "failed"]

@@ -1,0 +1,207 @@
+"""Methods are chosen by name, by grid, by plugin file and by object."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import pytest
+
+from baselines.gps import GPS
+from baselines.identity import Identity
+from benchmark.api import CheckedParameters, Interval, MethodInfo
+from benchmark.errors import ConfigurationError
+from benchmark.registry import BUILT_IN, Component, component_of, find, methods, scorers, select, select_one, variants
+from benchmark.registry.names import combinations, split_name
+from tests.registry.plugin import write_plugin
+
+FIELDS = 'power: float = 1.0\n    kind: str = "a"\n    sizes: tuple[int, ...] = (1, 2)'
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    return write_plugin(tmp_path / "smooth.py", fields=FIELDS)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", [{}]),
+        ("a=1", [{"a": "1"}]),
+        ("a=1|2,b=x|y", [{"a": "1", "b": "x"}, {"a": "1", "b": "y"}, {"a": "2", "b": "x"}, {"a": "2", "b": "y"}]),
+        (" a = 1 | 2 ", [{"a": "1"}, {"a": "2"}]),
+        ("a=(1,2)|(3,4)", [{"a": "(1,2)"}, {"a": "(3,4)"}]),
+        ("a='1|2,b=3'|\"it's\"", [{"a": "1|2,b=3"}, {"a": "it's"}]),
+        ("a=it's|''", [{"a": "it's"}, {"a": ""}]),
+    ],
+)
+def test_each_choice_of_values_is_listed_once(text, expected):
+    assert combinations(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a=1||2", "'a' has an empty value; write VALUE.VALUE"),
+        ("a='1|2", "has a quote without its other half; close what is opened"),
+        ("a=(1|2", "a parenthesis without its other half"),
+        ("a=1,a=2", "'a' is given twice"),
+        ("a", "'a' has no value"),
+    ],
+)
+def test_what_cannot_be_read_is_named(text, message):
+    with pytest.raises(ConfigurationError, match=message):
+        combinations(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [(" gps ", ("gps", "")), ("gps[]", ("gps", "")), ("a [b=1|2] ", ("a", "b=1|2")), ("a[b", None), ("a[b][c]", None)],
+)
+def test_a_name_is_split_from_what_its_one_pair_of_brackets_holds(name, expected):
+    assert split_name(name) == expected
+
+
+def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in(plugin):
+    known = methods([plugin])
+    names = [component.name for component in variants("smooth[power=2|1|2.0,kind=a|b]", known)]
+    assert names == ["smooth[power=2.0]", "smooth[power=2.0,kind=b]", "smooth", "smooth[kind=b]"]
+    with pytest.raises(ConfigurationError, match=r"'smooth\[power=1.2\]' stands for 2 methods; name one: smooth$"):
+        select_one("smooth[power=1|2]", [plugin])
+
+
+@pytest.mark.parametrize("name", ["smooth[kind='a|b',sizes=(3)]", "smooth[power=0.5,kind='']", "smooth"])
+def test_the_name_of_a_component_is_read_as_the_same_component(name, plugin):
+    component = select_one(name, [plugin])
+    assert select_one(component.name, [plugin]) == component
+    assert pickle.loads(pickle.dumps(component)) == component  # noqa: S301
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ([], ["smooth"]),
+        (["gps"], ["gps", "smooth"]),
+        (["gps", "smooth[power=2]"], ["gps", "smooth[power=2.0]"]),
+        (["smooth", "identity", "gps", "gps"], ["gps", "identity", "smooth"]),
+    ],
+)
+def test_a_plugin_file_runs_its_methods_beside_those_that_are_named(names, expected, plugin):
+    assert [component.name for component in select(names, [plugin])] == expected
+
+
+def test_all_methods_run_where_none_is_named():
+    assert [component.name for component in select()] == list(BUILT_IN)
+
+
+def test_all_is_the_name_of_all(plugin):
+    assert [component.name for component in select(["all"], [plugin])] == [*BUILT_IN, "smooth"]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("gsp", "unknown method 'gsp'; did you mean gps"),
+        ("gps[powr=1]", "unknown parameter of gps 'powr'"),
+        ("smooth", "unknown method 'smooth'; pass --plugin smooth.py"),
+    ],
+)
+def test_what_is_not_known_is_refused_with_what_might_be_meant(name, message, tmp_path, monkeypatch):
+    write_plugin(tmp_path / "smooth.py")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigurationError, match=message):
+        select([name])
+
+
+def test_two_components_of_one_name_are_refused(tmp_path):
+    plugin = write_plugin(tmp_path / "smooth.py", name="gps")
+    with pytest.raises(ConfigurationError, match=r"two methods are called 'gps': baselines.gps:GPS and .*smooth.py"):
+        methods([plugin])
+    with pytest.raises(ConfigurationError, match="a method is called 'all', which stands for all; rename it"):
+        methods([write_plugin(tmp_path / "all.py", name="all")])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scaled(CheckedParameters):
+    """Scaled shape."""
+
+    info: ClassVar[MethodInfo] = MethodInfo(name="scaled", title="Scaled")
+    factor: Annotated[float, Interval(0)] = 1.0
+    mode: Literal["a", "b"] = "a"
+
+    def canonicalise(self, shape):
+        return shape.form(self.factor * shape.mesh.vertices)
+
+
+def flat_shape(shape):
+    return shape.mesh.vertices * [1, 1, 0]
+
+
+def test_objects_classes_and_functions_are_methods():
+    chosen = select(["gps", Scaled(factor=2), GPS, flat_shape])
+    assert [component.name for component in chosen] == ["gps", "scaled[factor=2.0]", "flat-shape"]
+    scaled, flat = chosen[1:]
+    assert scaled.title == "Scaled (factor=2.0)"
+    assert scaled.create().factor == 2
+    assert scaled.key()["parameters"] == {"factor": 2.0}
+    assert scaled.key() == component_of(Scaled(factor=2.0)).key() != component_of(Scaled()).key()
+    assert "test_selection.py" in scaled.code()
+    assert flat.title == "Flat shape"
+    assert component_of(Identity()).key() == select_one("identity").key()
+
+
+def test_an_object_without_a_file_is_never_known_again(monkeypatch):
+    monkeypatch.setattr(Scaled, "__module__", "__notebook__")
+    assert component_of(Scaled()).key() != component_of(Scaled()).key()
+
+
+@pytest.mark.parametrize("value", [3, object, "".join])
+def test_what_is_no_method_is_refused(value):
+    with pytest.raises(ConfigurationError, match="is no method, scorer or data set"):
+        component_of(value)
+
+
+def test_facts_of_a_component(plugin):
+    smooth, scorer = select_one("smooth", [plugin]), scorers()["cm-bof"]
+    assert (smooth.summary, smooth.plugin, smooth.of_suite) == ("Smoothed surface.", plugin, False)
+    assert (smooth.learns, smooth.describes, smooth.key()["target"]) == (False, False, "Smooth")
+    assert (scorer.kind, scorer.plugin, scorer.of_suite) == ("scorer", None, True)
+    assert select_one("shape-dna").describes
+    assert select_one("learned").learns
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fields": "power: float"}, r"smooth cannot be created: .*; give every parameter a valid default"),
+        ({"fields": "def __post_init__(self): raise ValueError('odd')"}, r"created: smooth.py:\d+: ValueError: odd"),
+    ],
+)
+def test_a_class_that_cannot_be_created_is_named(changes, message, tmp_path):
+    component = select_one("smooth", [write_plugin(tmp_path / "smooth.py", **changes)])
+    with pytest.raises(ConfigurationError, match=message):
+        component.create()
+
+
+def test_a_missing_package_is_named(tmp_path):
+    text = write_plugin(tmp_path / "smooth.py").read_text()
+    (tmp_path / "smooth.py").write_text(text.replace('title="Smooth"', 'title="Smooth", requires=("absent",)'))
+    component = select_one("smooth", [tmp_path / "smooth.py"])
+    assert component.missing_packages() == ("absent",)
+    with pytest.raises(ConfigurationError, match="method 'smooth' needs absent; pip install absent"):
+        component.create()
+
+
+def test_a_target_that_is_not_there_is_named():
+    with pytest.raises(ConfigurationError, match="baselines.gps has no 'GSP'"):
+        Component("method", "gps", "baselines.gps:GSP").create()
+    with pytest.raises(ConfigurationError, match="has no 'info: ClassVar.MethodInfo.'"):
+        Component("method", "gps", "baselines.gps:np").create()
+
+
+def test_what_is_checked_is_found_by_file_and_by_name(plugin):
+    assert [c.name for c in find(f"{plugin}[power=2|3]")] == ["smooth[power=2.0]", "smooth[power=3.0]"]
+    assert [c.name for c in find("smooth[power=2]", [plugin])] == ["smooth[power=2.0]"]
+    with pytest.raises(ConfigurationError, match="unknown method 'smoth'; did you mean smooth"):
+        find("smoth", [plugin])
