@@ -2,8 +2,6 @@
 
 from typing import Any
 
-__version__ = "0.2.0"
-
 #: What is offered here, and the module that has it: none is imported before it is asked for.
 _OFFERED = {"run": "benchmark.results", "score": "benchmark.external.scoring"}
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
-
-import click
 
 #: Longest reason in tables and lists of jobs, in characters; records contain the full text.
 LONGEST_REASON = 500
@@ -17,7 +16,7 @@ LONGEST_NAME = 60
 DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
 #: Words that select several methods on the command line and so cannot be the name of one.
-RESERVED = frozenset({"all", "finished"})
+RESERVED = frozenset({"all"})
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
@@ -62,7 +61,7 @@ def brief(text: object) -> str:
 
 def say(text: object = "", *, err: bool = False) -> None:
     """Print one cleaned line to stdout or stderr."""
-    click.echo(clean(text), err=err)
+    print(clean(text), file=sys.stderr if err else sys.stdout, flush=True)
 
 
 def say_lines(text: str) -> None:

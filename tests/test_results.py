@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 import benchmark
 from benchmark.cli.main import cli
@@ -32,7 +32,7 @@ def folder(tmp_path_factory):
         "from benchmark.api.contracts import canonical_form\n"
         "@canonical_form(name='fails', title='Fails', inputs=('mesh',))\ndef fails(shape):\n    1 / 0\n"
     )
-    run = ["run", "-d", str(place / "rods"), "--input", "mesh", "--executor", "serial", "--results", str(place)]
+    run = ["run", "-d", str(place / "rods"), "--input", "mesh", "-j", "0", "--results", str(place)]
     CliRunner().invoke(cli, [*run, "-m", "identity", "-m", "shape-dna", "--plugin", str(place / "fails.py")])
     CliRunner().invoke(cli, [*run, "-m", "identity", "--seed", "1"])
     return place

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 

@@ -7,7 +7,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, Shape
 from benchmark.cli.methods import trained_on_people
-from benchmark.cli.options import Canonicalise, Retrieve, explained
+from benchmark.cli.options import Selection, explained
 from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.depth_folder import DepthFolder
@@ -41,8 +41,11 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.report.content import own_table
 from benchmark.report.pictures.painting import save_png
-from benchmark.report.pictures.sheets import frame_picture, retrieved_picture
+from benchmark.report.pictures.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.text import aligned, say
+
+#: Fewest vertices of a prepared mesh.
+FEWEST_VERTICES = 4
 
 #: A form in JSON types: vertices, faces and notes.
 Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
@@ -55,40 +58,86 @@ _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
 FrameJob = tuple[FrameFiles, Path, Path | None]
 
 
-def canonicalise(options: Canonicalise) -> bool:
+@dataclass(frozen=True)
+class Camera:
+    """How a depth image was taken, as far as a user says it."""
+
+    intrinsics: str = ""
+    mask: Path | None = None
+    depth_scale: float | None = None
+
+    def files(self, image: Path) -> FrameFiles:
+        """Return the files of an image."""
+        camera = intrinsics_of(self.intrinsics) if self.intrinsics else None
+        return FrameFiles(image, intrinsics=camera, mask=self.mask, scale=self.depth_scale)
+
+
+@dataclass(frozen=True)
+class Request:
+    """A method, the plugin files that may define it, seed, limit in seconds, and the camera of depth images."""
+
+    method: str
+    plugins: tuple[Path, ...] = ()
+    seed: int = 0
+    timeout: float = 600.0
+    camera: Camera = Camera()
+
+
+def canonicalise(
+    paths: Sequence[Path], request: Request, output: Path | None, vertices: str = "", picture: Path | None = None
+) -> bool:
     """Write the form of a mesh, or the forms of depth images."""
-    method, paths, vertices = options.method, options.paths, options.vertices
-    spec = variant(method, methods(options.plugins))
+    method = request.method
+    spec = variant(method, methods(request.plugins))
     may_miss = len(paths) > 1 or _is_pattern(paths[0])  # a missing frame costs only itself
     if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
+    if picture is not None and len(paths) == 1 and paths[0].is_file():
+        require_png(picture)
     if warning := trained_on_people(spec):
         say(f"{method}: {warning}", err=True)
     if may_miss or paths[0].suffix.lower() in EXTENSIONS or paths[0].is_dir():
-        if vertices is not None:
+        if vertices:
             raise ConfigurationError("a depth image has no vertices", "omit --vertices")
-        return _canonicalise_frames(_frame_jobs(options), options)
-    if options.intrinsics or options.mask or options.depth_scale or options.picture:
-        raise ConfigurationError(
-            f"{paths[0]} is not a depth image", "omit --intrinsics, --mask, --depth-scale and --picture"
-        )
-    target = _mesh_target(options.output, paths[0], method)
+        return _canonicalise_frames(_frame_jobs(paths, request, output, picture), request)
+    if request.camera != Camera():
+        raise ConfigurationError(f"{paths[0]} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
+    target = _mesh_target(output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    points, faces, notes = _apart(plain_form, paths[0], options, str(paths[0]))
-    # Written here, so that the file exists only if the method succeeded.
-    write_form(target, Mesh(np.array(points), np.array(faces)))
+    points, faces, notes = _apart(plain_form, paths[0], request, vertex_count(vertices), shape=str(paths[0]))
+    form = Mesh(np.array(points), np.array(faces))
+    write_form(target, form)  # here, so that the file exists only if the method succeeded
+    if picture is not None:
+        save_png(mesh_picture(read_mesh(paths[0]), form), picture)
     say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
     return True
 
 
+def vertex_count(text: str) -> int | str | None:
+    """Parse a number of vertices, ``all``, or nothing."""
+    if text in ("", "all"):
+        return text or None
+    if not text.isdecimal() or int(text) < FEWEST_VERTICES:
+        raise ConfigurationError(
+            f"'{text}' is not a number of vertices", f"pass --vertices {FEWEST_VERTICES} or more, or all"
+        )
+    return int(text)
+
+
+def require_png(picture: Path) -> None:
+    """Raise ``ConfigurationError`` for a picture that cannot be written, before anything is computed."""
+    if picture.suffix.lower() != ".png":
+        raise ConfigurationError(f"{picture} is not the name of a picture", "use .png")
+
+
 def _apart(
-    function: Callable[..., Any], first: object, options: Canonicalise | Retrieve, shape: str, kind: str = "shape",
+    function: Callable[..., Any], first: object, request: Request, *more: object, shape: str, kind: str = "shape",
     say: Callable[[str], None] | None = None,
 ) -> Any:  # fmt: skip
     """Call a function that runs the method on a shape, or an image, in a child process."""
-    what, hint = f"method '{options.method}' on {shape}", f"try another {kind}, or correct the method"
-    return call_apart(function, first, options, what=what, hint=hint, limit=options.timeout, say=say)
+    what, hint = f"method '{request.method}' on {shape}", f"try another {kind}, or correct the method"
+    return call_apart(function, first, request, *more, what=what, hint=hint, limit=request.timeout, say=say)
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
@@ -130,7 +179,7 @@ def _facts(notes: Mapping[str, float | str]) -> list[str]:
     return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
 
 
-def plain_form(source: Path, options: Canonicalise) -> Plain:
+def plain_form(source: Path, request: Request, vertices: int | str | None = None) -> Plain:
     """Prepare a mesh as in the benchmark and return its form in JSON types.
 
     A method that accepts only views gets the view of a camera in front of the mesh (z up, facing -y), in a frame that
@@ -140,8 +189,10 @@ def plain_form(source: Path, options: Canonicalise) -> Plain:
     ----------
     source
         The file.
-    options
-        The method, and the number of vertices of the prepared mesh and so of the form; None for that of the benchmark.
+    request
+        The method.
+    vertices
+        Number of vertices of the prepared mesh and so of the form; None for that of the benchmark.
         ``"all"`` prepares the mesh as in the benchmark and interpolates the form at the vertices of the file: each gets
         the barycentric mean over the nearest triangle of the prepared mesh that faces the same way.
 
@@ -152,18 +203,18 @@ def plain_form(source: Path, options: Canonicalise) -> Plain:
     ShapeError
         If the mesh cannot be read or processed.
     """
-    spec, vertices = variant(options.method, methods(options.plugins)), options.vertices
-    maker = form_maker(spec, options.method)
+    spec = variant(request.method, methods(request.plugins))
+    maker = form_maker(spec, request.method)
     reads_meshes = "mesh" in spec.info.inputs
     if vertices is not None and not reads_meshes:
-        raise ConfigurationError(f"method '{options.method}' reads depth images, not vertices", "omit --vertices")
+        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --vertices")
     mesh = read_mesh(source)
     if not reads_meshes:
         arrays = seen(mesh, FRONT, half_width_of(mesh, FRONT))
-        form = form_with_fit(maker, shape_of(arrays, source.stem, options.seed), {})
+        form = form_with_fit(maker, shape_of(arrays, source.stem, request.seed), {})
     else:
         prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
-        shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=options.seed)
+        shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.seed)
         form = form_with_fit(maker, shape, {})
         if vertices == "all":
             form = _at_vertices(mesh, prepared, form, spec.info.name)
@@ -181,11 +232,6 @@ def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: st
 
 
 # Depth images --------------------------------------------------------------------------------------------------------
-
-
-def _frame_files(options: Canonicalise | Retrieve) -> Callable[[Path], FrameFiles]:
-    camera = intrinsics_of(options.intrinsics) if options.intrinsics else None
-    return partial(FrameFiles, intrinsics=camera, mask=options.mask, scale=options.depth_scale)
 
 
 def _is_pattern(path: Path) -> bool:
@@ -208,16 +254,16 @@ def frames_under(source: Path) -> list[Path]:
     return frames
 
 
-def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
+def _frame_jobs(paths: Sequence[Path], request: Request, output: Path | None, picture: Path | None) -> list[FrameJob]:
     """Return the selected images, each with the files for its form and, on request, its picture."""
-    paths, output, picture, files = list(options.paths), options.output, options.picture, _frame_files(options)
+    files = request.camera.files
     if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
     frames = [frame for path in paths for frame in frames_under(path)]
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
-    if frames == paths[:1]:
-        return [(files(frames[0]), _mesh_target(output, frames[0], options.method), picture)]
+    if frames == list(paths[:1]):
+        return [(files(frames[0]), _mesh_target(output, frames[0], request.method), picture)]
     above = os.path.commonpath([path.absolute().parent for path in frames])
     jobs = []
     for frame in frames:
@@ -227,24 +273,24 @@ def _frame_jobs(options: Canonicalise) -> list[FrameJob]:
     return jobs
 
 
-def _canonicalise_frames(jobs: Sequence[FrameJob], options: Canonicalise) -> bool:
+def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
     """Write the forms of depth images, computed in one child process; return whether all have one."""
     others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
-    failures: int = _apart(write_forms, jobs, options, f"{jobs[0][0].image}{others}", "image", say)
+    failures: int = _apart(write_forms, jobs, request, shape=f"{jobs[0][0].image}{others}", kind="image", say=say)
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
     return not failures
 
 
-def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callable[[str], None]) -> int:
+def write_forms(jobs: Sequence[FrameJob], request: Request, report: Callable[[str], None]) -> int:
     """Write and report the form and picture of each frame; return the number of frames without a form."""
-    maker = method_of_depth(options.method, options.plugins)
+    maker = method_of_depth(request.method, request.plugins)
     failures = 0
     for number, (files, target, picture) in enumerate(jobs, 1):
         start = time.perf_counter()
         place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
         try:
-            result = form_of_object(files.observe(), maker, files.image.stem, seed=options.seed)
+            result = form_of_object(files.observe(), maker, files.image.stem, seed=request.seed)
         except ShapeError as error:
             if len(jobs) == 1:
                 raise
@@ -263,30 +309,36 @@ def write_forms(jobs: Sequence[FrameJob], options: Canonicalise, report: Callabl
 # Retrieval -----------------------------------------------------------------------------------------------------------
 
 
-def retrieve(options: Retrieve) -> None:
+def retrieve(
+    query: Path, gallery: str, request: Request, options: Selection, k: int, picture: Path | None = None
+) -> None:
     """Print the nearest shapes."""
-    with explained(options.gallery, "data set"):
-        (source,) = sources([options.gallery], options.plugins)
-    for line in _apart(_retrieved, source, options, str(options.query)):
+    if picture is not None:
+        require_png(picture)
+    options.require_data_root()
+    with explained(gallery, "data set"):
+        (source,) = sources([gallery], options.plugins)
+    for line in _apart(_retrieved, source, request, query, options, k, picture, shape=str(query)):
         say(line)
 
 
-def _retrieved(source: str, options: Retrieve) -> Iterable[str]:
+def _retrieved(
+    source: str, request: Request, query: Path, options: Selection, k: int, picture: Path | None
+) -> Iterable[str]:
     """Search a gallery in a child process; return lines with the nearest shapes."""
     start = time.perf_counter()
-    query, picture = options.query, options.picture
-    spec, dataset = variant(options.method, methods(options.plugins)), open_dataset(source, options.data_root)
+    spec, dataset = variant(request.method, methods(options.plugins)), open_dataset(source, options.data_root)
     store = Store.open(options.results)
     gallery = Gallery(own_table(dataset.name), source, dataset, dataset.entries, data_root=options.data_root)
     models = find_models(spec, gallery, store.models)
     preparation = Preparation(dataset, input_for(query, dataset, spec), store)
     run = MethodRun(preparation, store, spec, options.seed, models, scorer_spec(options))
-    frame = _frame_files(options)(query) if query.suffix.lower() in EXTENSIONS else None
+    frame = request.camera.files(query) if query.suffix.lower() in EXTENSIONS else None
     nearest = search(run, query, frame, source)
     seconds = time.perf_counter() - start
     rows = [("rank", "name", "class", "distance")]
     panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or nearest.query.mesh)]
-    for rank, hit in enumerate(nearest.hits[: options.k], 1):
+    for rank, hit in enumerate(nearest.hits[:k], 1):
         identifier, subject, distance = hit.entry.identifier, hit.entry.subject, f"{hit.distance:.4g}"
         rows.append((str(rank), identifier, subject, distance))
         if picture:

@@ -7,13 +7,15 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from functools import partial
+from importlib.metadata import version
 from types import FrameType
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
-import click
+import typer
+from typer.exceptions import TyperException
 
-from benchmark import __version__
-from benchmark.cli.options import INTERRUPTED, SECTIONS, TERMINATED, USAGE
+from benchmark.cli.verbs import OF_DATA, VERBS
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
@@ -23,55 +25,48 @@ from benchmark.text import say
 #: Name of the program in messages.
 PROGRAM = "python -m benchmark"
 
-#: Exit code if the reader of the output closes it: 128 + SIGPIPE.
-CLOSED_PIPE = 141
+#: Exit codes: misuse, and an interruption.
+USAGE, INTERRUPTED = 2, 130
 
-
-#: Message after an interruption, by command.
+#: What an interrupted verb leaves.
 _REMAINS = {
     "run": "; finished jobs are kept, finished shapes too: run again to continue",
     "train": "; checkpoints are kept: train again to continue",
     "merge": "; added records are kept: merge again to finish",
 }
 
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM from a user or a queue system; handled like Ctrl-C."""
+_typer = partial(typer.Typer, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
-class _Verbs(click.Group):
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for title, commands in SECTIONS.items():
-            with formatter.section(title):
-                formatter.write_dl(
-                    [
-                        (str(command.name), " ".join((command.help or "").split("\n\n")[0].split()))
-                        for command in commands
-                    ]
-                )
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        say(f"canonical-forms {version('canonical-forms-benchmark')}")
+        raise typer.Exit
 
 
-@click.group(
-    cls=_Verbs,
-    commands=[command for commands in SECTIONS.values() for command in commands],
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-@click.version_option(__version__, prog_name="benchmark")
-def cli() -> None:
-    """Canonical forms for non-rigid 3D shape retrieval: run methods, score them, regenerate the tables."""
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """Canonical forms for non-rigid 3D shape retrieval: run methods, score them, make the tables."""
+
+
+cli = _typer(context_settings={"help_option_names": ["-h", "--help"]})
+cli.callback()(root)
+data = _typer(help="Check, draw or export data sets.")
+for _app, _verbs in ((cli, VERBS), (data, OF_DATA)):
+    for _verb in _verbs:
+        _app.command(_verb.__name__.partition("_")[0])(_verb)
+cli.add_typer(data, name="data")
 
 
 def program() -> None:
     """Run the command line as a program; this process imports no plugin."""
     close_process()
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, _terminate)
+        signal.signal(signal.SIGTERM, _interrupt)
     main()
-
-
-def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    signal.signal(number, signal.SIG_DFL)  # a second one ends the program immediately
-    raise Terminated
 
 
 def main() -> None:
@@ -80,30 +75,34 @@ def main() -> None:
     choose_kernel_cache()
     _open_streams()
     try:
-        with cli.make_context(PROGRAM, sys.argv[1:]) as context:
-            cli.invoke(context)
-    except click.exceptions.Exit as end:
-        sys.exit(end.exit_code)
-    except click.exceptions.NoArgsIsHelpError as error:
-        error.show()
-        sys.exit(USAGE)
-    except click.ClickException as error:
-        path = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else PROGRAM
-        _refuse(f"{error.format_message().rstrip('.')}; see '{path} --help'")
+        code = cli(standalone_mode=False)  # which turns KeyboardInterrupt into a code
+    except TyperException as error:
+        _refuse_usage(error)
     except BenchmarkError as error:
-        _refuse(str(error))
-    except (click.Abort, KeyboardInterrupt) as error:
-        name = next((word for word in sys.argv[1:] if word in cli.commands), "")
-        is_terminated = isinstance(error, Terminated)
-        word, code = ("terminated", TERMINATED) if is_terminated else ("interrupted", INTERRUPTED)
-        _end(f"{word}{_REMAINS.get(name, '')}", code)
-    except BrokenPipeError:
-        for number in (1, 2):  # discard their buffers silently
-            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
-        sys.exit(CLOSED_PIPE)
+        _end(f"error: {error}", USAGE)
     except OSError as error:
         hint = "change its permissions" if isinstance(error, PermissionError) else "free some space"
-        _refuse(f"{error.filename or 'writing the output'}: {error.strerror}; {hint} or choose another place")
+        place = error.filename or "writing the output"
+        _end(f"error: {str(place)[:200]}: {error.strerror}; {hint} or choose another place", USAGE)
+    if code == INTERRUPTED:
+        _end(f"interrupted{_REMAINS.get(next(iter(sys.argv[1:]), ''), '')}", INTERRUPTED)
+    sys.exit(code)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    signal.signal(number, signal.SIG_DFL)  # a second one ends the program immediately
+    raise KeyboardInterrupt
+
+
+def _refuse_usage(error: TyperException) -> NoReturn:
+    """Print what is wrong with the words on one line, or the help where there are none."""
+    text = error.format_message()
+    if text.startswith("Usage: "):
+        with suppress(OSError):
+            print(text, file=sys.stderr)  # noqa: T201
+        sys.exit(USAGE)
+    path = getattr(getattr(error, "ctx", None), "command_path", PROGRAM)
+    _end(f"error: {text.replace('Value error, ', '').rstrip('.')}; see '{path} --help'", USAGE)
 
 
 def _open_streams() -> None:
@@ -118,10 +117,6 @@ def _open_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a character that the terminal lacks must not end a run
-
-
-def _refuse(problem: str) -> NoReturn:
-    _end(f"error: {problem}", USAGE)
 
 
 def _end(line: str, code: int) -> NoReturn:

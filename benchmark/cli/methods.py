@@ -6,19 +6,17 @@ import dataclasses
 import json
 import shutil
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import click
-
 from benchmark.api.parameters import format_value
-from benchmark.cli.options import Describe, List, explained, name_unusable
+from benchmark.cli.options import Selection, explained, name_unusable
 from benchmark.errors import ConfigurationError
 from benchmark.plugins import registry
 from benchmark.plugins.registry import MethodSpec, variant
 from benchmark.plugins.specs import PluginSpec
-from benchmark.text import aligned, clean, say
+from benchmark.text import aligned, clean, say, say_lines
 
 Rows = list[dict[str, str]]
 
@@ -31,20 +29,22 @@ _PEOPLE = ("humans", "shrec14-synthetic")
 _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
 
-def list_(options: List) -> None:
+def list_(what: str, options: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
     kinds = {"methods": _methods, "scorers": _scorers, "datasets": _datasets, "tables": _tables, "models": _models}
-    rows = kinds[options.what](options)
-    if options.as_json:
-        click.echo(json.dumps(rows, indent=1))
+    if what in ("datasets", "tables"):
+        options.require_data_root()
+    rows = kinds[what](options)
+    if as_json:
+        say_lines(json.dumps(rows, indent=1))
     else:
         table = [list(row.values()) for row in rows]
-        if options.what == "datasets":
+        if what == "datasets":
             table = [[*_COLUMNS], *([row[name] for name in _COLUMNS] for row in rows)]
         for line in aligned(table):
             say(line)
-    if options.what in ("methods", "scorers"):
-        name_unusable(options.what)
+    if what in ("methods", "scorers"):
+        name_unusable(what)
 
 
 def _state(spec: PluginSpec[Any, Any]) -> str:
@@ -52,7 +52,7 @@ def _state(spec: PluginSpec[Any, Any]) -> str:
     return f"needs {', '.join(missing)}" if missing else "available"
 
 
-def _methods(options: List) -> Rows:
+def _methods(options: Selection) -> Rows:
     """Return all methods; one that cannot be imported has the reason."""
     rows: Rows = []
     for name, spec in registry.methods(options.plugins).items():
@@ -65,7 +65,7 @@ def _methods(options: List) -> Rows:
     return rows
 
 
-def _scorers(options: List) -> Rows:
+def _scorers(options: Selection) -> Rows:
     from benchmark.plugins.scorers import scorers
 
     return [
@@ -74,7 +74,7 @@ def _scorers(options: List) -> Rows:
     ]
 
 
-def _datasets(options: List) -> Rows:
+def _datasets(options: Selection) -> Rows:
     """Return the data sets, official or generated, present or absent; those of plugin files come last."""
     from benchmark.datasets.catalogue import CATALOGUE, is_present
     from benchmark.datasets.own import data_sets_of, open_own
@@ -102,7 +102,7 @@ def _datasets(options: List) -> Rows:
     return rows
 
 
-def _tables(options: List) -> Rows:
+def _tables(options: Selection) -> Rows:
     from benchmark.datasets.catalogue import is_present
     from benchmark.protocols.tables import TABLES
 
@@ -116,7 +116,7 @@ def _tables(options: List) -> Rows:
     return rows
 
 
-def _models(options: List) -> Rows:
+def _models(options: Selection) -> Rows:
     """Return finished models with their training and validation; those trained here precede the shipped ones."""
     from benchmark.api.learning import CARD, Learner, read_card
     from benchmark.pipeline.storage.store import Store
@@ -140,13 +140,13 @@ def _models(options: List) -> Rows:
     return rows
 
 
-def describe(options: Describe) -> None:
+def describe(method: str, plugins: Iterable[Path], *, as_json: bool) -> None:
     """Print the details of a method."""
-    with explained(options.method, "method"):
-        spec = variant(options.method, registry.methods(options.plugins))
+    with explained(method, "method"):
+        spec = variant(method, registry.methods(plugins))
     facts = _facts(spec)
-    if options.as_json:
-        click.echo(json.dumps(facts, indent=1))
+    if as_json:
+        say_lines(json.dumps(facts, indent=1))
         return
     for line in _fact_lines(facts, shutil.get_terminal_size((100, 24)).columns):
         say(line)

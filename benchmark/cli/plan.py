@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from contextlib import suppress
 
-from benchmark.cli.declare import EVERY, FINISHED
-from benchmark.cli.options import Plan, RunOptions, name_skipped, name_unusable
+from benchmark.cli.options import EVERY, Selection, name_skipped, name_unusable
 from benchmark.datasets.catalogue import sources
 from benchmark.datasets.own import data_sets_of
 from benchmark.errors import ConfigurationError
@@ -17,7 +15,7 @@ from benchmark.execution.plan import make_plan
 from benchmark.machine import available_cores
 from benchmark.pipeline.storage.records import Record
 from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.registry import methods, select, variants
+from benchmark.plugins.registry import methods, select
 from benchmark.plugins.scorers import scorer_of, scorers
 from benchmark.plugins.specs import ScorerSpec
 from benchmark.protocols.galleries import galleries
@@ -27,51 +25,39 @@ from benchmark.report.escaping import number
 from benchmark.text import brief, clean, say, say_lines
 from retrieval.measures import PRINTED
 
-#: Most jobs that are listed one by one without ``--all-jobs``.
-_SCREEN = 100
+#: Most jobs that are listed one by one.
+_SCREEN = 40
 
 #: Number of reasons in a summary.
 _REASONS = 5
 
 
-def scorer_spec(options: RunOptions) -> ScorerSpec:
+def scorer_spec(options: Selection) -> ScorerSpec:
     """Return the scorer with a name; raise ``ConfigurationError`` if there is none."""
     return scorer_of(options.scorer, scorers(options.plugins))
 
 
-def planned_jobs(options: RunOptions, store: Store) -> list[Job]:
+def planned_jobs(options: Selection, store: Store, retry: tuple[str, ...] = ()) -> list[Job]:
     """Plan a run; without tables and data sets, plan those of the plugin files."""
-    specs = select(_method_names(options, store), methods(options.plugins), options.plugins)
+    specs = select(options.methods, methods(options.plugins), options.plugins)
     if not options.methods or EVERY in options.methods:
         name_unusable()
+    data_root = options.require_data_root()
     named = bool(options.datasets or options.tables or options.everything)
     datasets = sources(options.datasets if named else tuple(data_sets_of(options.plugins)), options.plugins)
-    chosen = galleries(options.tables, datasets, options.data_root, options.quick)
+    chosen = galleries(options.tables, datasets, data_root, options.quick)
     for gallery in chosen:
-        for input_ in options.inputs:
-            gallery.check_input(input_)
-    inputs = [input_ for input_ in INPUTS if not options.inputs or input_ in options.inputs]
+        if options.input:
+            gallery.check_input(options.input)
+    inputs = (options.input,) if options.input else INPUTS
     scorer = scorer_spec(options)
-    jobs = make_plan(chosen, inputs, specs, store, seed=options.seed, retry=options.retry, scorer=scorer)
+    jobs = make_plan(chosen, inputs, specs, store, seed=options.seed, retry=retry, scorer=scorer)
     name_skipped(store)
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
     if options.paper:
         jobs = _of_paper(jobs)
     return jobs
-
-
-def _method_names(options: RunOptions, store: Store) -> tuple[str, ...]:
-    """Return the names of the selected methods, including those of finished jobs on request."""
-    if FINISHED not in options.methods:
-        return options.methods
-    known, finished = methods(options.plugins), []
-    for record in store.all_records():
-        with suppress(ConfigurationError):  # from a plugin that was not passed, or with outdated parameters
-            finished += [spec.name for spec in variants(record["method"], known) if record["status"] == "ok"]
-    if not finished:
-        raise ConfigurationError(f"no job under {options.results} has finished", "name methods, or run some first")
-    return tuple(dict.fromkeys([*(name for name in options.methods if name != FINISHED), *finished]))
 
 
 def _of_paper(jobs: list[Job]) -> list[Job]:
@@ -88,16 +74,16 @@ def _of_paper(jobs: list[Job]) -> list[Job]:
     return printed
 
 
-def plan(options: Plan) -> None:
+def plan(options: Selection, *, traceback: bool = False) -> None:
     """Print the jobs and an estimate of the run time."""
     store = Store.open(options.results)
     jobs = planned_jobs(options, store)
     n_to_run = sum(job.to_run for job in jobs)
-    lines = _job_lines(jobs) if options.all_jobs or len(jobs) <= _SCREEN else _gallery_lines(jobs)
+    lines = _job_lines(jobs) if len(jobs) <= _SCREEN else _gallery_lines(jobs)
     for line in [*lines, *estimate(jobs, store).lines(n_to_run, available_cores())]:
         say(line)
     say(f"{n_to_run} of {len(jobs)} jobs to run")
-    if options.traceback:
+    if traceback:
         _print_tracebacks(jobs, store)
 
 
@@ -118,7 +104,7 @@ def _gallery_lines(jobs: Sequence[Job]) -> list[str]:
     ]
     reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.to_run or job.state == "failed")
     lines += [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]
-    return [*lines, "--all-jobs lists each job with its reason"]
+    return [*lines, "select fewer with -t, -d, -m and --input to see each job with its reason"]
 
 
 def _print_tracebacks(jobs: Sequence[Job], store: Store) -> None:

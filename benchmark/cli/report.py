@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from benchmark.cli.options import Report, RunOptions
+from benchmark.cli.options import Selection
 from benchmark.cli.plan import planned_jobs
 from benchmark.cli.selection import recorded_tables, stored
 from benchmark.errors import ConfigurationError
@@ -33,18 +33,17 @@ _CHARTS = {
 }
 
 
-def report(options: Report) -> None:
-    """Write pages, or draw a figure."""
-    figure, what = options.figure, options.what
-    if figure is None:
-        _write_pages(options)
-        return
+def draw(
+    options: Selection, figure: Path, what: str, subjects: Sequence[str], shapes: Sequence[str], timeout: float, *,
+    force: bool,
+) -> None:  # fmt: skip
+    """Draw a figure."""
     if figure.suffix.lower() not in ENDINGS:
         raise ConfigurationError(f"{figure} is not the name of a figure", f"use {', '.join(ENDINGS)}")
-    if figure.is_file() and not options.force and SIGNATURE.encode() not in figure.read_bytes():
+    if figure.is_file() and not force and SIGNATURE.encode() not in figure.read_bytes():
         raise ConfigurationError(f"{figure} was not drawn by 'report'", "choose another file, or pass --force")
     if what in _OF_FORMS:
-        save(_forms_figure(options), figure)
+        save(_forms_figure(options, what, subjects, shapes, timeout), figure)
     else:
         (table, *others), artefacts = _tables(options)
         if others:
@@ -53,22 +52,22 @@ def report(options: Report) -> None:
     say(f"wrote {figure}")
 
 
-def _tables(options: RunOptions) -> tuple[list[TableContent], ArtefactReader]:
+def _tables(options: Selection) -> tuple[list[TableContent], ArtefactReader]:
     """Return the tables of a selection, and a reader of their arrays."""
     store = stored(options)
     return recorded_tables(options, store), ArtefactReader(store, methods(options.plugins), options.data_root)
 
 
-def _write_pages(options: Report) -> None:
-    output = options.output
+def write_pages(options: Selection, output: Path, *, force: bool) -> None:
+    """Write the pages."""
     tables, artefacts = _tables(options)
     places = [word for plugin in options.plugins for word in ("--plugin", str(plugin))]
     places += ["--data-root", str(options.data_root)] if options.data_root else []
-    places += ["--results", str(options.results)] if options.results != RunOptions().results else []
+    places += ["--results", str(options.results)] if options.results != Selection().results else []
     command = shlex.join(["python", "-m", "benchmark", *sys.argv[1:]])
     written = write_report(
         tables, artefacts, output, command, lambda line: say(line, err=True),
-        options=places, force=options.force,
+        options=places, force=force,
     )  # fmt: skip
     _name_edited(output, written.edited)
     say(
@@ -77,7 +76,9 @@ def _write_pages(options: Report) -> None:
     )
 
 
-def _forms_figure(options: Report) -> Figure:
+def _forms_figure(
+    options: Selection, what: str, subjects: Sequence[str], shapes: Sequence[str], timeout: float
+) -> Figure:
     """Draw forms of the first selected gallery and input; without -m, those of the paper's methods."""
     store = Store.open(options.results)
     planned = planned_jobs(options, store)
@@ -89,10 +90,9 @@ def _forms_figure(options: Report) -> Figure:
     if not jobs:
         raise ConfigurationError("no method of the paper has a form here", "name methods with -m")
     artefacts = ArtefactReader(store, methods(options.plugins), options.data_root)
-    subjects = options.subjects
-    if options.what == "effect":
-        return effect_figure(jobs, artefacts, subjects, options.shapes, options.timeout)
-    return forms_figure(jobs, artefacts, subjects[0] if subjects else "", options.shapes, options.timeout)
+    if what == "effect":
+        return effect_figure(jobs, artefacts, subjects, shapes, timeout)
+    return forms_figure(jobs, artefacts, subjects[0] if subjects else "", shapes, timeout)
 
 
 def _name_edited(folder: Path, names: Iterable[str]) -> None:

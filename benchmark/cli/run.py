@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -15,7 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from benchmark.cli.options import Run, RunOptions, name_skipped
+from benchmark.cli.options import Selection, name_skipped
 from benchmark.cli.plan import planned_jobs, scorer_spec, scores_in_words
 from benchmark.cli.selection import results_of
 from benchmark.cli.terminal import counting, print_tables
@@ -56,30 +56,40 @@ _FINE = ("cached", "unsupported")
 _MOST_NOTES = 8
 
 
-def run(options: Run) -> bool:
+@dataclass(frozen=True)
+class Settings:
+    """How jobs are run: processes (0: in this one), scheduler of a cluster, time limit in seconds, failures again."""
+
+    jobs: int | None = None
+    dask: str = ""
+    timeout: float = 7200.0
+    retry: bool = False
+
+
+def run(options: Selection, settings: Settings, forms: Sequence[str] = (), frame: Path | None = None) -> bool:
     """Run the selected jobs and print their tables."""
     selected = (options.tables, options.methods, options.datasets, options.plugins)
-    if not (options.forms or options.everything or options.paper or any(selected)):
+    if not (forms or options.everything or options.paper or any(selected)):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     store, ok = Store.open(options.results), True
-    if options.forms:
-        results, tables = _score_forms(options, store)
+    if forms:
+        results, tables = _score_forms(options, forms, settings.timeout, store)
     else:
-        jobs = planned_jobs(options, store)
+        jobs = planned_jobs(options, store, ("all",) if settings.retry else ())
         _announce(jobs, options.data_root)
-        ok = run_plan(jobs, store, options)
+        ok = run_plan(jobs, store, settings, is_narrow=options.is_narrow)
         results, tables = _results(jobs, options, store), {job.table for job in jobs}
-    if options.frame is not None:
-        frame_of(results).to_json(options.frame, orient="table")
+    if frame is not None:
+        frame_of(results).to_json(frame, orient="table")
     else:
-        narrow = bool(options.forms) or options.is_narrow
-        print_tables(contents(results, tables, blanks=not narrow, named=options.is_by_name), _MOST_NOTES)
+        narrow = bool(forms) or options.is_narrow
+        print_tables(contents(results, tables, blanks=not narrow, named=options.is_narrow), _MOST_NOTES)
         for perturbed in robustness(results):
             say_lines("\n" + robustness_markdown(perturbed))
     return ok
 
 
-def _results(jobs: Sequence[Job], options: RunOptions, store: Store) -> list[Result]:
+def _results(jobs: Sequence[Job], options: Selection, store: Store) -> list[Result]:
     """Return the results of a plan, including those of the same shapes in a folder with another name."""
     known, keys, shown = results_of(options, store), {job.key for job in jobs}, {job.gallery for job in jobs}
     places = by_place(record for record in store.all_records() if record["gallery"] in shown or record["key"] in keys)
@@ -106,7 +116,7 @@ def _announce(jobs: Sequence[Job], data_root: Path | None) -> None:
             say(f"{folder}: skipped {unread[0].name}{more}: formats that are not read; see 'data check'", err=True)
 
 
-def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
+def run_plan(jobs: Sequence[Job], store: Store, settings: Settings, *, is_narrow: bool = False) -> bool:
     """Run the jobs of a plan that need it, then delete artefacts that no job needs.
 
     Parameters
@@ -115,8 +125,10 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
         The plan.
     store
         The results folder.
-    options
-        Options of the run. If they name no method, a job with a missing model does not count as a failure.
+    settings
+        How to run them.
+    is_narrow
+        Whether methods are named; otherwise a job with a missing model does not count as a failure.
 
     Returns
     -------
@@ -133,18 +145,18 @@ def run_plan(jobs: Sequence[Job], store: Store, options: RunOptions) -> bool:
         if job.state == "unavailable":
             environment = {"environment": environment_text(), "artefacts": 0}
             store.write_record({**unavailable_record(job), "environments": [environment]})
-    passed_over = _FINE if options.is_narrow else (*_FINE, "unavailable")
+    passed_over = _FINE if is_narrow else (*_FINE, "unavailable")
     fine = all(job.state in passed_over for job in jobs if not job.to_run)
-    _check_executor(options)
+    _check_executor(settings)
     with Claims(store.root) as claims:
-        fine &= not to_run or _carry_out(to_run, store, options, claims)
+        fine &= not to_run or _carry_out(to_run, store, settings, claims)
         if claims.is_last():
             store.drop_scratch()
             sweep_leftovers(store)  # of workers that a killed run left alive for a moment
     return fine
 
 
-def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: Claims) -> bool:
+def _carry_out(jobs: Sequence[Job], store: Store, settings: Settings, claims: Claims) -> bool:
     """Run jobs; return whether all are ok."""
     drop_stale_kernels()
     if not any(map(compiled_kernels, suite_sources())):
@@ -156,34 +168,30 @@ def _carry_out(jobs: Sequence[Job], store: Store, options: RunOptions, claims: C
                 store.remove_record(job.key)
             claims.release(job.key)
     fine = True
-    with _Display(jobs) as display, make_pool(options, jobs) as pool:
-        for done, record in Scheduler(jobs, pool, claims, options.timeout, display.watch).records():
+    with _Display(jobs) as display, make_pool(settings, jobs) as pool:
+        for done, record in Scheduler(jobs, pool, claims, settings.timeout, display.watch).records():
             display.ended(done, record)
             fine &= record["status"] == "ok"
     return fine
 
 
-def make_pool(options: RunOptions, jobs: Sequence[Job]) -> Pool:
+def make_pool(settings: Settings, jobs: Sequence[Job]) -> Pool:
     """Return the pool of a run: this process, child processes, or workers of a dask cluster."""
-    if options.executor == "dask":
+    if settings.dask:
         from benchmark.execution.dask_pool import DaskPool
 
-        return DaskPool(options.scheduler, jobs, options.workers)
-    if options.executor == "serial":
+        return DaskPool(settings.dask, jobs, settings.jobs)
+    if settings.jobs == 0:
         return PoolHere()
-    pool = LocalPool(wanted := options.workers or available_cores())
+    pool = LocalPool(wanted := settings.jobs or available_cores())
     if pool.size < wanted:
         _say(f"only {pool.size} of {wanted} processes run at a time: there is no memory for more")
     return pool
 
 
-def _check_executor(options: RunOptions) -> None:
-    """Raise ``ConfigurationError`` if the executor is not installed or has no scheduler."""
-    if options.executor != "dask" and options.scheduler:
-        raise ConfigurationError("--scheduler needs dask", "pass --executor dask")
-    if options.executor == "dask" and not options.scheduler:
-        raise ConfigurationError("dask needs the address of its scheduler", "pass --scheduler URL")
-    if options.executor == "dask" and importlib.util.find_spec("distributed") is None:
+def _check_executor(settings: Settings) -> None:
+    """Raise ``ConfigurationError`` if dask is asked for and not installed."""
+    if settings.dask and importlib.util.find_spec("distributed") is None:
         raise ConfigurationError(
             "the executor dask needs the package distributed", "run `pip install 'dask[distributed]'`"
         )
@@ -240,26 +248,30 @@ def _say(text: str) -> None:
         say(text, err=True)
 
 
-def _score_forms(options: Run, store: Store) -> tuple[list[Result], set[str]]:
+def _score_forms(
+    options: Selection, forms: Sequence[str], timeout: float, store: Store
+) -> tuple[list[Result], set[str]]:
     """Score forms of other programs; return the rows of their galleries and the tables of these."""
-    pairs = [form.split("=", 1) for form in options.forms if form.partition("=")[0] and "=" in form]
+    pairs = [form.split("=", 1) for form in forms if form.partition("=")[0] and "=" in form]
     folders = dict(pairs)
     if len(folders) < len(pairs):
         raise ConfigurationError("two --forms have the same name", "name each folder differently")
-    if len(pairs) < len(options.forms) or not options.datasets or options.methods:
+    if len(pairs) < len(forms) or not options.datasets or options.methods:
         raise ConfigurationError(
             "--forms scores the meshes of a folder as forms of a data set",
             "pass -d FOLDER --forms NAME=DIR, without -m",
         )
     datasets, scorer = sources(options.datasets, options.plugins), scorer_spec(options)
     chosen = galleries(options.tables, datasets, options.data_root, options.quick)
-    jobs = [(gallery, input_) for gallery in chosen for input_ in options.inputs or gallery.inputs[:1]]
+    jobs = [
+        (gallery, input_) for gallery in chosen for input_ in ([options.input] if options.input else gallery.inputs[:1])
+    ]
     for (gallery, input_), (title, folder) in product(jobs, folders.items()):
         gallery.check_input(input_)
         watched, hint = partial(counting, f"scoring {title}"), "simplify its meshes, or raise --timeout"
         call_apart(
             score_forms, gallery, input_, title, Path(folder), scorer, store, watched,
-            what=f"scoring {title}", hint=hint, limit=options.timeout,
+            what=f"scoring {title}", hint=hint, limit=timeout,
         )  # fmt: skip
     places = {(gallery.name, input_) for gallery, input_ in jobs}
     results = results_of(options, store).all(options.seed, scorer=scorer.name)

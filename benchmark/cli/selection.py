@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from benchmark.cli.declare import FINISHED
-from benchmark.cli.options import RunOptions, name_skipped
+from benchmark.cli.options import Selection, name_skipped
 from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.datasets.perturbations.dataset import parsed
@@ -22,7 +21,7 @@ from benchmark.report.content import TableContent, contents
 from benchmark.report.results import Result, Results
 
 
-def stored(options: RunOptions, output: Path | None = None) -> Store:
+def stored(options: Selection, output: Path | None = None) -> Store:
     """Open the results folder for reading.
 
     Parameters
@@ -38,19 +37,19 @@ def stored(options: RunOptions, output: Path | None = None) -> Store:
     return replace(store, published_only=options.published or (is_of_suite and store.published.has_files))
 
 
-def results_of(options: RunOptions, store: Store) -> Results:
+def results_of(options: Selection, store: Store) -> Results:
     """Return the records of a store, compared with the known methods and scorers."""
     return Results(store, methods(options.plugins), options.data_root, scorers(options.plugins))
 
 
-def is_of_data(record: Record, options: RunOptions) -> bool:
+def is_of_data(record: Record, options: Selection) -> bool:
     """Return whether a record belongs to the selected data sets (names or paths) and inputs."""
     datasets = {*options.datasets, *map(os.path.realpath, options.datasets)}
     is_of_set = not datasets or bool(datasets & _names(record["data"]))
-    return is_of_set and (not options.inputs or record["input"] in options.inputs)
+    return is_of_set and (not options.input or record["input"] == options.input)
 
 
-def recorded(options: RunOptions, store: Store, *, fresh: bool = False) -> list[Result]:
+def recorded(options: Selection, store: Store) -> list[Result]:
     """Return the selected records, whether or not their data and models exist here.
 
     Parameters
@@ -59,18 +58,15 @@ def recorded(options: RunOptions, store: Store, *, fresh: bool = False) -> list[
         The selection.
     store
         Store of the records.
-    fresh
-        Whether to omit outdated records.
 
     Raises
     ------
     ConfigurationError
         If there is no record, or a method, data set or table is unknown.
     """
-    results = results_of(options, store).all(options.seed, fresh=fresh, scorer=scorer_spec(options).name)
-    finished = FINISHED in options.methods
+    results = results_of(options, store).all(options.seed, scorer=scorer_spec(options).name)
     names: set[str] = set()
-    if options.is_narrow and not finished:
+    if options.is_narrow:
         names = {result.record["method"] for result in results if result.record["family"] == EXTERNAL}
         names &= set(options.methods)
         others = [name for name in options.methods if name not in names]
@@ -82,7 +78,6 @@ def recorded(options: RunOptions, store: Store, *, fresh: bool = False) -> list[
         for result in results
         if bool(result.record["data"]["quick"]) == options.quick
         and (not names or result.record["method"] in names)
-        and (not finished or result.record["status"] == "ok")
         and is_of_data(result.record, options)
     ]
     if not chosen:
@@ -91,7 +86,7 @@ def recorded(options: RunOptions, store: Store, *, fresh: bool = False) -> list[
     return chosen
 
 
-def recorded_tables(options: RunOptions, store: Store) -> list[TableContent]:
+def recorded_tables(options: Selection, store: Store) -> list[TableContent]:
     """Return the tables of the selected records; raise ``ConfigurationError`` if there is none."""
     tables = tables_of(options, recorded(options, store))
     if not tables:
@@ -99,12 +94,12 @@ def recorded_tables(options: RunOptions, store: Store) -> list[TableContent]:
     return tables
 
 
-def tables_of(options: RunOptions, results: list[Result]) -> list[TableContent]:
+def tables_of(options: Selection, results: list[Result]) -> list[TableContent]:
     """Return the tables of results, with the selected methods only."""
-    return contents(results, options.tables, blanks=not options.is_narrow, named=options.is_by_name)
+    return contents(results, options.tables, blanks=not options.is_narrow, named=options.is_narrow)
 
 
-def no_table(options: RunOptions) -> ConfigurationError:
+def no_table(options: Selection) -> ConfigurationError:
     """Return the error for a selection without a finished job of a table."""
     what = f"table {', '.join(options.tables)}" if options.tables else "any table"
     return ConfigurationError(
@@ -112,7 +107,7 @@ def no_table(options: RunOptions) -> ConfigurationError:
     )
 
 
-def _check_names(options: RunOptions, results: list[Result]) -> None:
+def _check_names(options: Selection, results: list[Result]) -> None:
     """Raise ``ConfigurationError`` for a data set or table known neither to the suite nor to a record."""
     recorded_sets = {result.record["data"]["name"] for result in results}
     places = set().union(*(_names(result.record["data"]) for result in results))

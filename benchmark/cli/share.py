@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
 
-from benchmark.cli.options import Merge, Score, name_skipped
+from benchmark.cli.options import name_skipped
 from benchmark.cli.plan import scores_in_words
-from benchmark.errors import ConfigurationError
 from benchmark.execution.claims import Claims
 from benchmark.external.files import read_distances, read_labels, read_ranked
 from benchmark.external.records import keep_distances
@@ -16,20 +18,20 @@ from benchmark.pipeline.storage.store import Store, sweep_leftovers
 from benchmark.text import say, say_lines
 
 
-def merge(options: Merge) -> bool:
+def merge(folders: Sequence[Path], results: Path, *, published: bool) -> bool:
     """Merge records, and print those that contradict each other."""
-    store = Store.open(options.results)
-    is_target = options.results.resolve().__eq__
-    stores = [store if is_target(folder.resolve()) else Store(folder / "runs") for folder in options.folders]
+    store = Store.open(results)
+    is_target = results.resolve().__eq__
+    stores = [store if is_target(folder.resolve()) else Store(folder / "runs") for folder in folders]
     try:
         records = [record for source in stores for record in records_under(source)]
     finally:
         name_skipped(*stores)
     with Claims(store.root) as claims:
-        merged = publish(records, store.published) if options.published else merge_records(records, store.records)
+        merged = publish(records, store.published) if published else merge_records(records, store.records)
         if claims.is_last():
             sweep_leftovers(store)
-            if not options.published:
+            if not published:
                 store.records.gather()
     name_skipped(store)
     for existing, other in merged.conflicts:
@@ -39,19 +41,21 @@ def merge(options: Merge) -> bool:
     return not merged.conflicts
 
 
-def score(options: Score) -> None:
+def read_task(distances: Path, labels: Path, query_labels: Path | None, *, ranked: bool) -> Task:
+    """Read distances or ranked lists, and the classes of their rows and columns."""
+    gallery = read_labels(labels)
+    matrix = read_ranked(distances, gallery) if ranked else read_distances(distances)
+    return Task.of(matrix, gallery, read_labels(query_labels) if query_labels else None)
+
+
+def score(
+    task: Task, title: str, format: str, results: Path | None, dataset: str, input_: Literal["mesh", "view"]
+) -> None:
     """Print the measures, and store them as an external row if a folder is given."""
-    if options.dataset and options.folder is None:
-        raise ConfigurationError("--dataset has no effect without --results", "pass --results DIR, too")
-    gallery = read_labels(options.labels)
-    matrix = read_ranked(options.distances, gallery) if options.ranked else read_distances(options.distances)
-    task = Task.of(matrix, gallery, read_labels(options.query_labels) if options.query_labels else None)
-    title = options.title or options.distances.stem
-    say_lines(FORMATS[options.format](title, evaluated(task)))
-    if options.folder is not None:
-        store = Store.open(options.folder)
-        dataset = options.dataset or options.labels.resolve().stem
-        record = keep_distances(store, task, title, dataset, options.input)
+    say_lines(FORMATS[format](title, evaluated(task)))
+    if results is not None:
+        store = Store.open(results)
+        record = keep_distances(store, task, title, dataset, input_)
         name_skipped(store)
-        chosen = shlex.join(["-d", record["data"]["name"], "--results", str(options.folder)])
+        chosen = shlex.join(["-d", record["data"]["name"], "--results", str(results)])
         say(f"kept as {record['method']}: 'tables {chosen}' and 'report {chosen}' show it", err=True)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from benchmark.api.learning import CARD, ChecksOptions, Learner, read_card
 from benchmark.api.parameters import assignments
-from benchmark.check import LIMIT
 from benchmark.check import check as run_check
-from benchmark.cli.options import Check, RunOptions, Train
+from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import call_apart
 from benchmark.pipeline.storage.store import Store
@@ -21,43 +21,41 @@ from benchmark.registry import find
 from benchmark.text import say
 
 
-def check(options: Check) -> bool:
+def check(target: str, chosen: Sequence[str], assigned: Sequence[str], plugins: Sequence[Path], timeout: float) -> bool:
     """Print the results of the checks of a method or file."""
-    limit = options.timeout or LIMIT
-    names = options.chosen or (options.target,)
-    plugins = [*options.plugins, *([Path(options.target)] if options.chosen else [])]
+    names = chosen or (target,)
+    plugins = [*plugins, *([Path(target)] if chosen else [])]
     failed = False
     for component in [component for name in names for component in find(name, plugins)]:
-        for finding in run_check(component, assignments(options.assigned), limit):
+        for finding in run_check(component, assignments(assigned), timeout):
             say(f"{component.name}  {finding}")
             failed |= finding.outcome == "failed"
     return not failed
 
 
-def train(options: Train) -> None:
+def train(
+    method: str, options: Selection, table: str, only: str, parameters: Mapping[str, Any], assigned: Sequence[str],
+    n_sampled: int | None, n_validation: int | None,
+) -> None:  # fmt: skip
     """Train the missing models."""
-    spec = variant(options.method, methods(options.plugins))
+    spec = variant(method, methods(options.plugins))
     if not spec.learns:
-        raise _no_learner(options.method, options.plugins)
-    parameters = {"configuration": options.configuration, "training_seed": options.training_seed}
+        raise _no_learner(method, options.plugins)
     spec = spec.with_parameters({name: value for name, value in parameters.items() if value is not None})
     learner = spec.create()
     if not isinstance(learner, Learner):
-        raise _no_learner(options.method, options.plugins)
-    trainings = (
-        [find_training(options.only)] if options.only else trainings_of(learner, options.table, options.data_root)
-    )
-    if options.n_sampled and not any(training.name in COUNTED for training in trainings):
+        raise _no_learner(method, options.plugins)
+    trainings = [find_training(only)] if only else trainings_of(learner, table, options.require_data_root())
+    if n_sampled and not any(training.name in COUNTED for training in trainings):
         raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "omit --sampled")
-    if options.n_validation:
-        trainings = [with_validation(training, options.n_validation) for training in trainings]
-    named = {name: getattr(options, name) for name in ("resolution", "epochs", "batch", "device", "threads")}
-    schedule = {name: value for name, value in named.items() if value is not None} | assignments(options.assigned)
+    if n_validation:
+        trainings = [with_validation(training, n_validation) for training in trainings]
+    schedule = {name: _number(value) for name, value in assignments(assigned).items()}
     store = Store.open(options.results)
     for training in trainings:
         say(f"{spec.name}, {training.name}")
         call_apart(
-            train_one, spec, training, options, schedule, options.n_sampled or SAMPLED_BODIES,
+            train_one, spec, training, options, schedule, n_sampled or SAMPLED_BODIES,
             what=f"training {spec.name}", hint="correct the method, then train again: checkpoints are kept",
             all_memory=True, say=say,
         )  # fmt: skip
@@ -65,7 +63,7 @@ def train(options: Train) -> None:
 
 
 def train_one(
-    spec: MethodSpec, training: Training, options: RunOptions, schedule: Mapping[str, Any], n_sampled: int,
+    spec: MethodSpec, training: Training, options: Selection, schedule: Mapping[str, Any], n_sampled: int,
     report: Callable[[str], None],
 ) -> None:  # fmt: skip
     """Train one model in this process.
@@ -98,6 +96,14 @@ def train_one(
             report(f"{error.problem}: renamed to unusable-{CARD}, training the model again")
     data = training_data(training, store, options.data_root, report, n_sampled)
     learner.train(data, folder, schedule, report)
+
+
+def _number(text: str) -> int | float | str:
+    """Return a value of an option: a number where it is one."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
 
 
 def _no_learner(name: str, plugins: Iterable[Path]) -> ConfigurationError:

@@ -119,7 +119,7 @@ class DaskPool:
                 self._client = Client(url, timeout=_CONNECTING, set_as_default=False, name=self._name)
         except Exception as error:  # the type depends on the kind of address
             raise ConfigurationError(
-                f"no dask scheduler answers at {url} ({brief(one_line(error))})", "start one or correct --scheduler"
+                f"no dask scheduler answers at {url} ({brief(one_line(error))})", "start one or correct --dask"
             ) from error
         self._client.subscribe_topic(self._name, self._hear)
         self._marker = self._store.progress / f"{os.getpid()}-{self._name}"

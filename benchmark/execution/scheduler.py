@@ -264,7 +264,7 @@ class Scheduler:
         if self._failed_starts >= _MAX_FAILED_STARTS:
             raise BenchmarkError(
                 f"{_MAX_FAILED_STARTS} consecutive processes did not start, the last because of {reason}",
-                "end other programs, or run with --executor serial; finished jobs are kept",
+                "end other programs, or run with -j 0; finished jobs are kept",
             )
 
     def _require_folder(self) -> None:
@@ -317,7 +317,7 @@ class Scheduler:
             self._queue.put_apart(running.task, running.status.steps, job)
         else:
             blamed = self._queue.pending.get(job)
-            more = "'check' shows more" if blamed and blamed.is_foreign else "run it with --executor serial to see more"
+            more = "'check' shows more" if blamed and blamed.is_foreign else "run it with -j 0 to see more"
             self._blame(running, "crashed", f"the process ended with {ending(code)}; {more}")
 
     def _killed(self, running: Running, most: int, reason: str) -> None:

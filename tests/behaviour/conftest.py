@@ -68,7 +68,7 @@ def ran(material) -> Path:
     """The same folder once its data was run."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(material)
-        serial = ("--executor", "serial", "--results", "results")
+        serial = ("-j", "0", "--results", "results")
         of_suite = ("-m", "identity", "-m", "surface-area", "-m", "classic-mds", "-m", "gps")
         assert call("run", "-d", "rods", *of_suite, *serial).code == 0
         assert call("run", "-d", "frames", "-m", "gps", "-m", "surface-area", *serial).code == 0

@@ -25,8 +25,7 @@ import sys
 from pathlib import Path
 from benchmark.machine import pin_threads
 pin_threads()
-from benchmark.cli.forms import plain_form
-from benchmark.cli.options import Canonicalise
+from benchmark.cli.forms import Request, plain_form
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.io import write_mesh
 from benchmark.geometry.mesh import Mesh
@@ -35,7 +34,7 @@ from benchmark.plugins.registry import methods
 for name in methods():
     print(name, end=" ", flush=True)
     try:
-        vertices, faces, _ = plain_form(Path(sys.argv[1]), Canonicalise(method=name))
+        vertices, faces, _ = plain_form(Path(sys.argv[1]), Request(name))
         write_mesh(Path(sys.argv[2]) / f"{name}.off", Mesh(vertices, faces))
         print("form", flush=True)
     except BenchmarkError as error:

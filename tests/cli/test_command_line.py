@@ -64,9 +64,10 @@ def test_help_and_lists_answer_at_once():
 def test_the_help_of_a_verb_imports_none():
     program = """
 import sys
-from click.testing import CliRunner
+from typer.testing import CliRunner
 from benchmark.cli.main import cli
-for name, command in cli.commands.items():
+from typer.main import get_command
+for name, command in get_command(cli).commands.items():
     for words in [[name], *([name, inner] for inner in getattr(command, "commands", ()))]:
         assert CliRunner().invoke(cli, [*words, "--help"]).exit_code == 0
 print({"numpy", "scipy", "pandas", "torch", "rich"} & sys.modules.keys())

@@ -30,7 +30,7 @@ def ran(tmp_path_factory):
     write_rods(folder / "rods", bends=(0.0, 0.3, 2.4))
     (folder / "refusing.py").write_text(REFUSING)
     selection = ("-d", folder / "rods", "--plugin", folder / "refusing.py", "--results", folder / "results")
-    call("run", *selection, "-m", "identity", "-m", "refusing", "--input", "mesh", "--executor", "serial")
+    call("run", *selection, "-m", "identity", "-m", "refusing", "--input", "mesh", "-j", "0")
     return folder, selection
 
 

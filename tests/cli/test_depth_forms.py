@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
+from typer.testing import CliRunner
 
-from benchmark.cli.forms import frames_under, write_forms
+from benchmark.cli.forms import Request, frames_under, write_forms
 from benchmark.cli.main import cli
-from benchmark.cli.options import Canonicalise
 from benchmark.depth.errors import DepthError
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
@@ -86,7 +85,7 @@ def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
     values = {"intrinsics": intrinsics_of(CAMERA)} | options
     job = (FrameFiles(Path(image), **values), tmp_path / "form.off", None)
     with pytest.raises(DepthError, match=said) as caught:
-        write_forms([job], Canonicalise(method="identity"), print)
+        write_forms([job], Request("identity"), print)
     assert caught.value.hint
     assert not list(tmp_path.iterdir())
 
@@ -101,7 +100,7 @@ def test_a_gallery_that_was_run_is_searched_and_its_signatures_are_read(frames, 
     results, picture = tmp_path / "results", tmp_path / "found.png"
     asked = ("retrieve", "-m", "identity", "-d", frames, "--results", results, frames / "two" / "1.png")
     assert "run -m identity -d" in run(*asked)
-    run("run", "-d", frames, "-m", "identity", "-m", "surface-area", "--results", results, "--executor", "serial")
+    run("run", "-d", frames, "-m", "identity", "-m", "surface-area", "--results", results, "-j", "0")
     first = run(*asked, "--picture", picture)
     assert first.splitlines()[0].split() == ["rank", "name", "class", "distance"]
     assert "two/1" not in first, "the query is no result"

@@ -4,11 +4,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import click
 import pytest
 
-from benchmark.cli.main import cli, main
-from benchmark.cli.options import _inspected
+from benchmark.cli.main import main
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins import remote
@@ -58,20 +56,15 @@ LONG = "x" * 5000
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("new", "method"), "Missing argument 'NAME'; see 'python -m benchmark new method --help'"),
-        (("run", "--all", "--results", ""), "--results is empty; name a file or a folder"),
-        (("train", "learned", "--results", ""), "--results is empty"),
-        (("run", "--all", "--results", LONG), "cannot be a path: File name too long"),
-        (("run", "-d", LONG), "--dataset 'xxxx"),
-        (("run", "-d", ""), "--dataset is empty"),
-        (("data", "check", LONG), "cannot be a path"),
-        (("canonicalise", "-m", "fast-mds", "a.off", "-o", LONG), "cannot be a path"),
-        (("list", "datasets", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
-        (("data", "list", "--data-root", "/nonexistent"), "data root /nonexistent is not a readable folder"),
+        (("new", "method"), "Missing argument 'NAME'; see 'benchmark new --help'"),
+        (("run", "--all", "--results", LONG), "File name too long"),
+        (("data", "check", LONG), "File name too long"),
+        (("canonicalise", "-m", "identity", "a.off", "-o", LONG), "a.off is not a file"),
+        (("list", "datasets", "--data-root", "no-such"), "data root no-such is not a readable folder"),
         (("new", "method", "x" * 300), "cannot be the name of a method; use 60 characters at most"),
         (("plan", "-m", "non-metric-mds[rtol=nan]"), "'nan' does not fit rtol of non-metric-mds"),
         (("plan", "-m", "non-metric-mds[max_iterations=-1]"), "'-1' does not fit max_iterations of non-metric-mds"),
-        (("report", "--figure", "a.png", "--of", "all"), "see 'python -m benchmark report --help'"),
+        (("report", "--figure", "a.png", "--of", "all"), "see 'benchmark report --help'"),
         (("check", "all"), "unknown method 'all'"),
         (("canonicalise", "-m", "all", "a.off", "-o", "b.off"), "unknown method 'all'"),
     ],
@@ -115,27 +108,6 @@ Tried.train = train
 
 
 # Plugins that cannot be loaded ---------------------------------------------------------------------------------------
-
-
-def commands(group, before=()):
-    context = click.Context(group)
-    for name in group.list_commands(context):
-        command = group.get_command(context, name)
-        if isinstance(command, click.Group):
-            yield from commands(command, (*before, name))
-        else:
-            yield (*before, name), command
-
-
-def test_every_verb_that_takes_a_plugin_looks_at_it_from_outside_first():
-    taking = {
-        " ".join(name): parameter.callback
-        for name, command in commands(cli)
-        for parameter in command.params
-        if "--plugin" in parameter.opts
-    }
-    assert {"run", "plan", "list", "tables", "report", "canonicalise", "train", "compare"} <= set(taking)
-    assert set(taking.values()) == {_inspected}
 
 
 @pytest.mark.parametrize(

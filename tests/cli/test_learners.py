@@ -2,16 +2,15 @@
 
 import json
 import shlex
-from dataclasses import replace
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.api.learning import read_card
 from benchmark.cli.main import cli
-from benchmark.cli.options import RunOptions
+from benchmark.cli.options import Selection
 from benchmark.cli.plan import planned_jobs
-from benchmark.cli.run import run_plan
+from benchmark.cli.run import Settings, run_plan
 from benchmark.cli.train import train_one
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.storage.store import Store
@@ -52,11 +51,11 @@ def call(*arguments, fails=False):
 
 def run(table, results, root, method="mean-target", fails=False):
     selection = ("-t", table, "-m", method, "--input", "view", "--results", results, "--data-root", root)
-    return call("run", *selection, "--executor", "serial", fails=fails)
+    return call("run", *selection, "-j", "0", fails=fails)
 
 
-def rows(table, results, root, method="mean-target"):
-    selection = ("-t", table, "-m", method, "--input", "view", "--results", results, "--data-root", root)
+def rows(table, results, method="mean-target"):
+    selection = ("-t", table, "-m", method, "--input", "view", "--results", results)
     found = json.loads(call("tables", *selection, "--format", "json"))
     return [row for row in found if row["method"] == method]
 
@@ -65,7 +64,7 @@ def rows(table, results, root, method="mean-target"):
 def trained(results, root):
     """What the verb said of the first training."""
     return call(
-        "train", "mean-target", "--table", "III", "--epochs", 3, "-o", "speed=fast", "--results", results,
+        "train", "mean-target", "--table", "III", "-o", "epochs=3", "-o", "speed=fast", "--results", results,
         "--data-root", root,
     )  # fmt: skip
 
@@ -97,7 +96,7 @@ def test_table_three_tells_of_the_training_and_of_shapes_that_were_seen(trained,
     assert "- Mean target, view: 6 of 12 shapes were seen in training" in text
     assert "**Table III-held-out. Retrieval of cats and horses alone" in text
     assert "TOSCA (6 shapes, 2 classes)" in text
-    whole, held_out = rows("III", results, root)
+    whole, held_out = rows("III", results)
     assert (whole["table"], whole["n_shapes"], whole["n_models"], whole["spread"]) == ("III", 12, 1, None)
     assert (held_out["table"], held_out["n_shapes"], held_out["paper"]) == ("III-held-out", 6, None)
     assert held_out["chance"]["NN"] == pytest.approx(2 / 5)
@@ -121,20 +120,19 @@ def test_without_a_model_the_job_is_unavailable_and_says_what_makes_it(root, tmp
 
 
 def test_a_missing_model_is_a_failure_only_where_its_method_was_named(root, tmp_path):
-    chosen = RunOptions(
+    chosen = Selection(
         tables=("III-held-out",),
         methods=("mean-target[training_seed=2]",),
-        inputs=("view",),
+        input="view",
         plugins=(PLUGIN_PATH,),
         results=tmp_path,
         data_root=root,
-        executor="serial",
     )
     store = Store.open(tmp_path)
     (job,) = planned_jobs(chosen, store)
     assert job.state == "unavailable"
-    assert not run_plan([job], store, chosen)
-    assert run_plan([job], store, replace(chosen, methods=()))
+    assert not run_plan([job], store, Settings(jobs=0), is_narrow=True)
+    assert run_plan([job], store, Settings(jobs=0))
 
 
 @pytest.mark.parametrize(
@@ -186,9 +184,7 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
         f"skipped the model in {local}: {local / 'card.json'} is no card of a model: JSON is malformed"
     )
     assert told[1].startswith("missing      tosca held out view mean-target")
-    train_one(
-        spec, find_training("tosca-III"), RunOptions(results=tmp_path, data_root=root), {}, 1, (said := []).append
-    )
+    train_one(spec, find_training("tosca-III"), Selection(results=tmp_path, data_root=root), {}, 1, (said := []).append)
     assert said[0].endswith(": renamed to unusable-card.json, training the model again")
     assert read_card(local)["data"] == "tosca-III"
 
@@ -239,7 +235,7 @@ def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, m
         ({"resolution": "64"}, "has no resolution 64; pass --resolution 128"),
     ):
         with pytest.raises(ConfigurationError, match=told):
-            train_one(spec, training, RunOptions(results=tmp_path), schedule, 2, lambda _: None)
+            train_one(spec, training, Selection(results=tmp_path), schedule, 2, lambda _: None)
 
 
 def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):

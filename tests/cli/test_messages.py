@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
@@ -38,7 +38,6 @@ def told(place, monkeypatch):
     ("line", "rest", "most"),
     [
         ("compare classic-mds gps", "45 more pairs differ; --all shows intervals and tests", 24),
-        ("tables -m gps", "9 tables: select with -t and -d, or print them with notes", 14),
     ],
 )
 def test_a_first_screen_says_how_to_see_the_rest(told, line, rest, most):

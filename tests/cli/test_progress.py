@@ -4,7 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli import run as run_module
 from benchmark.cli.main import cli
@@ -28,7 +28,7 @@ def test_one_shape_that_is_waited_for_is_named_in_place_of_an_estimate(tmp_path,
 @pytest.mark.parametrize("compiled", [[], [Path("module.kernel.nbi")]])
 def test_the_first_run_says_that_kernels_are_compiled(compiled, tmp_path, monkeypatch):
     monkeypatch.setattr(run_module, "compiled_kernels", lambda source: compiled)
-    words = ["-d", str(write_rods(tmp_path / "rods")), "-m", "surface-area", "--input", "mesh", "--executor", "serial"]
+    words = ["-d", str(write_rods(tmp_path / "rods")), "-m", "surface-area", "--input", "mesh", "-j", "0"]
     done = CliRunner().invoke(cli, ["run", *words, "--results", str(tmp_path / "results")])
     assert done.exit_code == 0, done.output
     assert ("compiles kernels" in done.stderr) == (not compiled)

@@ -5,26 +5,25 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from rich.console import Console
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.cli.options import RunOptions
+from benchmark.cli.options import Selection
 from benchmark.cli.selection import recorded
 from benchmark.cli.terminal import drawn
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.store import Store
 from benchmark.report.content import contents
 from tests.records import copy_published
-from tests.records import published as published_records
 
 ROOT = Path(__file__).parents[2]
 
 
 def published(*methods, table="III", dataset="tosca", results=ROOT / "results", **more):
     """Tables of what came with the suite."""
-    options = {"tables": (table,), "methods": methods, "datasets": (dataset,), "inputs": (), "plugins": ()}
-    selection = RunOptions(**options, results=results, data_root=None, seed=0, quick=False, **more)
+    options = {"tables": (table,), "methods": methods, "datasets": (dataset,), "plugins": ()}
+    selection = Selection(**options, results=results, **more)
     store = Store(results / "runs", published_only=True)
     return contents(recorded(selection, store), (table,), blanks=not selection.is_narrow)
 
@@ -37,7 +36,7 @@ def shown(table, width, only=""):
 
 @pytest.fixture(scope="module")
 def table():
-    return published("gps", "identity", "finished")[0]
+    return published("gps", "identity")[0]
 
 
 def test_a_table_is_as_wide_as_the_terminal_and_loses_no_figure(table):
@@ -60,15 +59,6 @@ def test_a_named_method_has_its_row_and_no_other_has_a_blank_one():
     assert rows("gps", "identity") == ["gps", "identity"]
 
 
-def test_finished_stands_for_all_that_has_scores_and_no_more(tmp_path):
-    copy_published(tmp_path / "records", lambda each: each["data"]["name"] == "humans" and each["method"] != "gps")
-    asked = {"table": "I", "dataset": "humans", "results": tmp_path}
-    finished = rows("finished", **asked)
-    assert {"identity", "shape-dna"} <= set(finished)
-    assert set(rows(**asked)) - set(finished) >= {"gps"}
-    assert set(finished) < set(rows(**asked))
-
-
 def test_a_table_that_is_none_or_has_no_record_is_refused_and_nothing_is_written(tmp_path):
     copy_published(tmp_path / "records", lambda each: each["gallery"] == "tosca" and each["method"] == "gps")
     out = str(tmp_path / "out")
@@ -78,21 +68,3 @@ def test_a_table_that_is_none_or_has_no_record_is_refused_and_nothing_is_written
             assert isinstance(done.exception, ConfigurationError), done.output
             assert message in str(done.exception)
     assert not (tmp_path / "out").exists()
-
-
-def test_finished_can_be_planned_and_is_refused_where_nothing_has_finished(tmp_path):
-    def planned(results):
-        options = ["-t", "III", "-d", "animals", "--input", "view", "-m", "finished", "--results", str(results)]
-        return CliRunner().invoke(cli, ["plan", *options])
-
-    (tmp_path / "records").mkdir()
-    assert "no job under" in str(planned(tmp_path).exception)
-    found = (
-        each
-        for each in published_records()
-        if each["method"] == "learned[configuration=as_printed]" and each["data"]["name"] == "animals"
-    )
-    key = next(each["key"] for each in found if each["status"] == "ok")
-    copy_published(tmp_path / "records", lambda each: each["key"] == key)
-    names = [line.split()[3] for line in planned(tmp_path).output.splitlines() if " animals view " in line]
-    assert names == ["learned[configuration=as_printed]"]

@@ -37,7 +37,7 @@ def test_ways_to_write_one_method_are_one_job_and_one_row(rods, tmp_path):
         *(w for name in written for w in ("-m", name)),
     )
     assert call("plan", *arguments).splitlines()[-1] == "2 of 2 jobs to run"
-    text = call("run", *arguments, "--executor", "serial")
+    text = call("run", *arguments, "-j", "0")
     assert [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| Shape")] == [
         "ShapeDNA ¹", "ShapeDNA (count=6) ¹",
     ]  # fmt: skip

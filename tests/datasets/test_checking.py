@@ -2,9 +2,9 @@ import time
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
-from benchmark.cli.options import data
+from benchmark.cli.main import data
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.inspection import count_holes

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import open_dataset

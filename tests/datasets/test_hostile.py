@@ -5,7 +5,7 @@ import re
 import sys
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.datasets.checking import check, check_source

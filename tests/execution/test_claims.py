@@ -41,15 +41,14 @@ def test_a_job_of_another_run_is_not_taken_until_that_run_is_gone(tmp_path):
 
 
 def test_a_run_that_ends_before_another_leaves_its_scratch_alone(tmp_path, monkeypatch):
-    from benchmark.cli.options import RunOptions
-    from benchmark.cli.run import run_plan
+    from benchmark.cli.run import Settings, run_plan
     from benchmark.pipeline.storage.store import Store
 
     store = Store.open(tmp_path)
     (store.scratch / "needed.npz").write_text("")
 
     def run():
-        return run_plan([], store, RunOptions(executor="serial"))
+        return run_plan([], store, Settings(jobs=0))
 
     with hold(store.root, "one") as other:
         assert run()

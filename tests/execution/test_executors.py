@@ -13,9 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.cli.options import RunOptions
-from benchmark.cli.run import run_plan
-from benchmark.errors import ConfigurationError
+from benchmark.cli.run import Settings, run_plan
 from benchmark.execution import pools
 from benchmark.execution.job_specs import Job, first_tasks
 from benchmark.execution.plan import make_plan
@@ -138,7 +136,7 @@ def test_failures_are_kept_and_repeated_only_when_asked(faulty_run):
     assert again.stdout.startswith(f"0 of {len(STATUSES)} jobs to run, {n_ok} finished before")
     assert again.returncode == 1
     assert ": stopped after 20 s" in benchmark("plan", *arguments, notes=folder / "notes").stdout
-    retried = benchmark("run", *arguments, "--retry", "crashed", notes=folder / "notes")
+    retried = benchmark("run", *arguments, "--retry", notes=folder / "notes")
     assert retried.stdout.startswith(f"{list(STATUSES.values()).count('crashed')} of {len(STATUSES)} jobs to run")
 
 
@@ -287,7 +285,7 @@ def test_a_job_that_another_run_has_finished_meanwhile_keeps_its_record(place):
     jobs = planned(place, store)
     times = []
     for _ in range(2):  # the second time by the plan of before
-        assert run_plan(jobs, store, RunOptions(executor="serial"))
+        assert run_plan(jobs, store, Settings(jobs=0))
         times += [path.stat().st_mtime_ns for path in store.records.folder.glob("*.json")]
     assert times[0] == times[1]
 
@@ -296,21 +294,9 @@ def test_data_that_change_during_a_run_are_named_and_leave_no_result(place):
     store = Store.open(place / "results")
     jobs = planned(place, store)
     shutil.copy(place / "rods" / "thick0.off", place / "rods" / "thin0.off")
-    assert not run_plan(jobs, store, RunOptions(executor="serial"))
+    assert not run_plan(jobs, store, Settings(jobs=0))
     record = store.records.read(jobs[0].key)
     assert (record["status"], "the data changed during the run" in record["reason"]) == ("changed", True)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"executor": "dask"}, "dask needs the address of its scheduler; pass --scheduler URL"),
-        ({"scheduler": "tcp://127.0.0.1:8786"}, "--scheduler needs dask; pass --executor dask"),
-    ],
-)
-def test_an_executor_without_its_scheduler_is_refused_where_nothing_is_to_run(tmp_path, options, message):
-    with pytest.raises(ConfigurationError, match=message):
-        run_plan([], Store.open(tmp_path), RunOptions(**options))
 
 
 def test_there_are_no_more_processes_than_memory(monkeypatch):

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.execution import scheduler as module

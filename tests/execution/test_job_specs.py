@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchmark.cli.options import RunOptions
-from benchmark.cli.run import run_plan
+from benchmark.cli.run import Settings, run_plan
 from benchmark.errors import ConfigurationError
 from benchmark.execution.job_specs import Task, task_of, to_json
 from benchmark.execution.plan import make_plan
@@ -49,4 +48,4 @@ def test_without_dask_the_hint_is_told(tmp_path, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "distributed" else find(name))
     with pytest.raises(ConfigurationError, match=r"needs the package distributed; run `pip install 'dask"):
-        run_plan([], Store.open(tmp_path), RunOptions(executor="dask", scheduler="tcp://127.0.0.1:8786"))
+        run_plan([], Store.open(tmp_path), Settings(dask="tcp://127.0.0.1:8786"))

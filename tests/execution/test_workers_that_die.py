@@ -124,8 +124,8 @@ def test_a_system_that_starts_no_process_is_told_of_and_not_waited_for(run, tmp_
 @pytest.mark.parametrize(
     ("script", "status", "reason"),
     [
-        ((CRASHED, CRASHED), "crashed", "b: the process ended with SIGSEGV; run it with --executor serial"),
-        ((ENDED_WITH_0,) * 2, "crashed", "b: the process ended with exit code 0; run it with --executor serial"),
+        ((CRASHED, CRASHED), "crashed", "b: the process ended with SIGSEGV; run it with -j 0"),
+        ((ENDED_WITH_0,) * 2, "crashed", "b: the process ended with exit code 0; run it with -j 0"),
         ((KILLED, KILLED), "killed", "b: the process was killed twice"),
     ],
 )

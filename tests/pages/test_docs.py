@@ -8,8 +8,8 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-import click
 import pytest
+import typer
 
 from benchmark.cli.main import cli
 
@@ -19,12 +19,7 @@ PAGES = [*sorted(ROOT.glob("*.md")), *DOCS, ROOT / "learned" / "models" / "READM
 TEXTS = {page: page.read_text(encoding="utf-8") for page in PAGES}
 
 
-def commands_of(group: click.Group) -> dict[str, click.Command]:
-    context = click.Context(group)
-    return {name: group.get_command(context, name) for name in group.list_commands(context)}
-
-
-VERBS = commands_of(cli)
+VERBS = typer.main.get_command(cli).commands
 
 
 def name(page: Path) -> str:
@@ -98,9 +93,9 @@ def test_every_option_of_a_command_exists(page: Path) -> None:
     for line in re.findall(r"^    python -m benchmark (.*)$", TEXTS[page], re.MULTILINE):
         first, *words = shlex.split(line, comments=True)
         command = VERBS[first]
-        while isinstance(command, click.Group):
-            command = commands_of(command)[words.pop(0).partition("|")[0]]
-        command.make_parser(click.Context(command)).parse_args(words)
+        while hasattr(command, "commands"):
+            command = command.commands[words.pop(0).partition("|")[0]]
+        command.make_parser(typer.Context(command)).parse_args(words)
 
 
 def test_the_command_line_lists_every_verb() -> None:

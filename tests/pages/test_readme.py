@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.reference import paper
@@ -47,7 +47,7 @@ def clone(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_results_are_read_as_shown_after_a_quick_run(clone):
     """As a script of its own, word by word; a job of `make bench` is all that it needs."""
-    quick = ["run", "-t", "III", "-m", "gps", "--input", "mesh", "--quick", "--executor", "serial"]
+    quick = ["run", "-t", "III", "-m", "gps", "--input", "mesh", "--quick", "-j", "0"]
     assert CliRunner().invoke(cli, quick).exit_code == 0
     told = "\nprint(len(queries), distances.shape, len(forms), min(form.n_faces for form in forms.values()) > 100)\n"
     (clone / "script.py").write_text(python_with("open_results") + told)

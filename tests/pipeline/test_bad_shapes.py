@@ -72,7 +72,7 @@ def test_a_set_with_bad_shapes_is_scored_without_them_and_the_table_names_them(t
     content[300] ^= 255
     (folder / "thin9.mat").write_bytes(content)
     assert "thin9.mat  not a readable mat file" in call("data", "check", folder, code=1)
-    call("run", "-d", folder, "-m", "identity", "--executor", "serial", "--results", tmp_path)
+    call("run", "-d", folder, "-m", "identity", "-j", "0", "--results", tmp_path)
     records = {found["input"]: found for found in Store.open(tmp_path).records}
     for at, input_ in enumerate(("mesh", "view"), start=1):
         refused = dict(records[input_]["unsupported"])

@@ -4,7 +4,7 @@ import json
 import shutil
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli import run as run_module
 from benchmark.cli.main import cli
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("forked_workers")
 
 
 def run(rods, results, *more):
-    selection = ("-d", str(rods), "-m", "surface-area", "--input", "mesh", "--executor", "serial")
+    selection = ("-d", str(rods), "-m", "surface-area", "--input", "mesh", "-j", "0")
     return CliRunner().invoke(cli, ["run", *selection, "--results", str(results), *more])
 
 
@@ -55,7 +55,7 @@ def test_a_file_in_the_place_of_a_folder_is_named_before_work_begins(rods, tmp_p
     blocked = tmp_path / "results" / place
     blocked.parent.mkdir(parents=True, exist_ok=True)
     blocked.write_text("mine")
-    options = ("--executor", "serial") if verb == "run" else ()
+    options = ("-j", "0") if verb == "run" else ()
     done = CliRunner().invoke(cli, [verb, "-d", str(rods), *options, "--results", str(tmp_path / "results")])
     assert isinstance(done.exception, StorageError)
     assert str(done.exception).startswith(f"cannot write to {tmp_path / 'results'}: ")
@@ -99,7 +99,7 @@ def test_processes_whose_folder_vanished_end_the_run_with_its_name(rods, tmp_pat
         return pool
 
     monkeypatch.setattr(run_module, "make_pool", vanishing)
-    done = run(rods, tmp_path, "--executor", "processes", "-j", "1")
+    done = run(rods, tmp_path, "-j", "1")
     assert isinstance(done.exception, StorageError)
     assert "vanished during the run; restore it or choose another --results DIR" in str(done.exception)
 

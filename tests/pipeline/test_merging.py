@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.pipeline.storage.merging import merge_records, publish

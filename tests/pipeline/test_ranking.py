@@ -26,7 +26,7 @@ def ran(tmp_path):
     """Words by which a method was run on rods, the store, and the record."""
     rods, results = write_rods(tmp_path / "rods", bends=(0.0, 1.2)), tmp_path / "results"
     words = ("-d", rods, "-m", "identity", "--input", "mesh", "--results", results)
-    call("run", *words, "--executor", "serial")
+    call("run", *words, "-j", "0")
     store = Store.open(results)
     (before,) = store.records
     return words, store, before
@@ -40,7 +40,7 @@ def test_a_job_whose_measures_alone_changed_ranks_again_and_renders_nothing(ran,
     monkeypatch.setattr(lock, "read_lock", cache(lambda: other))
     monkeypatch.setattr(method_run, "signature_of", lambda *_: pytest.fail("a form was rendered"))
     assert "versions changed: measures" in call("plan", *words)
-    call("run", *words, "--executor", "serial")
+    call("run", *words, "-j", "0")
     (after,) = [record for record in store.records if record["key"] != before["key"]]
     for part in ("scores", "per_query", "digests", "environments", "artefacts"):
         assert after[part] == before[part], part
@@ -55,7 +55,7 @@ def test_distances_that_are_damaged_are_made_again(ran, monkeypatch):
     store.remove_record(before["key"])
     # Their headers may be whole where they are not: nothing is known of them before they are read.
     monkeypatch.setattr(Store, "digest_under", lambda self, key: "kept")
-    call("run", *words, "--executor", "serial")
+    call("run", *words, "-j", "0")
     (after,) = store.records
     assert after["per_query"] == before["per_query"]
 

@@ -5,9 +5,9 @@ import os
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.execution.plan import difference

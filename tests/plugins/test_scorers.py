@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.api.scoring import Scorer
 from benchmark.cli.main import cli
@@ -108,7 +108,7 @@ def test_a_scorer_of_a_plugin_file_ranks_forms_and_leaves_descriptors_alone(plug
         str(tmp_path / "r"),
     ]
     by = ["--scorer", "extent", "--plugin", str(plugin)]
-    done = CliRunner().invoke(cli, ["run", *options, *by, "--executor", "serial"])
+    done = CliRunner().invoke(cli, ["run", *options, *by, "-j", "0"])
     assert done.exit_code == 0, done.output
     assert "scored by Extent" in done.output
     assert "Surface area" in done.output

@@ -1,6 +1,6 @@
 """Differences between records, counted by hand."""
 
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.pipeline.storage.records import Records

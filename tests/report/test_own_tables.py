@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.report.content import contents
@@ -73,7 +73,7 @@ def test_a_run_prints_what_was_asked_for_and_nothing_else(tmp_path):
     def rows(folder, *methods, more=()):
         named = [word for name in methods for word in ("-m", name)]
         options = ["-d", str(tmp_path / folder), "--input", "mesh", "--results", str(tmp_path / "results"), *more]
-        done = CliRunner().invoke(cli, ["run", *options, *named, "--executor", "serial"])
+        done = CliRunner().invoke(cli, ["run", *options, *named, "-j", "0"])
         assert done.exit_code == 0, done.output
         assert f"**Table {folder}. " in done.output
         return [line.split("|")[1].strip() for line in done.output.splitlines() if line.startswith("| ")][2:-1]

@@ -4,7 +4,7 @@ import importlib.metadata
 import shutil
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
@@ -204,7 +204,7 @@ def test_each_verb_names_each_alien_once_on_stderr(rods, store):
     results = ("--results", store.root.parent)
     selection = ("-d", rods, *(word for method in METHODS for word in ("-m", method)), "--input", "mesh", *results)
     assert said_of_files("plan", *selection) == told[1:]  # of the published ones it reads those that it needs
-    assert said_of_files("run", "--executor", "serial", *selection) == told[::-1]
+    assert said_of_files("run", "-j", "0", *selection) == told[::-1]
     assert said_of_files("tables", *selection) == told
     assert said_of_files("merge", store.root.parent, *results) == told
     assert said_of_files("compare", "identity", "surface-area", *results) == told

@@ -12,7 +12,7 @@ from benchmark.datasets.base import Dataset, Entry
 from benchmark.depth.frame import UPRIGHT
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import ConfigurationError, DatasetError, ShapeError
-from benchmark.geometry.camera import Camera
+from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
@@ -113,6 +113,11 @@ def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
         scaled.append(image.resize(size, Image.Resampling.LANCZOS))
     pictures = [*scaled, depth_picture(canonical, _HEIGHT), shaded(form, UPRIGHT, _HEIGHT)]
     return _beside(("depth", "object", "canonical depth", "canonical form"), pictures, 14)
+
+
+def mesh_picture(mesh: Mesh, form: Mesh) -> Image.Image:
+    """Draw a mesh (z up, facing -y) and its canonical form side by side."""
+    return _beside(("shape", "canonical form"), [shaded(mesh, FRONT, _HEIGHT), shaded(form, UPRIGHT, _HEIGHT)], 14)
 
 
 def retrieved_picture(panels: Sequence[tuple[str, Mesh | None]]) -> Image.Image:

@@ -3,9 +3,9 @@
 import re
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
-from benchmark.cli.options import data
+from benchmark.cli.main import data
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check_source
 from benchmark.errors import DatasetError

@@ -5,9 +5,9 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
-from benchmark.cli.options import data
+from benchmark.cli.main import data
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.official.sets import EXTENDED, SETS
 from benchmark.datasets.official.tosca import CLASS_SIZES

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError, ConfigurationError
@@ -138,7 +138,7 @@ def run(*arguments):
 
 
 def on(cluster):
-    return "--executor", "dask", "--scheduler", cluster.url
+    return "--dask", cluster.url
 
 
 def outcomes(results):
@@ -181,7 +181,7 @@ def test_a_worker_that_is_killed_or_hangs_costs_a_retry(place, cluster, monkeypa
     from benchmark.execution import dask_pool
 
     monkeypatch.setattr(dask_pool, "SILENCE", 6.0)
-    assert run(*selection(place, "alone"), "--executor", "serial").exit_code == 0
+    assert run(*selection(place, "alone"), "-j", "0").exit_code == 0
     shapes = described(place)
     cluster.worker()
     cluster.worker()
@@ -201,7 +201,7 @@ def test_a_process_beside_a_worker_does_the_tasks_of_a_run_in_turn(place, cluste
 
     monkeypatch.setattr(job_specs, "LARGEST_BATCH", 5)
     words = ("-d", place / "rods", "--input", "mesh", "-m", "fast-mds", "-m", "surface-area", "--results")
-    assert run(*words, place / "alone", "--executor", "serial").exit_code == 0
+    assert run(*words, place / "alone", "-j", "0").exit_code == 0
     worker = cluster.worker()
     done = run(*words, place / "cluster", *on(cluster))
     assert done.exit_code == 0, done.output
@@ -303,5 +303,5 @@ def test_a_scheduler_that_is_not_there_is_named_at_once(place, monkeypatch):
 
     monkeypatch.setattr(dask_pool, "_CONNECTING", 1.0)
     with pytest.raises(ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9 .*; start one or"):
-        run(*selection(place, "results"), "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
+        run(*selection(place, "results"), "--dask", "tcp://127.0.0.1:9")
     assert list((place / "results" / "runs" / "progress").iterdir()) == []

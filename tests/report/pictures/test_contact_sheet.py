@@ -3,10 +3,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
+from typer.testing import CliRunner
 
-from benchmark.cli.options import data
+from benchmark.cli.main import data
 from benchmark.datasets.base import Entry
 from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.official.tosca import tosca

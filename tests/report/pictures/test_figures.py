@@ -1,7 +1,7 @@
 """Figures for papers: of forms that are there or made, and of cost; the same figure is the same file."""
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
@@ -76,7 +76,7 @@ def ran(tmp_path_factory):
     base = tmp_path_factory.mktemp("ran")
     write_rods(base / "rods")
     chosen = ["-d", str(base / "rods"), "-m", "surface-area", "--input", "mesh", "--results", str(base / "results")]
-    assert CliRunner().invoke(cli, ["run", *chosen, "--executor", "serial"]).exit_code == 0
+    assert CliRunner().invoke(cli, ["run", *chosen, "-j", "0"]).exit_code == 0
     return chosen
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmark.cli.options import Compare, Tables, name_skipped
+from benchmark.cli.options import Selection, name_skipped
 from benchmark.cli.selection import is_of_data, no_table, recorded, stored, tables_of
 from benchmark.cli.terminal import print_tables
 from benchmark.errors import ConfigurationError
@@ -32,23 +33,23 @@ FORMATS = ("latex", "markdown", "csv", "json")
 _WRITTEN = re.compile(r"(table|paper-table|robustness)-.*\.(md|tex|png)")
 
 
-def tables(options: Tables) -> bool:
+def tables(options: Selection, format: str | None, output: Path | None, *, check: bool, force: bool) -> bool:
     """Print or write tables, or compare them with existing files."""
-    output, formats = options.output, options.formats
-    if options.check and output is None:
+    formats: tuple[str, ...] = (format,) if format else ()
+    if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
     store = stored(options, output)
     if store.published_only and not options.published and Store(store.root).records.has_files:
         say(f"{output} holds published tables, so your own records are omitted; choose another -o for them", err=True)
-    results = recorded(options, store, fresh=options.fresh)
+    results = recorded(options, store)
     content = tables_of(options, results)
     perturbed = robustness(results) if "robustness" in options.tables or not options.tables else []
     if not content and not perturbed:
         raise no_table(options)
     if output is None:
-        if not formats and options.is_narrow and len(content) > _FEW and not options.everything:
+        if not formats and options.is_narrow and len(content) > _FEW:
             say_lines(overview(content))
-            say(f"{len(content)} tables: select with -t and -d, or print them with notes, intervals and tests by --all")
+            say(f"{len(content)} tables: select with -t and -d to see each with its notes")
             return True
         if formats == ("latex",) and options.tables:  # to paste: without the tables that go with them
             content = [table for table in content if table.identifier in options.tables]
@@ -56,26 +57,18 @@ def tables(options: Tables) -> bool:
         if not formats and sys.stdout.isatty():
             print_tables(content)
         else:
-            chosen = formats or ("markdown",)
-            texts = render(
-                content,
-                chosen,
-                options.notes,
-                has_variants=False,
-                rows_only=options.rows_only,
-                has_sources=options.bibliography,
-            )
+            texts = render(content, formats or ("markdown",), has_variants=False)
         whole_files = ("csv", "json") if content else ()  # other programs read a single document
         texts |= rendered(perturbed, [name for name in formats or ("markdown",) if name not in whole_files])
         for text in texts.values():
             say_lines(text)
         return True
-    is_whole = not (formats or options.tables or options.methods or options.datasets or options.inputs)
+    is_whole = not (formats or options.tables or options.methods or options.datasets or options.input)
     formats = formats or FORMATS
-    texts = render(content, formats, options.notes, rows_only=options.rows_only) | rendered(perturbed, formats)
-    files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=options.force)
+    texts = render(content, formats) | rendered(perturbed, formats)
+    files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=force)
     drawn = perturbed if "markdown" in formats else []
-    if options.check:
+    if check:
         return _check(folder, files, drawn, is_whole=is_whole)
     folder.write(files)
     if drawn:
@@ -102,9 +95,8 @@ def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, i
     return True
 
 
-def compare(options: Compare) -> None:
+def compare(options: Selection, first: str, second: str, *, everything: bool) -> None:
     """Print the differences of two methods."""
-    first, second = options.first, options.second
     known_scorers = scorers(options.plugins)
     store = Store(options.results / "runs", published_only=options.published)
     try:
@@ -116,5 +108,5 @@ def compare(options: Compare) -> None:
     comparison = compare_methods(records, one, other, scorer_of(options.scorer, known_scorers).name)
     if not comparison.differences:
         raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
-    for line in lines(comparison, first, second, everything=options.everything):
+    for line in lines(comparison, first, second, everything=everything):
         say(line)

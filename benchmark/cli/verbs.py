@@ -1,0 +1,400 @@
+"""Signatures of all verbs; the module with the work of a verb is imported when it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from typer import Argument, Option
+
+from benchmark.cli import options as shared
+from benchmark.cli.options import Selection
+
+RESULTS, SCORER = Path("results"), "cm-bof"
+
+
+def _end(ok: bool) -> None:
+    """Set exit code 1 unless all went well."""
+    if not ok:
+        raise typer.Exit(1)
+
+
+def run(
+    everything: shared.Everything = False,
+    tables: shared.Tables = [],
+    methods: shared.Methods = [],
+    datasets: shared.Datasets = [],
+    input: shared.Input = None,
+    scorer: shared.Scorer = SCORER,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    data_root: shared.DataRoot = None,
+    seed: shared.Seed = 0,
+    quick: shared.Quick = False,
+    paper: shared.Paper = False,
+    jobs: Annotated[
+        int | None, Option("-j", "--jobs", min=0, metavar="N", help="Processes; 0 runs in this one. [all cores]")
+    ] = None,
+    dask: Annotated[str, Option("--dask", metavar="URL", help="Scheduler of a dask cluster: tcp://HOST:8786.")] = "",
+    timeout: shared.Timeout = "2h",  # type: ignore[assignment]  # typer parses it
+    retry: Annotated[bool, Option("--retry", help="Run failed jobs again.")] = False,
+    forms: Annotated[
+        list[str], Option("--forms", metavar="NAME=DIR", help="Score DIR/SHAPE.off of another program instead.")
+    ] = [],
+    frame: Annotated[Path | None, Option("--frame", hidden=True)] = None,
+) -> None:
+    """Run the missing jobs of a selection, then print its tables."""
+    from benchmark.cli import run as body
+
+    selection = Selection(
+        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
+        plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, everything=everything,
+        paper=paper,
+    )  # fmt: skip
+    settings = body.Settings(jobs=jobs, dask=dask, timeout=timeout, retry=retry)
+    _end(body.run(selection, settings, tuple(forms), frame))
+
+
+def plan(
+    everything: shared.Everything = False,
+    tables: shared.Tables = [],
+    methods: shared.Methods = [],
+    datasets: shared.Datasets = [],
+    input: shared.Input = None,
+    scorer: shared.Scorer = SCORER,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    data_root: shared.DataRoot = None,
+    seed: shared.Seed = 0,
+    quick: shared.Quick = False,
+    paper: shared.Paper = False,
+    traceback: Annotated[bool, Option("--traceback", help="Print the error of each failed job in full.")] = False,
+) -> None:
+    """Show what would run, why, and how long it would take."""
+    from benchmark.cli.plan import plan
+
+    selection = Selection(
+        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
+        plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, everything=everything,
+        paper=paper,
+    )  # fmt: skip
+    plan(selection, traceback=traceback)
+
+
+def tables(
+    tables: shared.Tables = [],
+    methods: shared.Methods = [],
+    datasets: shared.Datasets = [],
+    input: shared.Input = None,
+    scorer: shared.Scorer = SCORER,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    seed: shared.Seed = 0,
+    quick: shared.Quick = False,
+    published: shared.Published = False,
+    format: Annotated[
+        Literal["latex", "markdown", "csv", "json"] | None, Option("--format", help="[markdown; with -o, all]")
+    ] = None,
+    output: Annotated[Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")] = None,
+    check: Annotated[bool, Option("--check", help="Compare with the files in -o DIR; exit 1 if they differ.")] = False,
+    force: shared.Force = False,
+) -> None:
+    """Print or write the tables of finished jobs.
+
+    It needs no data.
+    """
+    from benchmark.cli import tables as body
+
+    selection = Selection(
+        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
+        plugins=tuple(plugins), results=results, seed=seed, quick=quick, published=published,
+    )  # fmt: skip
+    _end(body.tables(selection, format, output, check=check, force=force))
+
+
+def report(
+    tables: shared.Tables = [],
+    methods: shared.Methods = [],
+    datasets: shared.Datasets = [],
+    input: shared.Input = None,
+    scorer: shared.Scorer = SCORER,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    data_root: shared.DataRoot = None,
+    seed: shared.Seed = 0,
+    quick: shared.Quick = False,
+    published: shared.Published = False,
+    output: Annotated[Path, Option("-o", "--output", metavar="DIR")] = Path("results/report"),
+    figure: Annotated[Path | None, Option("--figure", metavar="FILE", help="Draw a .pdf, .png or .svg.")] = None,
+    of: Annotated[
+        Literal["forms", "effect", "cost", "precision-recall", "confusion", "classes"],
+        Option(
+            "--of",
+            help="One subject by all methods; subjects before and after one method; accuracy against cost; precision"
+            " over recall; nearest matches by class; scores by class.",
+        ),
+    ] = "forms",
+    subjects: Annotated[list[str], Option("--subject", metavar="NAME", help="Subject to show in a figure.")] = [],
+    shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show in a figure.")] = [],
+    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
+    force: shared.Force = False,
+) -> None:
+    """Write HTML pages, or draw a figure.
+
+    Pages show tables, charts, and canonical forms in 3D.
+    """
+    from benchmark.cli import report as body
+
+    selection = Selection(
+        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
+        plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, published=published,
+    )  # fmt: skip
+    if figure is None:
+        body.write_pages(selection, output, force=force)
+    else:
+        body.draw(selection, figure, of, tuple(subjects), tuple(shapes), timeout, force=force)
+
+
+def compare(
+    first: Annotated[str, Argument(metavar="A")],
+    second: Annotated[str, Argument(metavar="B")],
+    datasets: shared.Datasets = [],
+    input: shared.Input = None,
+    scorer: shared.Scorer = SCORER,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    published: shared.Published = False,
+    everything: Annotated[bool, Option("--all", help="Every pair, with perturbed sets, intervals and tests.")] = False,
+) -> None:
+    """Compare two methods."""
+    from benchmark.cli.tables import compare
+
+    selection = Selection(
+        datasets=tuple(datasets), input=input, scorer=scorer, plugins=tuple(plugins), results=results,
+        published=published,
+    )  # fmt: skip
+    compare(selection, first, second, everything=everything)
+
+
+def list_(
+    what: Annotated[Literal["methods", "scorers", "datasets", "tables", "models"], Argument(metavar="WHAT")],
+    as_json: shared.Json = False,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    data_root: shared.DataRoot = None,
+) -> None:
+    """List methods, scorers, datasets, tables or models."""
+    from benchmark.cli.methods import list_
+
+    list_(what, Selection(plugins=tuple(plugins), results=results, data_root=data_root), as_json=as_json)
+
+
+def describe(method: shared.MethodName, as_json: shared.Json = False, plugins: shared.Plugins = []) -> None:
+    """Describe a method: parameters, source, inputs."""
+    from benchmark.cli.methods import describe
+
+    describe(method, tuple(plugins), as_json=as_json)
+
+
+def canonicalise(
+    method: shared.Method,
+    paths: Annotated[list[Path], Argument(metavar="IN...")],
+    output: Annotated[
+        Path | None,
+        Option("-o", "--output", metavar="OUT", help="Mesh file [IN-METHOD.off], or folder for several [forms]."),
+    ] = None,
+    plugins: shared.Plugins = [],
+    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
+    seed: shared.Seed = 0,
+    vertices: Annotated[
+        str, Option("--vertices", metavar="N|all", help="Number of vertices, or all of the file. [2000]")
+    ] = "",
+    intrinsics: shared.Intrinsics = "",
+    mask: shared.Mask = None,
+    depth_scale: shared.DepthScale = None,
+    picture: shared.Picture = None,
+) -> None:
+    """Write the canonical form of a mesh, or of depth images.
+
+    A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
+    """
+    from benchmark.cli import forms as body
+
+    camera = body.Camera(intrinsics, mask, depth_scale)
+    request = body.Request(method, tuple(plugins), seed, timeout, camera)
+    _end(body.canonicalise(paths, request, output, vertices, picture))
+
+
+def retrieve(
+    method: shared.Method,
+    dataset: shared.Dataset,
+    query: Annotated[Path, Argument(metavar="QUERY")],
+    k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
+    scorer: shared.Scorer = SCORER,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    data_root: shared.DataRoot = None,
+    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
+    seed: shared.Seed = 0,
+    intrinsics: shared.Intrinsics = "",
+    mask: shared.Mask = None,
+    depth_scale: shared.DepthScale = None,
+    picture: shared.Picture = None,
+) -> None:
+    """Show the shapes that are nearest to a mesh or a depth image."""
+    from benchmark.cli import forms as body
+
+    selection = Selection(scorer=scorer, plugins=tuple(plugins), results=results, data_root=data_root, seed=seed)
+    camera = body.Camera(intrinsics, mask, depth_scale)
+    body.retrieve(query, dataset, body.Request(method, tuple(plugins), seed, timeout, camera), selection, k, picture)
+
+
+def new(
+    kind: Annotated[str, Argument(metavar="KIND")],
+    name: Annotated[str, Argument(metavar="NAME")],
+) -> None:
+    """Write a plugin file that works, and its test.
+
+    KIND is method; for other kinds copy a file of examples/.
+    """
+    from benchmark.cli.methods import new
+
+    new(kind, name)
+
+
+def check(
+    target: Annotated[str, Argument(metavar="METHOD|FILE")],
+    methods: Annotated[list[str], Option("-m", "--method", metavar="METHOD", help="Only this method of a file.")] = [],
+    assigned: shared.Assigned = [],
+    plugins: shared.Plugins = [],
+    timeout: shared.Timeout = "60s",  # type: ignore[assignment]
+) -> None:
+    """Test the contract of a plugin file, or of a method.
+
+    Parameters follow in brackets: FILE[power=1]. The exit code is 1 if a check fails.
+    """
+    from benchmark.cli.train import check
+
+    _end(check(target, methods, assigned, plugins, timeout))
+
+
+def train(
+    method: shared.MethodName,
+    table: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table that the model is for.")] = "I",
+    only: Annotated[str, Option("--only", metavar="TRAINING", help="Train only on this.")] = "",
+    configuration: Annotated[str | None, Option("--config", metavar="NAME", help="Configuration.")] = None,
+    seed: Annotated[int | None, Option("--seed", metavar="N", help="Seed of the training.")] = None,
+    assigned: shared.Assigned = [],
+    sampled: Annotated[int | None, Option("--sampled", min=1, metavar="N", help="Number of generated bodies.")] = None,
+    validation: Annotated[
+        int | None, Option("--validation", min=1, metavar="N", help="Hold back N training subjects for curves.")
+    ] = None,
+    plugins: shared.Plugins = [],
+    results: shared.Results = RESULTS,
+    data_root: shared.DataRoot = None,
+) -> None:
+    """Train the models of a learner.
+
+    An interrupted training goes on, and finished models are skipped.
+    """
+    from benchmark.cli.train import train
+
+    selection = Selection(plugins=tuple(plugins), results=results, data_root=data_root)
+    parameters = {"configuration": configuration, "training_seed": seed}
+    train(method, selection, table, only, parameters, assigned, sampled, validation)
+
+
+def check_data(name: shared.SetName, plugins: shared.Plugins = [], data_root: shared.DataRoot = None) -> None:
+    """Check a data set.
+
+    The exit code is 1 if it cannot be used.
+    """
+    from benchmark.cli.data import check
+
+    _end(check(name, Selection(plugins=tuple(plugins), data_root=data_root)))
+
+
+def sheet(
+    name: shared.SetName,
+    output: Annotated[Path | None, Option("-o", "--output", metavar="FILE.png", help="[sheet-NAME.png]")] = None,
+    subjects: Annotated[int | None, Option("--subjects", min=1, metavar="N", help="Rows. [all subjects]")] = None,
+    poses: Annotated[int, Option("--poses", min=1, metavar="N", help="Columns.")] = 8,
+    plugins: shared.Plugins = [],
+    data_root: shared.DataRoot = None,
+) -> None:
+    """Draw a data set at a glance.
+
+    It shows subjects in some poses, as surface and as depth image.
+    """
+    from benchmark.cli.data import sheet
+
+    sheet(name, Selection(plugins=tuple(plugins), data_root=data_root), output, subjects, poses)
+
+
+def export(
+    name: shared.SetName,
+    output: Annotated[Path, Option("-o", "--output", metavar="DIR", help="New or empty folder.")],
+    force: shared.Force = False,
+    plugins: shared.Plugins = [],
+    data_root: shared.DataRoot = None,
+) -> None:
+    """Write a data set as files.
+
+    '-d DIR' reads them with the same shapes, classes and cameras.
+    """
+    from benchmark.cli.data import export
+
+    export(name, Selection(plugins=tuple(plugins), data_root=data_root), output, force=force)
+
+
+def merge(
+    folders: Annotated[list[Path], Argument(metavar="DIR...")],
+    results: shared.Results = RESULTS,
+    published: Annotated[
+        bool, Option("--published", help="Merge into RESULTS/records, without quick runs and own data.")
+    ] = False,
+) -> None:
+    """Join the records of several results folders.
+
+    The exit code is 1 if they contradict each other.
+    """
+    from benchmark.cli.share import merge
+
+    _end(merge(folders, results, published=published))
+
+
+def score(
+    distances: Annotated[Path, Argument(metavar="DISTANCES")],
+    labels: Annotated[
+        Path,
+        Option("--labels", metavar="FILE|FOLDER", help=".cla, lines 'label' or 'name label', or a folder."),
+    ],
+    query_labels: Annotated[
+        Path | None, Option("--query-labels", metavar="FILE|FOLDER", help="Labels of the rows. [the columns']")
+    ] = None,
+    ranked: Annotated[bool, Option("--ranked", help="DISTANCES holds ranked lists: a query and its results.")] = False,
+    format: Annotated[Literal["markdown", "latex", "csv", "json"], Option("--format")] = "markdown",
+    title: Annotated[str, Option("--title", metavar="NAME", help="Name of the row. [name of the file]")] = "",
+    results: Annotated[
+        Path | None, Option("--results", metavar="DIR", help="Also keep it as an external row in this folder.")
+    ] = None,
+    dataset: Annotated[str, Option("--dataset", metavar="NAME", help="Data set of that row. [the labels']")] = "",
+    input: Annotated[Literal["mesh", "view"], Option("--input", help="Input of that row.")] = "mesh",
+) -> None:
+    """Score the distances of any program.
+
+    DISTANCES is an N x N or queries x gallery matrix: text, CSV, .npy, .npz, .mat, or PSB's .matrix.
+    """
+    from benchmark.cli.share import read_task, score
+
+    task = read_task(distances, labels, query_labels, ranked=ranked)
+    score(task, title or distances.stem, format, results, dataset or labels.resolve().stem, input)
+
+
+#: Verbs in the order of ``--help``, and those of ``data``.
+VERBS: tuple[Callable[..., None], ...] = (
+    run, plan, tables, report, compare, list_, describe, canonicalise, retrieve, score, check, new, train, merge,
+)  # fmt: skip
+OF_DATA: tuple[Callable[..., None], ...] = (check_data, sheet, export)
