@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmark.plugins.registry import methods
+from benchmark.registry import methods
 
 
 def is_form(name: str) -> bool:

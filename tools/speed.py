@@ -39,9 +39,8 @@ from benchmark.depth.frame import FrameFiles
 from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry import geodesics
 from benchmark.geometry.preparation import prepare
-from benchmark.plugins.output_checks import signature_of
-from benchmark.plugins.registry import methods, variant
-from benchmark.plugins.scorers import ScorerSpec
+from benchmark.registry import select_one
+from benchmark.registry.outputs import compute_signature
 from benchmark.report.escaping import markdown_table
 from learned.images import enlarge, shrink
 from learned.paired.configuration import LITERAL
@@ -118,7 +117,7 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
 
 def of_forms(steps: int = 10) -> Iterator[Row]:
     """Measure methods given the geodesics, and methods that compute only a few rows of them."""
-    shape, known = Shape(identifier="body", mesh=prepare(body()).mesh), methods()
+    shape = Shape(identifier="body", mesh=prepare(body()).mesh)
     distances = shape.geodesics()
     detail = "the three largest eigenpairs of 2000 vertices"
     ours, theirs = (partial(scaling, distances) for scaling in (classic_scaling, arpack_scaling))
@@ -127,24 +126,24 @@ def of_forms(steps: int = 10) -> Iterator[Row]:
     # scikit-learn starts at the same vertices and stops after as many iterations as plain majorisation.
     start = shape.mesh.vertices - shape.mesh.vertices.mean(axis=0)
     theirs = partial(sklearn_scaling, distances, start, smacof(distances, start).iterations)
-    ours = partial(variant("least-squares-mds", known).create().canonicalise, shape)
+    ours = partial(select_one("least-squares-mds").create().canonicalise, shape)
     detail = f"stress {ours().notes['stress']:.5f} (peer {normalised_stress(theirs(), distances):.5f})"
     yield Row("least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail)
 
     # Complete non-metric scaling by scikit-learn takes minutes, and its scale depends on the number of points.
-    classic = variant("classic-mds", known).create()
+    classic = select_one("classic-mds").create()
     start = classic.canonicalise(shape).vertices
     theirs = partial(sklearn_scaling, distances, start, steps, metric=False)
     points = theirs()
     points *= np.linalg.norm(start) / np.linalg.norm(points)
     stress = non_metric_scaling(distances, points, max_iterations=0)[1][0]
-    ours = partial(variant("non-metric-mds", known).create().canonicalise, shape)
+    ours = partial(select_one("non-metric-mds").create().canonicalise, shape)
     detail = f"root of the stress {ours().notes['stress_1']:.5f} (peer {stress:.5f})"
     peer = f"sklearn.manifold.smacof(metric=False), {steps} iterations"
     yield Row("non-metric-mds, given the geodesics", ours, peer, theirs, detail)
 
     for name in ("accelerated-mds", "fast-classical-scaling", "fast-mds"):
-        method = variant(name, known).create()
+        method = select_one(name).create()
         ours, theirs = (partial(form_of_mesh, method, shape.mesh) for method in (method, classic))
         stresses = [normalised_stress(work().vertices, distances) for work in (ours, theirs)]
         detail = "stress over all pairs {:.5f} (peer {:.5f})".format(*stresses)
@@ -260,13 +259,13 @@ def of_programs() -> Iterator[Row]:
     yield Row("preparation of one mesh", partial(prepare, mesh, 2000), peer, collapse, detail)
 
     torch.set_num_threads(1)
-    method, scorer = method_of_depth("learned-streamed"), ScorerSpec().create()
+    method, scorer = method_of_depth("learned-streamed"), select_one("cm-bof", kind="scorer").create()
     files = FrameFiles(FRAME)
 
     def form() -> Mesh:
         return form_of_object(files.observe(), method).form.mesh
 
-    steps: dict[str, Work] = {"form": form, "signature": lambda: signature_of(scorer, form())}
+    steps: dict[str, Work] = {"form": form, "signature": lambda: compute_signature(scorer, form())}
     for name, work in steps.items():
         yield Row(f"frame of a depth camera, file to {name}", work, detail="320 x 240 pixels, with a mask")
 

@@ -32,9 +32,9 @@ def compile_bodies() -> None:
 def compile_scorer() -> None:
     """Compare a figure with a bent copy."""
     from benchmark.check.shapes import BENDS, figure
-    from benchmark.plugins.scorers import ScorerSpec
+    from benchmark.registry import select_one
 
-    scorer = ScorerSpec().create()
+    scorer = select_one("cm-bof", kind="scorer").create()
     scorer.compare([scorer.signature(figure(bend)) for bend in BENDS[:2]], 0)
 
 
@@ -44,7 +44,7 @@ def compile_methods() -> None:
     from benchmark.check.shapes import figure
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.stages.shapes import complete, half_width_of, seen
-    from benchmark.plugins.registry import methods
+    from benchmark.registry import methods
 
     source = figure()
     prepared = {"mesh": complete(source), "view": seen(source, FRONT, half_width_of(source, FRONT))}

@@ -7,7 +7,7 @@ import pytest
 from trimesh.creation import torus
 
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.plugins.registry import methods, variant
+from benchmark.registry import select_one
 from tests.baselines.deformable import sheet
 from tests.baselines.embedding import sphere
 
@@ -32,7 +32,7 @@ CONNECTED = {
 @pytest.mark.parametrize("name", FORMS)
 def test_connected_surfaces_have_a_form(name, surface):
     mesh = CONNECTED[surface]()
-    form = variant(name, methods()).create().canonicalise(Shape(identifier=surface, mesh=mesh))
+    form = select_one(name).create().canonicalise(Shape(identifier=surface, mesh=mesh))
     assert form.vertices.shape == mesh.vertices.shape
     assert np.isfinite(form.vertices).all()
     assert np.ptp(form.vertices, axis=0).max() > 0

@@ -10,7 +10,7 @@ import pytest
 
 from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
 from benchmark.geometry.mesh import edges_of
-from benchmark.plugins.registry import methods, variant
+from benchmark.registry import select_one
 from tests.baselines.deformable import centre_line, check_real_body, moved_to, shape_of, straightness, tube
 from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, moved, relabelled, sphere
 from tests.baselines.test_perturbation import METHODS
@@ -40,7 +40,7 @@ def assert_same(answered: np.ndarray, expected: np.ndarray, tolerance: float) ->
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_method_keeps_the_contract(name: str) -> None:
-    method, shape = variant(name, methods()).create(), limbed(200)
+    method, shape = select_one(name).create(), limbed(200)
     tolerance = TOLERANCES.get(name.partition("[")[0], 1e-5)
     expected = answer(method, shape)
     assert np.isfinite(expected).all()
@@ -67,8 +67,8 @@ def test_a_method_keeps_the_contract(name: str) -> None:
     ],
 )
 def test_a_bent_tube_straightens_and_its_edges_hardly_stretch(name: str, straight: float, strain: float) -> None:
-    mesh, known = tube(2.4), methods()
-    form = variant(name, known).create().canonicalise(shape_of(mesh))
+    mesh = tube(2.4)
+    form = select_one(name).create().canonicalise(shape_of(mesh))
     assert straightness(centre_line(mesh.vertices)) < 0.8
     reached = straightness(centre_line(form.vertices))
     assert reached > straight
@@ -79,7 +79,7 @@ def test_a_bent_tube_straightens_and_its_edges_hardly_stretch(name: str, straigh
     assert form.notes.get("largest_edge_strain", strains.max()) == pytest.approx(strains.max())
     assert strains.mean() < strain
     if name in ("constrained-mds", "feature-preserved"):  # MDS itself leaves some of a thick bend
-        targets = variant("least-squares-mds", known).create().canonicalise(shape_of(mesh)).vertices
+        targets = select_one("least-squares-mds").create().canonicalise(shape_of(mesh)).vertices
         assert reached == pytest.approx(straightness(centre_line(targets)), abs=0.02)
 
 
@@ -91,9 +91,9 @@ def test_a_bent_tube_straightens_and_its_edges_hardly_stretch(name: str, straigh
     ],
 )
 def test_the_stress_is_near_that_of_classic_scaling_without_all_pairs(name: str, size: int, factor: float) -> None:
-    shape, known = limbed(size), methods()
-    form = variant(name, known).create().canonicalise(RowsOnly(identifier="limbed", mesh=shape.mesh))
-    classic = variant("classic-mds", known).create().canonicalise(shape).notes["stress"]
+    shape = limbed(size)
+    form = select_one(name).create().canonicalise(RowsOnly(identifier="limbed", mesh=shape.mesh))
+    classic = select_one("classic-mds").create().canonicalise(shape).notes["stress"]
     assert brute_force_stress(form.vertices, shape.geodesics()) < factor * classic
 
 
@@ -107,5 +107,5 @@ def test_the_stress_is_near_that_of_classic_scaling_without_all_pairs(name: str,
     ],
 )
 def test_real_bodies_spread_their_limbs(data_root: Path, name: str, strain: float) -> None:
-    form = check_real_body(variant(name, methods()).create(), data_root / "tosca" / "michael6.off")
+    form = check_real_body(select_one(name).create(), data_root / "tosca" / "michael6.off")
     assert form.notes["mean_edge_strain"] <= strain

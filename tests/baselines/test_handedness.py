@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from baselines._kernels.orientation import handedness, vertex_areas
 from benchmark.api.contracts import Shape
 from benchmark.check.shapes import figure
-from benchmark.plugins.registry import methods, variant
+from benchmark.registry import select_one
 
 MIRROR = np.array([1.0, 1.0, -1.0])
 TURNED = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
@@ -32,7 +32,7 @@ def shape(mesh):
 
 @pytest.mark.parametrize("name", OPEN)
 def test_methods_that_see_distances_alone_settle_the_side(name):
-    method = variant(name, methods()).create()
+    method = select_one(name).create()
     mesh = figure()
     form = method.canonicalise(shape(mesh))
     weights = vertex_areas(mesh)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import Shape, UnsupportedShape
-from benchmark.plugins.registry import methods, variant
+from benchmark.registry import select_one
 from tests.baselines.embedding import sphere
 
 FEW_ROWS = ("fast-classical-scaling", "accelerated-mds")
@@ -31,7 +31,7 @@ def large() -> Shape:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FEW_ROWS)
 def test_methods_that_need_few_rows_have_a_form(name):
-    form = variant(name, methods()).create().canonicalise(large())
+    form = select_one(name).create().canonicalise(large())
     extent = np.ptp(form.vertices, axis=0)
     assert np.isfinite(form.vertices).all()
     assert extent.min() > 0.1 * extent.max()
@@ -39,6 +39,6 @@ def test_methods_that_need_few_rows_have_a_form(name):
 
 @pytest.mark.parametrize("name", ALL_PAIRS)
 def test_methods_that_need_all_pairs_refuse(name):
-    made = variant(name, methods()).create()
+    made = select_one(name).create()
     with pytest.raises(UnsupportedShape, match="50000 vertices, where the distances of all pairs"):
         made.describe(large()) if hasattr(made, "describe") else made.canonicalise(large())

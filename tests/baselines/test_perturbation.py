@@ -9,7 +9,7 @@ import pytest
 
 from benchmark.api.contracts import FloatArray, Mesh, Method
 from benchmark.check.shapes import figure, view
-from benchmark.plugins.registry import BUILT_IN, MethodSpec
+from benchmark.registry import BUILT_IN, methods
 from tests.baselines.deformable import moved_to, shape_of, sheet, tube
 from tests.baselines.perturbation import moved, other_rounding
 
@@ -21,7 +21,7 @@ SHAPES = {
     "round tube": lambda: tube(0.0),
     "bent tube": lambda: tube(2.4),
 }
-METHODS = {name: MethodSpec(name, target) for name, target in BUILT_IN.items() if target.startswith("baselines.")}
+METHODS = {name: methods()[name] for name, target in BUILT_IN.items() if target.startswith("baselines.")}
 
 #: Largest move of a vertex after rigid alignment, relative to the size of the form. Distances are kept in single
 #: precision, so that a move of 1e-13 may become one of 1e-7.

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmark.plugins.registry import BUILT_IN
 from benchmark.protocols.tables import ONLY_ABLATED
+from benchmark.registry import BUILT_IN
 from benchmark.report.escaping import number
 from benchmark.report.significance import permutation_test
 from benchmark.results import open_results

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.plugins.scorers import scorer_of, scorers
+from benchmark.registry import select_one
 from retrieval.cmbof import CMBOF, Features, Signature
 from tests.retrieval.figures import figure, turned
 
@@ -50,10 +50,10 @@ def test_views_of_each_subdivision_are_described_and_compared(
 
 
 def test_a_subdivision_without_views_is_refused_and_the_default_has_no_name_of_its_own() -> None:
-    assert scorer_of("cm-bof[subdivisions=2]", scorers()).name == "cm-bof"
+    assert select_one("cm-bof[subdivisions=2]", kind="scorer").name == "cm-bof"
     for wrong in ("-1", "4", "1.5"):
         with pytest.raises(ConfigurationError, match="subdivisions"):
-            scorer_of(f"cm-bof[subdivisions={wrong}]", scorers())
+            select_one(f"cm-bof[subdivisions={wrong}]", kind="scorer")
 
 
 def test_a_form_equals_itself_and_differs_from_others(figures: list[Mesh]) -> None:
