@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import heapq
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +15,10 @@ from benchmark.geometry.cleaning import compact, connected_components
 from benchmark.geometry.mesh import Mesh, Points, edges_of
 
 IntArray = NDArray[np.int64]
-_Edge = tuple[int, int]
+_Link = tuple[float, int, int]
 
 
-def bridge_components(mesh: Mesh) -> tuple[Mesh, int]:
+def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
     """Join all components into one along their minimum spanning tree.
 
     The distance between two components is the shortest Euclidean distance between their vertices (boundary vertices
@@ -35,8 +37,8 @@ def bridge_components(mesh: Mesh) -> tuple[Mesh, int]:
     -------
     mesh : Mesh
         One component; the remaining vertices keep their order.
-    bridges : int
-        Number of joined components minus one.
+    gaps : list of float
+        Length of each link, in units of the mesh; one fewer than there were components.
 
     Raises
     ------
@@ -47,54 +49,72 @@ def bridge_components(mesh: Mesh) -> tuple[Mesh, int]:
         raise InvalidMesh("a mesh without faces cannot be bridged", "pass a surface")
     work = compact(mesh.vertices, mesh.faces)
     labels = connected_components(work)
-    links = _spanning_tree(work, labels)
-    if not links:
-        return work, 0
+    if not labels.any():
+        return work, []
     builder = _Builder(work)
-    for first, second in links:
+    gaps = []
+    for gap, first, second in _in_order_of_growth(_spanning_tree(work, labels), labels):
         builder.bridge(first, second)
-    return builder.result(), len(links)
+        gaps.append(gap)
+    return builder.result(), gaps
 
 
-def _spanning_tree(mesh: Mesh, labels: IntArray) -> list[_Edge]:
-    """Return the vertex pairs of the minimum spanning tree of the components, by Prim's algorithm from component 0."""
-    count = int(labels.max()) + 1
-    if count == 1:
-        return []
-    candidates = _anchor_candidates(mesh, labels)
-    members = [candidates[labels[candidates] == component] for component in range(count)]
-    trees = [cKDTree(mesh.vertices[member]) for member in members]
-    lower, upper = np.array([tree.mins for tree in trees]), np.array([tree.maxes for tree in trees])
-    distance = np.full(count, np.inf)
-    link: list[_Edge] = [(-1, -1)] * count
-    outside = np.ones(count, dtype=bool)
-    links: list[_Edge] = []
-    current = 0
-    while True:
-        outside[current] = False
-        if not outside.any():
-            return links
-        gap = np.maximum(np.maximum(lower - upper[current], lower[current] - upper), 0.0)
-        near = np.linalg.norm(gap, axis=1)  # bounding boxes spare most pairs the search
-        for other in np.flatnonzero(outside & (near < distance)):
-            bridge = _closest(mesh.vertices, members, trees, current, int(other), distance[other])
-            if bridge is not None:
-                distance[other], link[other] = bridge
-        current = int(np.argmin(np.where(outside, distance, np.inf)))
-        links.append(link[current])
+def _spanning_tree(mesh: Mesh, labels: IntArray) -> list[_Link]:
+    """Return the links of the minimum spanning tree of the components [Boruvka 1926].
+
+    In each round, every group of joined components is linked to the nearest other group.
+    """
+    places = _anchor_candidates(mesh, labels)
+    points, group = mesh.vertices[places], labels[places].copy()
+    links: list[_Link] = []
+    while group.any():
+        distances, nearest = _nearest_of_other_groups(points, group)
+        order = np.lexsort((np.arange(len(group)), distances, group))
+        best = order[np.unique(group[order], return_index=True)[1]]
+        for at in best[np.argsort(distances[best], kind="stable")]:
+            other = int(nearest[at])
+            one, two = sorted((int(group[at]), int(group[other])))
+            if one != two:  # otherwise joined in this round
+                links.append((float(distances[at]), int(places[at]), int(places[other])))
+                group[group == two] = one
+    return links
 
 
-def _closest(
-    vertices: Points, members: list[IntArray], trees: list[cKDTree], inside: int, other: int, limit: float
-) -> tuple[float, _Edge] | None:
-    """Return the closest pair (vertex inside, vertex of the other component) if it is closer than the limit."""
-    few, many = (inside, other) if len(members[inside]) < len(members[other]) else (other, inside)
-    distances, nearest = trees[many].query(vertices[members[few]], distance_upper_bound=limit)
-    at = int(np.argmin(distances))
-    if not distances[at] < limit:
-        return None
-    ends = {few: int(members[few][at]), many: int(members[many][nearest[at]])}
-    return float(distances[at]), (ends[inside], ends[other])
+def _nearest_of_other_groups(points: Points, group: IntArray) -> tuple[NDArray[np.float64], IntArray]:
+    """Return, for each point, the distance and the index of the nearest point of another group.
+
+    Two groups differ in a bit of their numbers, so the nearest of all points of other groups is the nearest among those
+    that differ in some bit.
+    """
+    distances, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+    for bit in range(int(group.max()).bit_length()):
+        is_set = (group >> bit & 1).astype(bool)
+        for own, other in ((is_set, ~is_set), (~is_set, is_set)):
+            if own.any() and other.any():
+                found, at = cKDTree(points[other]).query(points[own])
+                closer = found < distances[own]
+                rows = np.flatnonzero(own)[closer]
+                distances[rows], nearest[rows] = found[closer], np.flatnonzero(other)[at[closer]]
+    return distances, nearest
+
+
+def _in_order_of_growth(links: list[_Link], labels: IntArray) -> Iterator[_Link]:
+    """Yield the links of a tree as Prim's algorithm finds them from component 0, each with its known end first."""
+    at: dict[int, list[_Link]] = {}
+    for gap, one, two in links:
+        at.setdefault(int(labels[one]), []).append((gap, one, two))
+        at.setdefault(int(labels[two]), []).append((gap, two, one))
+    waiting = list(at[0])
+    heapq.heapify(waiting)
+    joined = {0}
+    while waiting:
+        link = heapq.heappop(waiting)
+        component = int(labels[link[2]])
+        if component not in joined:
+            joined.add(component)
+            yield link
+            for further in at[component]:
+                heapq.heappush(waiting, further)
 
 
 def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
@@ -178,9 +198,14 @@ class _Builder:
         """Return the far ends of the boundary edges at a vertex; open a closed fan by removing its smallest face."""
         neighbours = self._boundary(vertex)
         if not neighbours:
-            self._remove(min(self._around(vertex), key=lambda index: (self._area(index), index)))
+            self._remove(min(self._around(vertex), key=lambda index: (self._pinches(index), self._area(index), index)))
             neighbours = self._boundary(vertex)
         return neighbours
+
+    def _pinches(self, index: int) -> int:
+        """Return at how many corners of a face two holes would meet without it."""
+        corners = set(self._corners(index))
+        return sum(len(set(self._boundary(corner)) ^ (corners - {corner})) > 2 for corner in corners)
 
     def _boundary(self, vertex: int) -> list[int]:
         ends = [end for index in self._around(vertex) for end in self._corners(index) if end != vertex]

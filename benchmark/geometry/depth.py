@@ -291,8 +291,8 @@ def back_project(
         )
     sampled = int(np.count_nonzero(samples))
     lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
-    mesh, bridges = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
-    return mesh, ViewReport(foreground, stride, pieces, bridges, specks, lost, round(lost / sampled, 6))
+    mesh, gaps = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
+    return mesh, ViewReport(foreground, stride, pieces, len(gaps), specks, lost, round(lost / sampled, 6))
 
 
 def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None) -> View:

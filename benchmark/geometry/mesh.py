@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -60,11 +61,13 @@ class Mesh:
         """Number of triangles."""
         return len(self.faces)
 
-    @property
+    @cached_property
     def face_areas(self) -> Points:
-        """Area of each triangle, shape (m,), in squared units of the coordinates."""
+        """Area of each triangle, shape (m,), in squared units of the coordinates; read-only."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        areas = np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        areas.flags.writeable = False
+        return areas
 
     @property
     def area(self) -> float:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import (
     LARGEST_LOSS,
+    CleaningReport,
     clean,
     compact,
     component_areas,
@@ -18,10 +21,14 @@ from benchmark.geometry.cleaning import (
 )
 from benchmark.geometry.mesh import Mesh, Points, edges_of, in_spatial_order
 
-# Components with a smaller fraction of the area are debris; larger ones are parts of the shape.
-SMALLEST_SHARE = 0.01
+DEBRIS = 0.01
+"""Maximum fraction of the area in components that are dropped, smallest first; the others are parts of the shape."""
+
 LARGEST_DEGENERATE_SHARE = 0.5
 """Maximum fraction of triangles with zero area; beyond it, a stray vertex has dwarfed the rest of the shape."""
+
+DECIMALS = 6
+"""Decimals of coordinates, in units of the root of the area: what a file says beyond seven digits is not the shape."""
 
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
@@ -44,8 +51,9 @@ class Prepared:
         Counts from preparation: ``vertices_before``, ``faces_before``, ``merged``, ``degenerate_faces``,
         ``duplicate_faces``, ``unreferenced``, ``boundary_edges``, ``non_manifold_edges`` and
         ``non_manifold_vertices`` of the cleaned mesh, ``components``, ``dropped_components``, ``lost_area`` (fraction
-        of the area lost with them or with faces at non-manifold edges), ``bridges``, ``vertices`` and ``faces`` of the
-        result, ``euler_characteristic``.
+        of the area lost with them or with faces at non-manifold edges), ``bridges``, ``largest_gap`` (the longest
+        bridge, in units of the root of the area), ``vertices`` and ``faces`` of the result,
+        ``euler_characteristic``.
     """
 
     mesh: Mesh
@@ -54,14 +62,29 @@ class Prepared:
     scale: float
     report: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def notes(self) -> dict[str, float]:
+        """What a user should know: ``joined_pieces`` and the ``largest_gap`` between them, in units of the file."""
+        if not self.report["bridges"]:
+            return {}
+        return {
+            "joined_pieces": self.report["bridges"] + 1,
+            "largest_gap": self.scale * self.report["largest_gap"],
+        }
+
+    def numbers_of(self, mesh: Mesh) -> NDArray[np.int64] | None:
+        """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
+        distances, nearest = cKDTree(self.mesh.vertices).query((mesh.vertices - self.centre) / self.scale)
+        return nearest if distances.max(initial=0.0) <= 2 * 10.0**-DECIMALS else None
+
 
 def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
-    """Clean, decimate and scale a mesh.
+    """Clean, decimate and scale a mesh; the result depends on the shape alone, not on unit, place or order of the file.
 
-    The steps are: remove duplicates and debris, open non-manifold edges and vertices, decimate to ``n_vertices`` by
-    quadric edge collapse [Garland and Heckbert 1997] (smaller meshes keep all vertices), bridge components with at
-    least one per cent of the area instead of dropping them, and scale to unit area. The order of vertices and triangles
-    depends on positions only.
+    The steps are: remove duplicates; centre, scale to unit area and round; sort by position; open non-manifold edges
+    and vertices; drop the smallest components, up to one per cent of the area in all; decimate to ``n_vertices`` by
+    quadric edge collapse [Garland and Heckbert 1997] (smaller meshes keep all vertices); bridge the other components;
+    scale to unit area and sort again.
 
     Parameters
     ----------
@@ -84,62 +107,66 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates stay equal.
     unit = 2.0 ** np.floor(np.log2(extent_of(mesh)))
     cleaned, cleaning = clean(mesh.with_vertices(mesh.vertices / unit))
-    if cleaned.n_vertices < _FEWEST_VERTICES or not cleaned.n_faces:
-        raise InvalidMesh(
-            f"after cleaning {cleaned.n_vertices} vertices and {cleaned.n_faces} triangles with area remain",
-            f"pass a surface of at least {_FEWEST_VERTICES} vertices, not a point cloud or a single triangle",
-        )
-    if cleaning.degenerate_faces > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
-        raise InvalidMesh(
-            f"{cleaning.degenerate_faces} of {mesh.n_faces} triangles have no area",
-            "look for stray vertices, or export it again",
-        )
-    centre = cleaned.vertices.mean(axis=0)
-    centred = cleaned.with_vertices(cleaned.vertices - centre)
-    work = make_manifold(centred)
-    areas, of_face = component_areas(work)
-    kept = areas >= SMALLEST_SHARE * areas.sum()
-    kept[np.argmax(areas)] = True
-    work = compact(work.vertices, work.faces[kept[of_face]])
-    source_area = work.area * unit**2
-    decimated = decimate(work, n_vertices)
-    opened = make_manifold(clean(decimated)[0])
-    lost = max(0.0, round(1 - work.area / centred.area * (opened.area / decimated.area), 6))
+    _require_surface(cleaned, cleaning)
+    centre, size = cleaned.vertices.mean(axis=0), np.sqrt(cleaned.area)
+    whole = in_spatial_order(cleaned.with_vertices(np.round((cleaned.vertices - centre) / size, DECIMALS)))
+    parts, dropped = _without_debris(make_manifold(whole))
+    reduced = opened = decimate(parts, n_vertices)
+    if reduced is not parts:
+        opened = make_manifold(clean(reduced)[0])
+    lost = max(0.0, round(1 - parts.area / whole.area * (opened.area / reduced.area), 6))
     if lost > LARGEST_LOSS:
         raise InvalidMesh(
-            f"preparation would lose {lost:.0%} of the area: {int((~kept).sum())} of {len(areas)} components are small "
-            "debris, or triangles overlap in edges",
+            f"preparation would lose {lost:.0%} of the area: triangles overlap in edges",
             "join what belongs together, and remove what does not belong to the shape",
         )
-    work, bridges = bridge_components(opened)
-    if work.n_vertices < _FEWEST_VERTICES:
+    joined, gaps = bridge_components(opened)
+    if joined.n_vertices < _FEWEST_VERTICES:
         raise InvalidMesh(
-            f"only {work.n_vertices} vertices remain after preparation",
+            f"only {joined.n_vertices} vertices remain after preparation",
             f"pass a connected surface of at least {_FEWEST_VERTICES} vertices",
         )
-    size = np.sqrt(work.area)
-    result = in_spatial_order(work.with_vertices(work.vertices / size))
+    growth = np.sqrt(joined.area)
+    result = in_spatial_order(joined.with_vertices(joined.vertices / growth))
     report = {
-        "vertices_before": cleaning.vertices_before,
-        "faces_before": cleaning.faces_before,
-        "merged": cleaning.merged,
-        "degenerate_faces": cleaning.degenerate_faces,
-        "duplicate_faces": cleaning.duplicate_faces,
-        "unreferenced": cleaning.unreferenced,
-        "boundary_edges": cleaning.boundary_edges,
-        "non_manifold_edges": cleaning.non_manifold_edges,
-        "non_manifold_vertices": cleaning.non_manifold_vertices,
-        "components": cleaning.components,
-        "dropped_components": int((~kept).sum()),
+        **vars(cleaning),
+        "dropped_components": dropped,
         "lost_area": lost,
-        "bridges": bridges,
+        "bridges": len(gaps),
+        "largest_gap": max(gaps, default=0.0) / growth,
         "vertices": result.n_vertices,
         "faces": result.n_faces,
         "euler_characteristic": result.n_vertices - len(edges_of(result.faces).ends) + result.n_faces,
     }
     return Prepared(
-        result, source_area, unit * centre, float(unit * size), {name: float(value) for name, value in report.items()}
+        result,
+        parts.area * (unit * size) ** 2,
+        unit * centre,
+        float(unit * size * growth),
+        {name: float(value) for name, value in report.items()},
     )
+
+
+def _require_surface(cleaned: Mesh, cleaning: CleaningReport) -> None:
+    if cleaned.n_vertices < _FEWEST_VERTICES or not cleaned.n_faces:
+        raise InvalidMesh(
+            f"after cleaning {cleaned.n_vertices} vertices and {cleaned.n_faces} triangles with area remain",
+            f"pass a surface of at least {_FEWEST_VERTICES} vertices, not a point cloud or a single triangle",
+        )
+    if cleaning.degenerate_faces > LARGEST_DEGENERATE_SHARE * cleaning.faces_before:
+        raise InvalidMesh(
+            f"{cleaning.degenerate_faces} of {cleaning.faces_before} triangles have no area",
+            "look for stray vertices, or export it again",
+        )
+
+
+def _without_debris(mesh: Mesh) -> tuple[Mesh, int]:
+    """Return the mesh without its smallest components, at most :data:`DEBRIS` of the area, and their number."""
+    areas, of_face = component_areas(mesh)
+    order = np.argsort(areas, kind="stable")
+    debris = order[np.cumsum(areas[order]) <= DEBRIS * areas.sum()]
+    kept = ~np.isin(of_face, debris)
+    return (compact(mesh.vertices, mesh.faces[kept]), len(debris)) if len(debris) else (mesh, 0)
 
 
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
