@@ -215,8 +215,11 @@ def plain_form(source: Path, request: Request, vertices: int | str | None = None
     else:
         prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
         shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.seed)
-        form = form_with_fit(maker, shape, {})
-        if vertices == "all":
+        form = form_with_fit(maker, shape, prepared.notes)
+        numbers = prepared.numbers_of(mesh)
+        if numbers is not None and np.array_equal(form.faces, prepared.mesh.faces):
+            form = CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)  # in the numbering of the file
+        elif vertices == "all":
             form = _at_vertices(mesh, prepared, form, spec.info.name)
     return form.vertices.tolist(), form.faces.tolist(), form.notes
 

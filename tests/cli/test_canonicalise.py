@@ -10,8 +10,9 @@ from benchmark.cli.forms import Request, plain_form, vertex_count, write_form
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.execution.processes.calls import BrokenCall
+from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
-from tests.geometry.surfaces import sphere
+from tests.geometry.surfaces import joined, sphere
 from tests.toy import files_of_at_most, rod, write_off
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
@@ -53,6 +54,21 @@ def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path
 def canonicalise(*arguments):
     done = CliRunner().invoke(cli, ["canonicalise", "-m", "identity", *map(str, arguments)])
     return str(done.exception) if isinstance(done.exception, ConfigurationError) else done.output
+
+
+def test_a_small_mesh_keeps_its_numbering_and_joined_pieces_are_told(tmp_path):
+    ball = rod(0.1, 0.5)
+    order = np.random.default_rng(0).permutation(len(ball.vertices))
+    mixed = Mesh(ball.vertices[order], np.argsort(order)[ball.faces])
+    write_off(tmp_path / "rod.off", mixed)
+    canonicalise(tmp_path / "rod.off", "-o", tmp_path / "form.off")
+    form = read_mesh(tmp_path / "form.off")
+    np.testing.assert_array_equal(form.faces, mixed.faces)
+    scale = np.sqrt(form.area / mixed.area)
+    np.testing.assert_allclose(form.vertices, scale * (mixed.vertices - mixed.vertices.mean(axis=0)), atol=1e-5)
+    pair = joined(sphere(2), sphere(2).with_vertices(sphere(2).vertices + np.array([6, 0, 0])))
+    write_off(tmp_path / "pair.off", pair)
+    assert "joined_pieces 2, largest_gap 4" in canonicalise(tmp_path / "pair.off", "-o", tmp_path / "joined.off")
 
 
 def test_a_form_is_never_written_beside_its_mesh_unasked_nor_over_it(tmp_path, monkeypatch):
