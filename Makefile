@@ -21,7 +21,7 @@ BENT := $(addprefix --shape woman-3_,kicking squatting throwing)
 FAMILY := report -d humans --input mesh --force $(addprefix --shape woman-3_,standing t-pose squatting) --figure results/figures/family
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 
-.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean boundscheck golden reference portability
+.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean golden reference
 
 setup: $(READY)
 
@@ -65,25 +65,15 @@ test-slow: setup kernels
 test-exhaustive: setup
 	$(BIN)/python -m pytest -m exhaustive
 
-# What each component makes of small committed inputs, beside what it made before; ARGS="--accept NAME" where it moved.
+# What each component makes of small committed inputs, beside what it made before; ARGS="-k NAME --force-regen" writes it again.
 golden: setup kernels
-	$(BIN)/python -m tools.golden $(ARGS)
+	$(BIN)/python -m pytest -m golden -n logical tests/golden $(ARGS)
 
 # The scores of each query of small galleries, beside those of before: which rows differ, in six digits. TOSCA is left out without
 # CANONICAL_FORMS_DATA. ARGS="-d animals -m gps" makes a part, ARGS=--accept writes it.
 reference: setup kernels
 	$(BIN)/python -m tests.behaviour.reference $(ARGS)
 
-# The compiled kernels with every index checked; two minutes, most of them to compile.
-boundscheck: setup
-	NUMBA_BOUNDSCHECK=1 NUMBA_OPT=1 NUMBA_CACHE_DIR=$(CURDIR)/build/boundscheck \
-	    $(BIN)/python -m pytest -m "kernels and not slow and not exhaustive"
-
-# The golden results under the kernels of a processor of 2013, and under those of 2008.
-portability: setup
-	OPENBLAS_CORETYPE=Haswell $(BIN)/python -m tools.golden
-	OPENBLAS_CORETYPE=Nehalem NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=$(CURDIR)/build/generic ATEN_CPU_CAPABILITY=default \
-	    NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4" $(BIN)/python -m tools.golden
 
 lint: setup
 	$(BIN)/ruff check .

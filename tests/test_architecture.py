@@ -22,7 +22,7 @@ LAYERS = (
     ("benchmark.datasets",),
     ("benchmark.protocols", "benchmark.check", "benchmark.new"),
     ("benchmark.pipeline",),
-    ("benchmark.execution", "benchmark.run", "benchmark.protocols.pairs"),
+    ("benchmark.execution", "benchmark.runs", "benchmark.protocols.pairs"),
     ("benchmark.report",),
     ("benchmark.depth_forms", "benchmark.external", "benchmark.results"),
     ("benchmark.cli", "benchmark.kernels.__main__"),

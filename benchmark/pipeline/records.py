@@ -19,6 +19,7 @@ from benchmark.pipeline.cache import RUNS, StorageError, storing
 from benchmark.pipeline.environment import has_edits
 from benchmark.pipeline.measures import DECIMALS
 from benchmark.text import LONGEST_NAME
+from retrieval.measures import PRINTED
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
@@ -91,7 +92,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     data, shapes, labels
         Data set, shapes and their classes, in the order of the distance matrix.
     scores, per_query
-        Each measure: its mean, and its values; None for the only shape of a class.
+        Each measure: its mean, and its values; None for the only shape of a class. Published records have values of
+        the printed measures only.
     tied_queries, lone_queries
         Numbers of queries with ties that matter, and of queries without a relevant shape.
     unsupported, unprepared
@@ -268,7 +270,7 @@ def _faults(record: Record) -> Iterator[str]:
             yield f"`{name}` names a shape that is not in `shapes`"
     if not known.issuperset(name for name, _ in record.unsupported):
         yield "`unsupported` names a shape that is not in `shapes`"
-    if (record.status == "ok") != bool(record.scores) or record.scores.keys() != record.per_query.keys():
+    if (record.status == "ok") != bool(record.scores) or not record.scores.keys() >= record.per_query.keys():
         yield "`scores`, `per_query` and `status` do not fit together"
     members = Counter(record.labels)
     lone = [members[label] < 2 for label in record.labels]
@@ -434,7 +436,8 @@ def publish(results: Path, is_public: Callable[[Record], bool]) -> Merged:
 
 def portable(record: Record) -> Record:
     """Return a record without what means nothing on another machine."""
-    return msgspec.structs.replace(record, parts={}, files=None, traceback="", published=False)
+    per_query = {name: values for name, values in record.per_query.items() if name in PRINTED}
+    return msgspec.structs.replace(record, per_query=per_query, parts={}, files=None, traceback="", published=False)
 
 
 def write_published(results: Path, records: Iterable[Record]) -> None:

@@ -19,7 +19,7 @@ from retrieval.features import EDGE_RATIO, _detect_all
 from retrieval.pose import to_unit_sphere
 from retrieval.views import BACKGROUND, render, view_sphere
 from tests.retrieval.figures import figure
-from tools.golden import inputs
+from tests.golden import inputs
 
 Keypoints = Mapping[str, NDArray[Any]]
 

@@ -28,7 +28,7 @@ MASKS = {
     "people": 0.54,
 }
 
-GOLDEN = Path(__file__).parents[2] / "tests" / "golden"
+GOLDEN = Path(__file__).parent
 INPUTS = GOLDEN / "inputs"
 
 

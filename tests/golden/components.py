@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
@@ -13,11 +11,9 @@ from benchmark.datasets.folder import folder_dataset
 from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
 from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.geodesics import SOLVERS
-from benchmark.plugins.registry import BUILT_IN as METHODS
-from benchmark.plugins.registry import MethodSpec
-from benchmark.plugins.scorers import BUILT_IN as SCORERS
-from benchmark.source_code import FIRST_PARTY, ROOT
-from tools.golden import inputs, stages
+from benchmark.registry import BUILT_IN as METHODS
+from benchmark.registry import SCORERS, select_one
+from tests.golden import inputs, stages
 
 #: Differences between processors are below 1e-9 of the size of a form.
 FORMS = 1e-8
@@ -63,19 +59,8 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
 #: Additional parts of sets: properties that two or three shapes do not show.
 WHOLE = {"humans-scanlike": "bodies", "people": "subjects", "animals": "skeletons", "humans": "gallery"}
 
-#: Modules of the streams of bodies that train networks.
-SAMPLERS = {
-    "people": "humans", "animals": "varied_animals.sampler", "varied": "varied.sampler", "wide": "varied.wide",
-    "scans": "scans.sampler",
-}  # fmt: skip
-
-#: Folders that do not affect results: errors, texts, files, processes, and code that only calls the components.
-NO_FIGURES = (
-    "benchmark", "benchmark/plugins", "benchmark/pipeline", "benchmark/pipeline/storage", "benchmark/execution",
-    "benchmark/execution/processes",
-)  # fmt: skip
-
-_STAGES, _SETS = "benchmark.pipeline.stages.", "benchmark.datasets."
+#: Streams of bodies that train networks.
+SAMPLERS = ("people", "animals", "varied", "wide", "scans")
 
 
 class Part(NamedTuple):
@@ -87,10 +72,9 @@ class Part(NamedTuple):
 
 
 class Component(NamedTuple):
-    """Parts to compute, modules that compute them with their imports from the layers below, and tolerance."""
+    """Parts to compute, and their tolerance."""
 
     parts: Callable[[], Iterator[Part]]
-    modules: tuple[str, ...]
     tolerance: float = DOUBLES
 
 
@@ -101,42 +85,38 @@ def components() -> Mapping[str, Component]:
 
 
 def _components() -> Iterator[tuple[str, Component]]:
-    modules = {name: target.partition(":")[0] for name, target in {**METHODS, **SCORERS}.items()}
-    for name in METHODS:
-        networks = NETWORKS if modules[name].startswith("learned.") else FORMS
-        tolerance = NON_METRIC if name == "non-metric-mds" else networks
-        yield f"method/{name}", Component(partial(_of_method, name), (modules[name], f"{_STAGES}shapes"), tolerance)
+    for name, target in METHODS.items():
+        networks = NETWORKS if target.startswith("learned.") else FORMS
+        yield (
+            f"method/{name}",
+            Component(partial(_of_method, name), NON_METRIC if name == "non-metric-mds" else networks),
+        )
     for name in SCORERS:
-        yield f"scorer/{name}", Component(partial(_of_scorer, name), (modules[name],))
+        yield f"scorer/{name}", Component(partial(_of_scorer, name))
     raw = {name: (name,) for name in RAW}
-    yield "preparation/mesh", Component(partial(_called, stages.completed, raw), (f"{_STAGES}shapes",))
-    yield "preparation/view", Component(partial(_called, stages.seen, VIEWS), (f"{_STAGES}shapes",), SINGLES)
-    called = ("benchmark.depth.frame", f"{_STAGES}shapes")
-    yield "preparation/frame", Component(partial(_called, stages.observed, FRAMES), called, SINGLES)
-    yield "api", Component(_api, ("benchmark.api.contracts", "benchmark.geometry.laplacian"), FORMS)
+    yield "preparation/mesh", Component(partial(_called, stages.completed, raw))
+    yield "preparation/view", Component(partial(_called, stages.seen, VIEWS), SINGLES)
+    yield "preparation/frame", Component(partial(_called, stages.observed, FRAMES), SINGLES)
+    yield "api", Component(_api, FORMS)
     for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
-        dataset = open_dataset(name, None)
-        owners = {type(dataset).__module__, type(getattr(dataset, "whole", dataset)).__module__}
-        yield f"data/{name}", Component(partial(_generated, name), tuple(sorted(owners)), FORMS)
-    for name, module in SAMPLERS.items():
-        parts = partial(_called, stages.sampled, {"bodies": (name,)})
-        yield f"sampler/{name}", Component(parts, (f"{_SETS}{module}",), SINGLES)
-    yield "data/files", Component(partial(_read, "files"), (f"{_SETS}folder", "benchmark.geometry.io"))
-    called = (f"{_SETS}depth_folder", "benchmark.depth.reading")
-    yield "data/frames", Component(partial(_read, "frames"), called)
-    for name, known in PERTURBATIONS.items():
-        called = (f"{_SETS}perturbations.dataset", *((known.on_mesh.__module__,) if known.on_mesh else ()))
-        yield f"change/{name}", Component(partial(_changed, name), called, FORMS)
+        yield f"data/{name}", Component(partial(_generated, name), FORMS)
+    for name in SAMPLERS:
+        yield f"sampler/{name}", Component(partial(_called, stages.sampled, {"bodies": (name,)}), SINGLES)
+    for name in ("files", "frames"):
+        yield f"data/{name}", Component(partial(_read, name))
+    for name in PERTURBATIONS:
+        yield f"change/{name}", Component(partial(_changed, name), FORMS)
     jitters = {"1": ("jitter", 1, 0), "2": ("jitter", 2, 0)}
-    yield "change/jitter", Component(partial(_called, stages.changed, jitters), (f"{_SETS}jittered",))
-    yield "measures", Component(_measures, (f"{_STAGES}measures",))
-    called = tuple(f"{_STAGES}{name}" for name in ("shapes", "measures"))
+    yield "change/jitter", Component(partial(_called, stages.changed, jitters))
+    yield "measures", Component(_measures)
+    galleries = {"whole": (SIGNED, [*"aaba"], ()), "refused": (SIGNED, [*"aaba"], SIGNED[1:2])}
+    yield "ranking", Component(partial(_called, stages.ranked, galleries))
     parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")})
-    yield "end-to-end", Component(parts, (modules["classic-mds"], modules["cm-bof"], *called))
+    yield "end-to-end", Component(parts)
 
 
 def _of_method(name: str) -> Iterator[Part]:
-    spec = MethodSpec(name, METHODS[name])
+    spec = select_one(name)
     for variant in [name, *(f"{name}[{variant}]" for variant in VARIANTS.get(name, ()))]:
         if spec.learns and "view" in spec.info.inputs:
             for image in ("woman", "man", "nothing", "tiny"):
@@ -209,50 +189,3 @@ def _measures() -> Iterator[Part]:
 
 def _called(call: Callable[..., Any], arguments: Mapping[str, tuple[Any, ...]]) -> Iterator[Part]:
     return (Part(name, call, given) for name, given in arguments.items())
-
-
-@cache
-def modules_of(component: str) -> tuple[str, ...]:
-    """Return the modules that a component runs: its own, and all their imports that can affect results."""
-    closure: dict[str, None] = {}
-    pending = list(components()[component].modules)
-    while pending:
-        module = pending.pop()
-        if module not in closure and _folder(module) not in NO_FIGURES:
-            closure[module] = None
-            pending += _imports(module)
-    return tuple(sorted(closure))
-
-
-def folders_of(component: str) -> tuple[str, ...]:
-    """Return the folders of the code that a component runs."""
-    return tuple(sorted({_folder(module) for module in modules_of(component)}))
-
-
-def path_of(module: str) -> Path:
-    """Return the file of a module."""
-    base = ROOT.joinpath(*module.split("."))
-    return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
-
-
-def _folder(module: str) -> str:
-    return str(path_of(module).parent.relative_to(ROOT))
-
-
-@cache
-def _imports(module: str) -> tuple[str, ...]:
-    """Return the modules of the suite that a module imports, except for types only or for training."""
-    names: list[str] = []
-    pending: list[ast.AST] = [ast.parse(path_of(module).read_bytes())]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, ast.FunctionDef) and node.name in ("train", "check_options"):
-            continue
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            continue
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        elif isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        pending += ast.iter_child_nodes(node)
-    return tuple(name for name in names if name.split(".")[0] in FIRST_PARTY and path_of(name).is_file())

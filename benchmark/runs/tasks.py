@@ -20,7 +20,7 @@ from benchmark.pipeline.ranking import CODE as MEASURES
 from benchmark.pipeline.ranking import Ranking
 from benchmark.pipeline.shapes import Preparation, SharedFailure, Unprepared, as_shape_set, require_result
 from benchmark.registry.components import Component
-from benchmark.run.jobs import Job, Outcome, Step, Task
+from benchmark.runs.jobs import Job, Outcome, Step, Task
 
 
 class CodeChanged(BenchmarkError):

@@ -15,9 +15,9 @@ from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, StorageError, writing
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import Record, write_record
-from benchmark.run.jobs import Gallery, Job, Outcome, Step, Task
-from benchmark.run.plan import Planned
-from benchmark.run.pool import Pool, run_here
+from benchmark.runs.jobs import Gallery, Job, Outcome, Step, Task
+from benchmark.runs.planning import Planned
+from benchmark.runs.pool import Pool, run_here
 from benchmark.text import say
 
 #: A method that refuses as many shapes for one reason before it has treated any fails.
@@ -123,7 +123,7 @@ class _Run:
 
     def _pool(self, size: int, timeout: float, dask: str) -> Any:
         if dask:
-            from benchmark.run.dask import DaskPool
+            from benchmark.runs.dask import DaskPool
 
             return DaskPool(dask, timeout)
         if not size:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.pipeline.records import Record, read_records
-from benchmark.run.plan import Planned
+from benchmark.runs.planning import Planned
 
 #: Stages whose results all methods share; they count once a shape.
 SHARED = ("prepare", "geodesics")

@@ -8,9 +8,9 @@ from contextlib import nullcontext
 from multiprocessing.connection import wait
 
 from benchmark.errors import BenchmarkError
-from benchmark.run.jobs import Outcome, Step, Task
-from benchmark.run.tasks import run_task
-from benchmark.run.worker import Worker
+from benchmark.runs.jobs import Outcome, Step, Task
+from benchmark.runs.tasks import run_task
+from benchmark.runs.worker import Worker
 from benchmark.text import say
 
 #: What the tasks of a pool give: each step with its outcome.

@@ -24,8 +24,8 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select_one
-from benchmark.run.jobs import Job, State, Step
-from benchmark.run.tasks import code_of_job
+from benchmark.runs.jobs import Job, State, Step
+from benchmark.runs.tasks import code_of_job
 
 #: Which jobs with a record run again: none, those that failed, or all.
 Again = Literal["", "failed", "all"]
@@ -233,30 +233,37 @@ class _Planning:
 
     def _facts(self, gallery: Gallery, input_: Input, method: Component, *, scores: bool) -> dict[str, Any]:
         """Return the fields of a record that are known in advance."""
-        shapes, info = as_shape_set(gallery.dataset), method.info
-        content = [(entry.identifier, entry.subject, _key_of(shapes, entry)) for entry in gallery.entries]
         return {
+            **gallery_facts(gallery, input_),
             "status": "ok",
-            "gallery": gallery.name,
-            "gallery_digest": digest(content),
-            "input": input_,
             "method": method.name,
             "title": method.title,
-            "family": info.family,
+            "family": method.info.family,
             "parameters": json.loads(json.dumps(dict(method.parameters), default=str)),
             "seed": self.seed,
             "scorer": self.scorer.name if scores else "",
             "scorer_title": self.scorer.title if scores else "",
-            "data": {
-                "name": shapes.name,
-                "title": shapes.title or shapes.name,
-                "source": gallery.source,
-                "stand_in_for": shapes.stand_in_for,
-                "quick": gallery.quick,
-            },
-            "shapes": [entry.identifier for entry in gallery.entries],
-            "labels": [entry.subject for entry in gallery.entries],
         }
+
+
+def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
+    """Return the fields of a record that describe the shapes of a gallery."""
+    shapes = as_shape_set(gallery.dataset)
+    content = [(entry.identifier, entry.subject, _key_of(shapes, entry)) for entry in gallery.entries]
+    return {
+        "gallery": gallery.name,
+        "gallery_digest": digest(content),
+        "input": input_,
+        "data": {
+            "name": shapes.name,
+            "title": shapes.title,
+            "source": gallery.source,
+            "stand_in_for": shapes.stand_in_for,
+            "quick": gallery.quick,
+        },
+        "shapes": [entry.identifier for entry in gallery.entries],
+        "labels": [entry.subject for entry in gallery.entries],
+    }
 
 
 def place_of(facts: Mapping[str, Any]) -> Place:

@@ -28,18 +28,23 @@ from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
-from benchmark.pipeline.stages import measures, shapes
-from benchmark.plugins.output_checks import distances_of, form_distances, signature_of
-from benchmark.plugins.registry import methods, variant
-from benchmark.plugins.scorers import scorer_of, scorers
-from tools.golden import inputs
+from benchmark.pipeline import measures, preparation
+from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.forms import SharedStages, compute_answer, sign
+from benchmark.pipeline.forms import mesh_of as form_mesh
+from benchmark.pipeline.ranking import Keys, Ranking
+from benchmark.pipeline.shapes import SECONDS, require_result
+from benchmark.registry import select_one
+from benchmark.registry.outputs import compare_signatures, compute_distances, compute_signature
+from retrieval.chance import chance_levels
+from tests.golden import inputs
 
 Arrays = Mapping[str, Any]
 
 
 def form_of(name: str, shape: str) -> Arrays:
     """Return a form in double precision, before the stage rounds it, with the notes of the stage."""
-    return _form_of(variant(name, methods()).create(), inputs.shape(shape))
+    return _form_of(select_one(name).create(), inputs.shape(shape))
 
 
 def learned_form(name: str, shape: Shape) -> Arrays:
@@ -48,14 +53,20 @@ def learned_form(name: str, shape: Shape) -> Arrays:
 
 
 def _form_of(method: Any, shape: Shape) -> Arrays:
-    formed = shapes.canonicalise(method, shape)
+    formed = _answer(method, shape)
     return {**formed, "vertices": method.canonicalise(shape).vertices, "digits": formed["vertices"].dtype.str}
+
+
+def _answer(method: Any, shape: Shape) -> Arrays:
+    """Return a form or a descriptor without its times; raise the reason of a refusal."""
+    answer = require_result(compute_answer(method, shape, SharedStages(), first=False))
+    return {name: array for name, array in answer.items() if not name.startswith(SECONDS)}
 
 
 @cache
 def _trained(name: str) -> tuple[Any, Any]:
     """Return a learner with its model, and the folder of the model, which lasts as long as the process."""
-    method: Any = variant(name, methods()).create()
+    method: Any = select_one(name).create()
     models = tempfile.TemporaryDirectory()
     inputs.write_model(method, Path(models.name) / "model")
     return method.load(Path(models.name) / "model"), models
@@ -63,37 +74,54 @@ def _trained(name: str) -> tuple[Any, Any]:
 
 def descriptors_of(name: str, names: Sequence[str]) -> Arrays:
     """Return descriptors of shapes, and the distances between them."""
-    method: Any = variant(name, methods()).create()
-    descriptors = [shapes.describe(method, inputs.shape(shape))["descriptor"] for shape in names]
-    return {**dict(zip(names, descriptors, strict=True)), "distances": distances_of(method, descriptors)}
+    method: Any = select_one(name).create()
+    descriptors = [_answer(method, inputs.shape(shape))["descriptor"] for shape in names]
+    return {**dict(zip(names, descriptors, strict=True)), "distances": compute_distances(method, descriptors)}
 
 
 def signature(name: str, shape: str) -> Arrays:
     """Return the signature of a form."""
-    return signature_of(scorer_of(name, scorers()).create(), inputs.mesh("shapes", shape))
+    return compute_signature(select_one(name, kind="scorer").create(), inputs.mesh("shapes", shape))
 
 
 def compared(name: str, forms: Sequence[str]) -> Arrays:
     """Return the distances between committed signatures for each draw."""
-    scorer = scorer_of(name, scorers()).create()
-    base, stored = name.partition("[")[0], inputs.arrays("signatures")
-    signatures = [
-        {key.rpartition("/")[2]: value for key, value in stored.items() if key.startswith(f"{base}/{form}/")}
-        for form in forms
-    ]
-    return {f"draw-{n}": form_distances(scorer, signatures, n) for n in range(scorer.info.draws)}
+    scorer = select_one(name, kind="scorer").create()
+    signatures = [_committed(name.partition("[")[0], form) for form in forms]
+    return {f"draw-{n}": compare_signatures(scorer, signatures, n) for n in range(scorer.info.draws)}
+
+
+def _committed(scorer: str, form: str) -> Arrays:
+    """Return a committed signature."""
+    stored = inputs.arrays("signatures")
+    return {key.rpartition("/")[2]: value for key, value in stored.items() if key.startswith(f"{scorer}/{form}/")}
+
+
+def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) -> Arrays:
+    """Return what the record of a gallery of committed signatures says; some shapes are refused."""
+    scorer = select_one("cm-bof", kind="scorer").create()
+    with tempfile.TemporaryDirectory() as folder:
+        cache, second = Cache(Path(folder)), {SECONDS: np.array(1.0)}
+        for form in forms:
+            cache.write("prepared", form, {**second, "note:bridges": np.array(len(form))})
+            cache.write("forms", form, {"refused": np.array(["no reason", ""])} if form in refused else second)
+            cache.write("signatures", form, {**_committed("cm-bof", form), **second})
+        keys = [Keys(form, form, form) for form in forms]
+        content, arrays = Ranking(cache, forms, labels, keys, lambda _: None, {}).content(None, scorer)
+    refused = [forms.index(name) for name, _ in content.pop("unsupported")]
+    return {**arrays, **_flat({**content, "unsupported": refused})}
 
 
 def completed(name: str) -> Arrays:
     """Return a raw mesh, prepared."""
-    return shapes.complete(inputs.mesh("raw", name))
+    return preparation.prepare_mesh(inputs.mesh("raw", name))
 
 
 def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None) -> Arrays:
     """Return the view of a raw mesh from the side, in a given frame or in its own."""
     source = inputs.mesh("raw", name)
-    width = shapes.frame_of([shapes.half_width_of(source, SIDE)]) if half_width is None else half_width
-    rendered = shapes.seen(source, SIDE, width, sensor)
+    width = preparation.common_frame([preparation.fit_frame(source, SIDE)]) if half_width is None else half_width
+    rendered = preparation.prepare_view(source, SIDE, width, sensor)
     return {**rendered, "depth": rendered["depth"][::10, ::10], "half_width": width}
 
 
@@ -104,7 +132,7 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
     seen_object = frame.observe(
         reading.in_metres(depth), intrinsics.Intrinsics(*stored["camera"]), stored["mask"] if given else None, up
     )
-    prepared = shapes.seen(seen_object.surface, frame.UPRIGHT, frame.HALF_WIDTH)
+    prepared = preparation.prepare_view(seen_object.surface, frame.UPRIGHT, frame.HALF_WIDTH)
     notes = {f"seen:{key}": value for key, value in seen_object.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
 
@@ -231,22 +259,22 @@ def measured(matrices: Sequence[str], answered: bool) -> Arrays:
     stored = inputs.arrays("distances")
     places = stored["answered"].tolist() if answered else None
     given = [stored[name][np.ix_(places, places)] if places else stored[name] for name in matrices]
-    return _flat(measures.scores(given, stored["labels"].tolist(), places))
+    labels = stored["labels"].tolist()
+    return _flat({**measures.score(given, labels, places), "chance": chance_levels(labels)})
 
 
 def scored(method_name: str, scorer_name: str) -> Arrays:
     """Return distances and scores of two shapes of each of two classes, from raw meshes."""
-    method: Any = variant(method_name, methods()).create()
-    scorer = scorer_of(scorer_name, scorers()).create()
+    method: Any = select_one(method_name).create()
+    scorer = select_one(scorer_name, kind="scorer").create()
     names = ("dog-1", "dog-2", "horse-1", "horse-2")
     signatures = []
     for name in names:
-        prepared = shapes.complete(inputs.mesh("raw", name))
-        surface = Mesh(prepared["vertices"], prepared["faces"])
-        formed = shapes.canonicalise(method, Shape(identifier=name, mesh=surface))
-        signatures.append(signature_of(scorer, shapes.form_mesh(formed, surface)))
-    matrices = [form_distances(scorer, signatures, n) for n in range(scorer.info.draws)]
-    return {"distances": np.array(matrices), **_flat(measures.scores(matrices, [name[:-2] for name in names]))}
+        prepared = preparation.prepare_mesh(inputs.mesh("raw", name))
+        shape = Shape(identifier=name, mesh=Mesh(prepared["vertices"], prepared["faces"]))
+        signatures.append(require_result(sign(scorer, form_mesh(_answer(method, shape), prepared))))
+    matrices = [compare_signatures(scorer, signatures, n) for n in range(scorer.info.draws)]
+    return {"distances": np.array(matrices), **_flat(measures.score(matrices, [name[:-2] for name in names]))}
 
 
 def _flat(nested: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,32 +1,23 @@
-"""A process for one task at a time, which may crash, hang or run out of memory without harm to the run.
-
-Messages from the worker are pairs: ``("aside", name)`` when work begins that is charged to no method and
-``("aside", "")`` when it ends, ``("print", line)``, and ``("outcome", outcome)``.
-"""
+"""A process for one task at a time, which may crash, hang or run out of memory without harm to the run."""
 
 from __future__ import annotations
 
-import ctypes
-import io
 import os
 import pickle
-import resource
 import signal
 import subprocess
 import sys
 import time
-from bdb import BdbQuit
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, redirect_stdout, suppress
-from multiprocessing.connection import Connection, Pipe
-from typing import Any
+from contextlib import suppress
+from multiprocessing.connection import Pipe
 
-from benchmark.run.jobs import Outcome, Step, Task
+from benchmark.runs.jobs import Outcome, Step, Task
 
-#: Work during which nothing is stopped: kernels may take minutes to compile.
-_UNLIMITED = frozenset({"compiling"})
+#: Work during which nothing is stopped: kernels may take minutes to compile, and the program has imported plugins, too.
+_UNLIMITED = frozenset({"starting", "loading", "compiling"})
 
 #: A child is killed when the thread that started it ends; this one ends with the program.
 _starter = ThreadPoolExecutor(1, thread_name_prefix="workers")
@@ -48,7 +39,7 @@ class Worker:
 
     def __init__(self, memory: int) -> None:
         self.connection, theirs = Pipe()
-        command = [sys.executable, "-m", "benchmark.run.worker", str(theirs.fileno()), str(memory), str(os.getpid())]
+        command = [sys.executable, "-m", "benchmark.runs.serve", str(theirs.fileno()), str(memory), str(os.getpid())]
 
         def start() -> subprocess.Popen[bytes]:
             return subprocess.Popen(
@@ -66,14 +57,16 @@ class Worker:
         self.plugin: str | None = None
         #: Lines that plugins printed, with the name of their method.
         self.printed: list[str] = []
-        self.aside = ""
+        #: Work that is charged to no method; "" while a method is at work.
+        self.aside = "starting"
         self._timeout = self._deadline = self._left = float("inf")
 
     def begin(self, task: Task, timeout: float) -> None:
         """Give it a task; each step may take ``timeout`` seconds, a ranking that for each of its shapes."""
         self.task, self.waiting, self.plugin = task, deque(task.steps), task.steps[0].job.plugin
         self._timeout = timeout * (len(task.gallery.shapes) if task.gallery else 1)
-        self._deadline = time.monotonic() + self._timeout
+        self._left = self._timeout
+        self._deadline = float("inf") if self.aside in _UNLIMITED else time.monotonic() + self._timeout
         with suppress(OSError):  # it has just died; outcomes() says so
             self.connection.send(task)
 
@@ -131,82 +124,3 @@ class Worker:
 
 #: Signals by which users and the system end a process.
 _BY_HAND = frozenset({signal.SIGKILL, signal.SIGTERM})
-
-
-# In the process ------------------------------------------------------------------------------------------------------
-
-
-def serve(connection: Connection, memory: int, parent: int) -> None:
-    """Run the tasks of a worker until its program ends."""
-    _die_with(parent)
-    resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.getrlimit(resource.RLIMIT_DATA)[1]))
-    from benchmark.run.tasks import run_task
-
-    at_work = [""]
-
-    @contextmanager
-    def aside(name: str) -> Iterator[None]:
-        at_work.append(name)
-        connection.send(("aside", name))
-        try:
-            yield
-        finally:
-            at_work.pop()
-            connection.send(("aside", at_work[-1]))
-
-    _watch_compiling(aside)
-    with suppress(EOFError, OSError), redirect_stdout(_Printed(connection)):  # the program has ended
-        while True:
-            task = connection.recv()
-            for outcome in _interruptible(run_task(task, aside)):
-                connection.send(("outcome", outcome))
-
-
-def _interruptible(outcomes: Iterator[Outcome]) -> Iterator[Outcome]:
-    """Yield outcomes; what ends a run in the main process only fails a step here, where there is no terminal."""
-    try:
-        yield from outcomes
-    except (KeyboardInterrupt, BdbQuit) as error:
-        yield Outcome("failed", f"it raises {type(error).__name__}: use a debugger with -j 0")
-
-
-class _Printed(io.TextIOBase):
-    """Standard output of plugins, which goes to the main program line by line."""
-
-    def __init__(self, connection: Connection) -> None:
-        self._connection, self._rest = connection, ""
-
-    def write(self, text: str) -> int:
-        *lines, self._rest = (self._rest + text).split("\n")
-        for line in lines:
-            self._connection.send(("print", line))
-        return len(text)
-
-
-def _die_with(parent: int) -> None:
-    """Let the system end this process with its parent, also if that is killed."""
-    with suppress(AttributeError, OSError):  # only Linux has it; elsewhere, a worker ends after its task
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-    if os.getppid() != parent:
-        sys.exit(1)
-
-
-def _watch_compiling(aside: Any) -> None:
-    """Say when numba compiles, which counts for no time-out."""
-    from numba.core import event
-
-    class Compiling(event.Listener):  # type: ignore[misc]
-        def on_start(self, event: Any) -> None:
-            block = aside("compiling")
-            block.__enter__()
-            blocks.append(block)
-
-        def on_end(self, event: Any) -> None:
-            blocks.pop().__exit__(None, None, None)
-
-    blocks: list[Any] = []
-    event.register("numba:compile", Compiling())
-
-
-if __name__ == "__main__":
-    serve(Connection(int(sys.argv[1])), int(sys.argv[2]), int(sys.argv[3]))

@@ -11,8 +11,8 @@ from typing import Any
 
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.machine import memory_per_process
-from benchmark.run.jobs import Outcome, Step, Task
-from benchmark.run.pool import Ended, IsOpen, Pool
+from benchmark.runs.jobs import Outcome, Step, Task
+from benchmark.runs.pool import Ended, IsOpen, Pool
 
 #: Losses of dask workers that a task survives.
 _LOSSES = 5
@@ -65,7 +65,7 @@ class DaskPool:
         return [f"{task.steps[0].job.method.name}, {task.shape or 'ranking'}" for task in self._tasks.values()]
 
     def run(self, queue: deque[Task], is_open: IsOpen) -> Ended:
-        """Run the tasks of a queue; see :meth:`benchmark.run.pool.Pool.run`."""
+        """Run the tasks of a queue; see :meth:`benchmark.runs.pool.Pool.run`."""
         while queue or self._tasks:
             self._submit(queue, is_open)
             yield from self._ended(queue)

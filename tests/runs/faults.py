@@ -1,0 +1,141 @@
+"""A plugin of methods that go wrong; ``FAULTS`` is a folder where they say which processes they are."""
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.api import UnsupportedShape, canonical_form
+
+NOTES = Path(os.environ.get("FAULTS", "."))
+
+
+def note(name, *processes):
+    with (NOTES / name).open("a") as file:
+        file.write("".join(f"{process}\n" for process in processes))
+
+
+@canonical_form(name="fine", title="Fine")
+def fine(shape):
+    return shape.mesh.vertices
+
+
+@canonical_form(name="prints", title="Prints")
+def prints(shape):
+    print("looking at it")
+    return shape.mesh.vertices
+
+
+@canonical_form(name="bug", title="Bug")
+def bug(shape):
+    return 1 / 0
+
+
+@canonical_form(name="exits", title="Exits")
+def exits(shape):
+    sys.exit(3)
+
+
+@canonical_form(name="os-exit", title="Exits at once")
+def os_exit(shape):
+    if shape.identifier == "thick0":
+        os._exit(3)
+    return shape.mesh.vertices
+
+
+@canonical_form(name="segfault", title="Segfault")
+def segfault(shape):
+    ctypes.string_at(0)
+
+
+@canonical_form(name="killed", title="Killed")
+def killed(shape):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@canonical_form(name="hang", title="Hang")
+def hang(shape):
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"])
+    note("hang", os.getpid(), child.pid)
+    time.sleep(3600)
+
+
+@canonical_form(name="memory", title="Memory")
+def memory(shape):
+    eaten = [np.empty(2**26) for _ in range(10**6)]
+    return eaten[0]
+
+
+@canonical_form(name="nan", title="NaN")
+def nan(shape):
+    return shape.mesh.vertices * np.nan
+
+
+@canonical_form(name="short", title="Short")
+def short(shape):
+    return shape.mesh.vertices[1:]
+
+
+@canonical_form(name="picky", title="Picky")
+def picky(shape):
+    if shape.identifier == "thick1":
+        raise UnsupportedShape("too bent", "straighten it")
+    return shape.mesh.vertices
+
+
+@canonical_form(name="refuses", title="Refuses")
+def refuses(shape):
+    note("refuses", shape.identifier)
+    raise UnsupportedShape("not today")
+
+
+@canonical_form(name="waits-once", title="Waits once")
+def waits_once(shape):
+    if not (NOTES / "waits-once").exists():
+        note("waits-once", os.getpid())
+        time.sleep(3600)
+    return shape.mesh.vertices
+
+
+@canonical_form(name="slow", title="Slow")
+def slow(shape):
+    note("slow", os.getpid())
+    time.sleep(0.3)
+    return shape.mesh.vertices
+
+
+@canonical_form(name="needs-geodesics", title="Needs geodesics")
+def needs_geodesics(shape):
+    return shape.mesh.vertices * shape.geodesics().max()
+
+
+@canonical_form(name="interrupts", title="Interrupts")
+def interrupts(shape):
+    raise KeyboardInterrupt
+
+
+def sleep_once(real):
+    """Let a stage that methods share hang at the first shape of a run."""
+
+    def late(*arguments):
+        if not (NOTES / "slept").exists():
+            note("slept", os.getpid())
+            time.sleep(3600)
+        return real(*arguments)
+
+    return late
+
+
+if "benchmark.runs.serve" in sys.orig_argv and os.environ.get("HANGS"):
+    import benchmark.geometry.geodesics
+    import benchmark.pipeline.shapes
+
+    if os.environ["HANGS"] == "geodesics":
+        benchmark.geometry.geodesics.all_pairs = sleep_once(benchmark.geometry.geodesics.all_pairs)
+    else:
+        benchmark.pipeline.shapes.prepare_mesh = sleep_once(benchmark.pipeline.shapes.prepare_mesh)

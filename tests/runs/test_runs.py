@@ -1,0 +1,182 @@
+"""Runs that are interrupted, killed, or meet a disk that is full."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from benchmark.errors import BenchmarkError
+from benchmark.pipeline.cache import StorageError, writing
+from benchmark.pipeline.records import read_records
+from benchmark.runs import estimate, run
+from tests.runs.test_faults import wait_for
+from tests.runs.toy import FAULTS, planned, run_toy
+from tests.toy import files_of_at_most
+
+#: A program that runs slow methods.
+PROGRAM = """
+import sys
+from pathlib import Path
+from benchmark.machine import pin_threads
+pin_threads()
+from tests.runs.toy import FAULTS, run_toy
+run_toy(Path(sys.argv[1]), Path(sys.argv[2]), "slow", size=2, plugins=(FAULTS,))
+"""
+
+
+def start(rods, tmp_path):
+    """Start a run of a slow method in a program of its own; return it with the workers that are at work."""
+    environment = {**os.environ, "FAULTS": str(tmp_path), "PYTHONPATH": str(Path.cwd())}
+    command = [sys.executable, "-c", PROGRAM, str(rods), str(tmp_path / "results")]
+    program = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    return program, wait_for(tmp_path / "slow")
+
+
+def gone(processes, seconds):
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        if not [p for p in processes if psutil.pid_exists(p) and psutil.Process(p).status() != psutil.STATUS_ZOMBIE]:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.35, 0.9])
+def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_is_done(rods, tmp_path, delay):
+    program, workers = start(rods, tmp_path)
+    time.sleep(delay)
+    begun = time.monotonic()
+    program.send_signal(signal.SIGINT)
+    error = program.communicate(timeout=20)[1]
+    assert time.monotonic() - begun < 1.5
+    if program.returncode:  # it may just have ended
+        assert error.rstrip().endswith("KeyboardInterrupt")
+    assert gone(workers, 1.0)
+    kept = set((tmp_path / "results" / "runs" / "forms").glob("*.npz"))
+    (record,) = run_toy(rods, tmp_path / "results", "slow", plugins=(FAULTS,)).values() or read_records(
+        tmp_path / "results"
+    )
+    assert record.status == "ok"
+    assert kept <= set((tmp_path / "results" / "runs" / "forms").glob("*.npz"))
+
+
+def test_workers_end_with_a_program_that_is_killed(rods, tmp_path):
+    program, workers = start(rods, tmp_path)
+    program.kill()
+    program.communicate()
+    assert gone(workers, 2.0)
+    with writing(tmp_path / "results"):  # its lock ended with it, and so did what it left half-written
+        assert not list((tmp_path / "results" / "runs").rglob("*.tmp"))
+
+
+def test_a_second_run_in_a_folder_is_refused(rods, tmp_path):
+    with writing(tmp_path), pytest.raises(StorageError, match="another run is writing to .*; wait for its end"):
+        run_toy(rods, tmp_path, "surface-area")
+
+
+def test_results_of_an_earlier_version_are_refused_in_one_line(rods, tmp_path):
+    (tmp_path / "runs" / "artefacts").mkdir(parents=True)
+    with pytest.raises(StorageError, match=r"artefacts was made by an earlier version.*; delete .*runs, or choose"):
+        run_toy(rods, tmp_path, "surface-area")
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_a_full_disk_ends_the_run_with_one_line(rods, tmp_path, size):
+    jobs = planned(rods, tmp_path, "surface-area")
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with files_of_at_most(100), pytest.raises(StorageError, match="cannot write to .*File too large; free some space"):
+        list(run(jobs, tmp_path, size=size))
+    assert run_toy(rods, tmp_path, "surface-area")["surface-area"].status == "ok"
+
+
+def test_a_folder_that_cannot_be_written_is_named(rods, tmp_path):
+    (tmp_path / "results").write_text("")
+    with pytest.raises(StorageError, match="cannot write to .*results: Not a directory"):
+        run_toy(rods, tmp_path / "results", "surface-area")
+
+
+@pytest.mark.parametrize("kind", ["prepared", "forms", "signatures", "records"])
+@pytest.mark.parametrize("damage", ["truncated", "flipped", "empty"])
+def test_a_damaged_file_of_any_kind_is_made_again(rods, tmp_path, kind, damage):
+    before = run_toy(rods, tmp_path, "identity")["identity"]
+    path = sorted((tmp_path / "runs" / kind).glob("*.npz"))[0]
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2
+    content[middle] ^= 255
+    path.write_bytes({"truncated": content[:middle], "flipped": content, "empty": b""}[damage])
+    after = run_toy(rods, tmp_path, "identity", again="all")["identity"]
+    assert (after.scores, after.per_query) == (before.scores, before.per_query)
+
+
+def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp_path, monkeypatch):
+    from bdb import BdbQuit
+
+    def quits():
+        raise BdbQuit
+
+    monkeypatch.setattr("sys.breakpointhook", quits)
+    plugin = tmp_path / "debugged.py"
+    plugin.write_text(
+        "from benchmark.api import canonical_form\n@canonical_form(name='debugged', title='Debugged')\n"
+        "def debugged(shape):\n    breakpoint()\n    return shape.mesh.vertices\n"
+    )
+    for method, error in (("debugged", BdbQuit), ("interrupts", KeyboardInterrupt)):
+        with pytest.raises(error):
+            run_toy(rods, tmp_path / "results", method, plugins=(FAULTS, plugin))
+    assert not read_records(tmp_path / "results").records
+
+
+def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
+    one = run_toy(rods, tmp_path / "one", "classic-mds", "shape-dna", inputs=("mesh", "view"), size=0)
+    two = run_toy(rods, tmp_path / "two", "classic-mds", "shape-dna", inputs=("mesh", "view"), size=2)
+    assert {name: (r.key, r.scores, r.per_query) for name, r in one.items()} == {
+        name: (r.key, r.scores, r.per_query) for name, r in two.items()
+    }
+
+
+def test_an_edit_during_a_run_ends_it(rods, tmp_path):
+    plugin = tmp_path / "edits.py"
+    text = (
+        "from pathlib import Path\nfrom benchmark.api import canonical_form\n"
+        "@canonical_form(name='edits', title='Edits')\ndef edits(shape):\n    return shape.mesh.vertices\n"
+    )
+    plugin.write_text(text)
+    jobs = planned(rods, tmp_path / "results", "edits", plugins=(plugin,))
+    plugin.write_text(text + "CONSTANT = 1\n")
+    with pytest.raises(BenchmarkError, match="rods mesh edits: its code changed during the run"):
+        list(run(jobs, tmp_path / "results", size=1))
+
+
+def test_progress_reaches_its_total(rods, tmp_path):
+    seen = []
+    jobs = planned(rods, tmp_path, "identity", "surface-area")
+    list(run(jobs, tmp_path, size=1, watch=seen.append))
+    assert (seen[-1].done, seen[-1].total) == (8, 8)
+    assert any("identity, " in name for progress in seen for name in progress.working)
+
+
+def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(rods, tmp_path):
+    run_toy(rods, tmp_path, "classic-mds", "identity")
+    record = {record.method: record for record in read_records(tmp_path)}
+    jobs = planned(rods, tmp_path, "classic-mds", "identity", "hks-like", again="all", plugins=(_unknown(tmp_path),))
+    found = estimate(jobs, tmp_path)
+    each = [sum(record[name].seconds[stage] for stage in ("canonicalise", "signature")) for name in record]
+    shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]
+    assert found.unknown == 1
+    assert found.seconds == pytest.approx(4 * (sum(each) + shared), abs=1e-3)
+
+
+def _unknown(folder):
+    plugin = folder / "unknown.py"
+    plugin.write_text(
+        "from benchmark.api import canonical_form\n@canonical_form(name='hks-like', title='Unknown')\n"
+        "def unknown(shape):\n    return shape.mesh.vertices\n"
+    )
+    return plugin

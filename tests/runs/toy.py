@@ -1,0 +1,39 @@
+"""Plans of toy galleries, and runs of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.pipeline.records import Record
+from benchmark.pipeline.shapes import as_shape_set
+from benchmark.registry import select
+from benchmark.runs import Planned, plan, run
+
+FAULTS = Path(__file__).with_name("faults.py")
+
+
+def gallery(folder: Path | str) -> Any:
+    """All shapes of a data set, with whatever methods are selected."""
+    shapes = as_shape_set(open_dataset(str(folder), None))
+    return SimpleNamespace(
+        table=None, name=shapes.name, source=str(folder), dataset=shapes, entries=shapes.shapes, quick=False,
+        inputs=("mesh", "view"), data_root=None, rows=lambda methods, _: methods,
+    )  # fmt: skip
+
+
+def planned(
+    folder: Path, results: Path, *methods: Any, plugins: tuple[Path, ...] = (), inputs: Any = ("mesh",), **options: Any
+) -> list[Planned]:
+    return plan([gallery(folder)], inputs, select(methods, plugins), results, **options)
+
+
+def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
+    """Run jobs and return their records by method."""
+    return {job.job.method.name: record for job, record in run(jobs, results, **options)}
+
+
+def run_toy(folder: Path, results: Path, *methods: Any, size: int = 0, timeout: float = 60.0, **options: Any) -> Any:
+    return done(planned(folder, results, *methods, **options), results, size=size, timeout=timeout)
