@@ -124,8 +124,20 @@ def explain(error: BaseException) -> str:
 
 
 @dataclass
-class _Case:
-    """A component with its answer for the figure."""
+class Case:
+    """A method, descriptor or scorer with its answers: a form, shape (n, 3), or a vector.
+
+    Parameters
+    ----------
+    component
+        What to check.
+    folder, options
+        Where a learner is trained, and changes to its schedule.
+    tick
+        Called before each shape.
+    model
+        The model of a learner, once it is trained.
+    """
 
     component: Component
     folder: Path
@@ -135,58 +147,70 @@ class _Case:
 
     @property
     def info(self) -> Any:
+        """Description of the component."""
         return self.component.info
 
-    def create(self) -> Any:
-        """Return a new object, with its trained model."""
-        created = self.component.create()
-        return created.load(self.model) if self.model else created
+    @property
+    def reads_images(self) -> bool:
+        """Whether it is a method that needs depth images."""
+        return "mesh" not in getattr(self.info, "inputs", ("mesh",))
 
     @cached_property
     def reference(self) -> FloatArray:
         """The answer for the figure."""
         return self.answer(self.subject())
 
-    def subject(self, bend: float = BENDS[0]) -> Any:
-        """Return the figure as input."""
-        raise NotImplementedError
+    def create(self) -> Any:
+        """Return a new object, with its trained model."""
+        created = self.component.create()
+        return created.load(self.model) if self.model else created
 
-    def answer(self, subject: Any, by: Any = None) -> FloatArray:
-        """Return the answer of an object, by default a new one, as an array."""
-        raise NotImplementedError
-
-
-class _MethodCase(_Case):
-    """A method or a descriptor."""
-
-    @property
-    def reads_images(self) -> bool:
-        return "mesh" not in self.info.inputs
-
-    def subject(
-        self, bend: float = BENDS[0], mesh: Mesh | None = None, scale: float = 1.0, name: str = "figure", seed: int = 0
-    ) -> Shape:
-        """Return the figure, or another mesh, as input of the method."""
+    def subject(self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure") -> Shape:
+        """Return the figure, or another mesh in its place, as input."""
         seen = view(bend) if self.reads_images else None
+        mesh = mesh or (seen.mesh if seen else figure(bend))
         # Bending preserves the area, and equal areas would leave nothing to compare.
-        return Shape(
-            identifier=f"{name} {bend}",
-            mesh=mesh or (seen.mesh if seen else figure(bend)),
-            depth=seen.depth if seen else None,
-            source_area=(1 + bend) * scale**2,
-            seed=seed,
+        area = (1 + bend) * mesh.area
+        depth = seen.depth if seen else None
+        return Shape(identifier=f"{name} {bend}", mesh=mesh, depth=depth, source_area=area, seed=seed)
+
+    def answer(self, shape: Shape, by: Any = None) -> FloatArray:
+        """Return the answer of an object, by default a new one."""
+        self.tick()
+        created = self.create() if by is None else by
+        if self.component.kind == "scorer":
+            arrays = compute_signature(created, shape.mesh)
+            return np.concatenate([np.asarray(arrays[name], dtype=np.float64).ravel() for name in sorted(arrays)])
+        return (
+            compute_descriptor(created, shape) if self.component.describes else compute_form(created, shape)[0].vertices
         )
 
-    def answer(self, subject: Shape, by: Any = None) -> FloatArray:
-        """Return the vertices of a form, shape (n, 3), or a vector."""
-        self.tick()
-        method = self.create() if by is None else by
-        if self.component.describes:
-            return compute_descriptor(method, subject)
-        return compute_form(method, subject)[0].vertices
+    def dissimilarities(self, shapes: Sequence[Shape], draw: int = 0) -> FloatArray:
+        """Return the dissimilarities of all pairs by a descriptor or a scorer."""
+        created, is_scorer = self.create(), self.component.kind == "scorer"
+        described: list[Any] = []
+        for shape in shapes:
+            self.tick()
+            described.append(
+                compute_signature(created, shape.mesh) if is_scorer else compute_descriptor(created, shape)
+            )
+        return compare_signatures(created, described, draw) if is_scorer else compute_distances(created, described)
 
     def unchanged_by(self, change: Callable[[Mesh], Mesh], hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Compare two answers up to rigid motions and reflections; ``order`` is the vertex order after the change."""
+        """Compare answers for the figure and its changed copy; ``order`` is the vertex order after the change.
+
+        Forms are compared up to rigid motions and reflections. For a scorer, a form and its copy must be much more
+        similar than any two forms.
+        """
+        if self.component.kind == "scorer":
+            shapes = [self.subject(bend) for bend in BENDS]
+            copies = [self.subject(mesh=change(shape.mesh)) for shape in shapes]
+            distances, count = self.dissimilarities([*shapes, *copies]), len(BENDS)
+            between = distances[:count, :count][~np.eye(count, dtype=bool)].min()
+            itself = np.diag(distances[:count, count:]).max()
+            if not itself <= _SHARE * between:
+                raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
+            return f"{itself / between if between else 0.0:.1e} of the smallest difference between two forms"
         mesh = self.subject().mesh
         answer = self.answer(self.subject(mesh=change(mesh)))
         if order is not None and answer.ndim == 2:
@@ -194,61 +218,6 @@ class _MethodCase(_Case):
                 raise Skipped("the form has its own vertices")
             answer = answer[np.argsort(order)]
         return same(self.reference, answer, hint, factor=1.0)
-
-    def dissimilarities(self, subjects: Sequence[Shape], draw: int = 0) -> FloatArray:
-        """Return the dissimilarities of all pairs by a descriptor."""
-        return compute_distances(self.create(), [self.answer(subject) for subject in subjects])
-
-    @property
-    def several(self) -> list[Any]:
-        """Inputs to compare."""
-        return [self.subject(bend) for bend in BENDS]
-
-    def awkward(self) -> Mapping[str, Shape]:
-        """Return inputs that may be refused but must not cause a crash, by name."""
-        return {name: Shape(identifier=name, mesh=mesh, source_area=mesh.area) for name, mesh in awkward().items()}
-
-
-class _ScorerCase(_Case):
-    """A scorer."""
-
-    def subject(self, bend: float = BENDS[0]) -> Mesh:
-        """Return the figure."""
-        return figure(bend)
-
-    def answer(self, subject: Mesh, by: Any = None) -> FloatArray:
-        """Return a signature as one vector."""
-        self.tick()
-        signature = compute_signature(self.create() if by is None else by, subject)
-        return np.concatenate([np.asarray(signature[name], dtype=np.float64).ravel() for name in sorted(signature)])
-
-    def unchanged_by(self, change: Callable[[Mesh], Mesh], hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Check that a form and its changed copy are much more similar than any two different forms."""
-        forms = [figure(bend) for bend in BENDS]
-        distances = self.dissimilarities([*forms, *map(change, forms)])
-        count = len(forms)
-        between = distances[:count, :count][~np.eye(count, dtype=bool)].min()
-        itself = np.diag(distances[:count, count:]).max()
-        if not itself <= _SHARE * between:
-            raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
-        return f"{itself / between if between else 0.0:.1e} of the smallest difference between two forms"
-
-    def dissimilarities(self, subjects: Sequence[Mesh], draw: int = 0) -> FloatArray:
-        """Return the dissimilarities of all pairs."""
-        scorer, signatures = self.create(), []
-        for form in subjects:
-            self.tick()
-            signatures.append(compute_signature(scorer, form))
-        return compare_signatures(scorer, signatures, draw)
-
-    @property
-    def several(self) -> list[Any]:
-        """Inputs to compare."""
-        return [*map(figure, BENDS), *(view(bend).mesh for bend in BENDS)]
-
-    def awkward(self) -> Mapping[str, Mesh]:
-        """Return inputs that may be refused but must not cause a crash, by name."""
-        return {**awkward(), "a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))}
 
 
 def difference(expected: FloatArray, answer: FloatArray) -> float:
@@ -281,7 +250,7 @@ def _invariants(answer: FloatArray) -> FloatArray:
 # Methods and scorers -------------------------------------------------------------------------------------------------
 
 
-def _training(case: _MethodCase) -> str:
+def _training(case: Case) -> str:
     named = getattr(case.component.create(), "model_folder", None)
     if isinstance(named, Path) and not case.options:
         raise Skipped(f"is checked with its model, {named.name}; -o NAME=VALUE trains one for the check")
@@ -320,7 +289,7 @@ def train_on_figure(component: Component, folder: Path, options: Mapping[str, st
     return place
 
 
-def _answer(case: _Case) -> str:
+def _answer(case: Case) -> str:
     answer = case.reference
     if answer.ndim == 1:
         return f"{len(answer)} numbers, all finite"
@@ -329,7 +298,7 @@ def _answer(case: _Case) -> str:
     return f"{len(answer)} vertices, all finite"
 
 
-def _repeatable(case: _Case) -> str:
+def _repeatable(case: Case) -> str:
     """Check that an answer is reproducible, immediately and after another shape."""
     first, second = case.reference, case.answer(case.subject())
     start = "give iterative solvers such as eigsh a fixed start (v0=...)"
@@ -346,7 +315,7 @@ def _repeatable(case: _Case) -> str:
     return "the same whatever was processed before"
 
 
-def _input_untouched(case: _MethodCase) -> str:
+def _input_untouched(case: Case) -> str:
     shape = case.subject()
     laplacian = shape.laplacian()
     arrays = {
@@ -368,7 +337,7 @@ def _input_untouched(case: _MethodCase) -> str:
     return "mesh, geodesics and Laplacian are unchanged"
 
 
-def _seed(case: _MethodCase) -> str:
+def _seed(case: Case) -> str:
     if case.info.deterministic:
         answer = case.answer(case.subject(name="another name", seed=1))
         hint = "the answer depends on the name or the seed of the shape; use neither, or declare deterministic=False"
@@ -383,15 +352,14 @@ def _comparable(case: Any) -> None:
     """Raise :class:`Skipped` if other surfaces cannot be compared."""
     if not getattr(case.info, "deterministic", True):
         raise Skipped("the answer is random")
-    if isinstance(case, _MethodCase) and case.reads_images:
+    if case.reads_images:
         raise Skipped("the depth image has one camera")
 
 
 def _relabelling(case: Any) -> str:
     if not getattr(case.info, "deterministic", True):
         raise Skipped("the answer is random")
-    subject, generator = case.subject(), np.random.default_rng(0)
-    mesh = subject.mesh if isinstance(subject, Shape) else subject
+    mesh, generator = case.subject().mesh, np.random.default_rng(0)
     order, of_faces = generator.permutation(mesh.n_vertices), generator.permutation(mesh.n_faces)
 
     def relabelled(mesh: Mesh) -> Mesh:
@@ -405,7 +373,7 @@ def _relabelling(case: Any) -> str:
 def _motion(case: Any) -> str:
     _comparable(case)
     factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that rotates with it"
-    if isinstance(case, _ScorerCase):
+    if case.component.kind == "scorer":
         factor = _SCALE
         hint = "depends on position or size of the form; use a frame fixed to the form, or declare invariant=False"
         if not case.info.invariant:
@@ -414,7 +382,7 @@ def _motion(case: Any) -> str:
     return str(case.unchanged_by(moved, hint))
 
 
-def _mirror(case: _MethodCase) -> str:
+def _mirror(case: Case) -> str:
     _comparable(case)
     if case.reference.ndim == 1 or case.component.learns:
         raise Skipped("a descriptor or a learned form may distinguish mirror images")
@@ -435,23 +403,23 @@ def _is_mirrored(expected: FloatArray, answer: FloatArray) -> bool:
     return bool(np.linalg.det(first.T @ second) < 0)
 
 
-def _scale(case: _MethodCase) -> str:
+def _scale(case: Case) -> str:
     _comparable(case)
     is_equivariant = case.info.scale == "equivariant"
     other = "invariant" if is_equivariant else "equivariant"
     hint = f"breaks info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
-    large = [figure(bend).with_vertices(_SCALE * figure(bend).vertices) for bend in BENDS]
-    scaled = [case.subject(bend, mesh=mesh, scale=_SCALE) for bend, mesh in zip(BENDS, large, strict=True)]
+    scaled = [case.subject(bend, figure(bend).with_vertices(_SCALE * figure(bend).vertices)) for bend in BENDS]
     if case.reference.ndim == 2 or not is_equivariant:
         return same(case.reference, case.answer(scaled[0]), hint, factor=_SCALE if is_equivariant else 1.0)
-    before, after = case.dissimilarities(case.several), case.dissimilarities(scaled)
+    before, after = case.dissimilarities([case.subject(bend) for bend in BENDS]), case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):
         raise Failed("does not distinguish poses of the figure, so scale cannot be checked; declare scale='invariant'")
     return same(before.ravel() / before.max(), after.ravel() / after.max(), hint, factor=1.0)
 
 
 def _dissimilarities(case: Any) -> str:
-    several, draws = case.several, getattr(case.info, "draws", 1)
+    several, draws = [case.subject(bend) for bend in BENDS], getattr(case.info, "draws", 1)
+    several += [view(bend) for bend in BENDS] if case.component.kind == "scorer" else []
     for draw in range(draws):
         distances = case.dissimilarities(several, draw)
         largest = distances.max()
@@ -472,10 +440,12 @@ def _dissimilarities(case: Any) -> str:
 
 def _awkward(case: Any) -> str:
     refused, problems = [], []
-    refusal: type[ShapeError] = UnsupportedShape if isinstance(case, _MethodCase) else ShapeError
-    for name, subject in case.awkward().items():
+    is_scorer = case.component.kind == "scorer"
+    refusal: type[ShapeError] = ShapeError if is_scorer else UnsupportedShape
+    point = {"a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))} if is_scorer else {}
+    for name, mesh in {**awkward(), **point}.items():
         try:
-            case.answer(subject)
+            case.answer(Shape(identifier=name, mesh=mesh, source_area=mesh.area))
         except refusal as reason:
             refused.append(name)
             problems += [] if str(reason) else [f"{name} is refused without a reason; say why"]
@@ -490,8 +460,8 @@ def _awkward(case: Any) -> str:
 
 
 @dataclass
-class _SetCase:
-    """A data set."""
+class SetCase:
+    """A data set, and its meshes once they are loaded."""
 
     component: Component
     tick: Callable[[], object]
@@ -499,11 +469,12 @@ class _SetCase:
 
     @cached_property
     def shapes(self) -> ShapeSet:
+        """The data set."""
         created: ShapeSet = self.component.create()
         return created
 
 
-def _shapes(case: _SetCase) -> str:
+def _shapes(case: SetCase) -> str:
     entries = case.shapes.shapes
     names, classes = Counter(e.identifier for e in entries), Counter(entry.subject for entry in entries)
     if twice := [name for name, count in names.items() if count > 1]:
@@ -513,7 +484,7 @@ def _shapes(case: _SetCase) -> str:
     return f"{len(entries)} shapes, {len(classes)} classes"
 
 
-def _meshes(case: _SetCase) -> str:
+def _meshes(case: SetCase) -> str:
     for entry in case.shapes.shapes:
         case.tick()
         case.meshes[entry.identifier] = mesh = case.shapes.load(entry)
@@ -522,7 +493,7 @@ def _meshes(case: _SetCase) -> str:
     return f"all {len(case.meshes)} load"
 
 
-def _repeatable_meshes(case: _SetCase) -> str:
+def _repeatable_meshes(case: SetCase) -> str:
     for entry in reversed(case.shapes.shapes):
         case.tick()
         mesh, before = case.shapes.load(entry), case.meshes[entry.identifier]
@@ -533,15 +504,13 @@ def _repeatable_meshes(case: _SetCase) -> str:
     return "the same whatever was loaded before"
 
 
-def _inputs(case: _SetCase) -> str:
-    shapes = case.shapes
-    first = {entry.subject: entry for entry in reversed(shapes.shapes)}
-    for entry in first.values():
+def _inputs(case: SetCase) -> str:
+    for entry in {entry.subject: entry for entry in reversed(case.shapes.shapes)}.values():
         case.tick()
-        mesh, camera = case.meshes[entry.identifier], shapes.camera(entry)
+        mesh, camera = case.meshes[entry.identifier], case.shapes.camera(entry)
         try:
             prepare(mesh)
-            depth_surface(mesh, camera, shapes.half_width or fit_half_width([mesh], camera))
+            depth_surface(mesh, camera, case.shapes.half_width or fit_half_width([mesh], camera))
         except BenchmarkError as error:
             raise Failed(f"'{entry.identifier}': {error}") from error
     return "a shape of each class can be prepared, and is seen by its camera"
@@ -578,10 +547,10 @@ def _checks_of(
     component: Component, folder: Path, options: Mapping[str, str], tick: Callable[[], object]
 ) -> tuple[Any, Mapping[str, Callable[[Any], str]]]:
     if component.kind == "data set":
-        return _SetCase(component, tick), _DATA_SET
+        return SetCase(component, tick), _DATA_SET
+    case = Case(component, folder, options, tick)
     if component.kind == "scorer":
-        return _ScorerCase(component, folder, options, tick), _SCORER
-    case = _MethodCase(component, folder, options, tick)
+        return case, _SCORER
     learned = {"training": _training} if component.learns else {}
     compared = {"dissimilarities": _dissimilarities} if component.describes else {}
     return case, {**learned, **_METHOD, **compared}
