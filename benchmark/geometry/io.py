@@ -54,7 +54,9 @@ def read_mesh(path: Path | str) -> Mesh:
         raise UnreadableMesh(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
     data = _load(path)
     try:
-        vertices, faces = _READERS[suffix](data, path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of readers, about damaged files
+            vertices, faces = _READERS[suffix](data, path)
     except Exception as error:  # any failure of a reader on a damaged file excludes this file only
         reason = " ".join(str(error).split()) if isinstance(error, ValueError) else ""
         raise UnreadableMesh(

@@ -7,11 +7,10 @@ import trimesh
 from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, InvalidMask, NoObject
 from benchmark.depth.frame import UPRIGHT, observe, unprojected, without_flying_pixels
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth.scene import KINECT, DepthFaults, Pose, Scene
 from benchmark.depth.segmentation import background_planes
 from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
-from tests.depth.scenes import figure, frame, overlap, scene
+from tests.depth.scenes import KINECT, DepthFaults, Pose, Scene, figure, frame, overlap, scene
 
 TALL = np.ptp(figure().vertices[:, 2])
 

@@ -181,7 +181,6 @@ def test_a_pair_counts_from_1_or_0_and_an_unclear_one_is_refused(tmp_path: Path)
 CUT = ("a.off", "a.ply", "ascii.ply", "a.stl", "binary.stl", "a.obj", "a.off.gz", "a.glb", "a.mat")
 
 
-@pytest.mark.filterwarnings("ignore:loadtxt")
 @pytest.mark.parametrize("name", CUT)
 def test_no_truncated_file_is_accepted(tmp_path: Path, name: str) -> None:
     """A cut in the last number passes, and in OBJ, which has no counts, one between two faces."""
