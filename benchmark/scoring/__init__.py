@@ -1,0 +1,1 @@
+"""Score the results of other programs: distance matrices, and forms in mesh files."""

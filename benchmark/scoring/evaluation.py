@@ -1,0 +1,131 @@
+"""Score a distance matrix: every shape is a query; with ties, scores are means over their orders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.errors import ConfigurationError
+from benchmark.report.statistics import bootstrap_intervals
+from benchmark.scoring.files import as_distances, as_labels
+from retrieval.metrics import evaluate
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+#: Confidence level of the intervals.
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Scores of a distance matrix.
+
+    Parameters
+    ----------
+    scores
+        One row for each measure: ``score``, the mean over queries, ``low`` and ``high``, its 95 % interval over
+        classes, and ``chance``, the mean over random orders.
+    queries
+        One row for each shape: ``class`` and each measure; NaN for the only shape of a class.
+    """
+
+    scores: DataFrame
+    queries: DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """Distances, shape (N, N), with the class of each shape; ``names`` are empty if the shapes have none."""
+
+    distances: NDArray[np.float64]
+    labels: tuple[str, ...]
+    names: tuple[str, ...] = ()
+
+
+def with_labels(distances: object, labels: object) -> Labelled:
+    """Join distances and labels, by name if both have names; see :func:`score`."""
+    matrix, given = as_distances(distances), as_labels(labels)
+    count = len(matrix.values)
+    if isinstance(given, dict) and matrix.names:
+        if unknown := [name for name in matrix.names if name not in given]:
+            problem = f"{len(unknown)} shapes have no label, the first is '{unknown[0]}'"
+            raise ConfigurationError(problem, f"use the names of the labels: {', '.join(list(given)[:3])} ...")
+        labelled = Labelled(matrix.values, tuple(given[name] for name in matrix.names), matrix.names)
+    else:
+        names = matrix.names or (tuple(given) if isinstance(given, dict) else ())
+        labelled = Labelled(matrix.values, tuple(given.values() if isinstance(given, dict) else given), names)
+    if len(labelled.labels) != count or len(set(labelled.names)) < len(labelled.names):
+        raise ConfigurationError(
+            f"there are {count} rows of distances and {len(labelled.labels)} labels, or a name appears twice",
+            "pass one label for each shape",
+        )
+    _check(labelled.distances)
+    return labelled
+
+
+def _check(values: NDArray[np.float64]) -> None:
+    wrong = np.argwhere(~np.isfinite(values))
+    if len(wrong):
+        row, column = (int(place) + 1 for place in wrong[0])
+        raise ConfigurationError(
+            f"{len(wrong)} distances are NaN or infinite, the first in row {row}, column {column}",
+            "use a distance larger than all others if a method has no result",
+        )
+    if values.min() < 0:
+        raise ConfigurationError(
+            f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest"
+        )
+    own = values.diagonal()
+    if (own > 0).all() and (own >= values.max(axis=1)).all() and np.ptp(values) > 0:
+        raise ConfigurationError("each shape is farthest from itself", "pass distances, not similarities")
+
+
+def score(distances: object, labels: object) -> Evaluation:
+    """Score distances computed by any program.
+
+    Parameters
+    ----------
+    distances
+        Shape (N, N), symmetric: an array, a pandas frame whose index and columns name the shapes, or the path of a file
+        (.npy, .npz, .txt, .csv, .mat). The diagonal is ignored.
+    labels
+        Class of each shape: a list in the order of the rows, a mapping by name, or the path of a ``.cla`` file, a text
+        file with lines ``label`` or ``name label``, or a folder of shapes.
+
+    Returns
+    -------
+    Evaluation
+        Measures with intervals and chance levels, over all queries and for each query.
+
+    Raises
+    ------
+    ConfigurationError
+        If sizes or names do not fit, the matrix is not symmetric, or a number is NaN, infinite or negative.
+
+    Examples
+    --------
+    >>> import benchmark
+    >>> distances = [[0, 1, 4, 3], [1, 0, 5, 2], [4, 5, 0, 1], [3, 2, 1, 0]]
+    >>> benchmark.score(distances, ["cat", "cat", "dog", "dog"]).scores.loc["NN", "score"]
+    1.0
+    """
+    return evaluate_labelled(with_labels(distances, labels))
+
+
+def evaluate_labelled(labelled: Labelled) -> Evaluation:
+    """Return measures, intervals and chance levels; see :func:`score`."""
+    from pandas import DataFrame
+
+    scores = evaluate(labelled.distances, labelled.labels)
+    chance = evaluate(np.zeros_like(labelled.distances), labelled.labels)
+    values = np.column_stack(list(scores.per_query.values()))
+    is_query = ~np.isnan(values[:, 0])
+    classes = [label for label, counts in zip(labelled.labels, is_query, strict=True) if counts]
+    ends = bootstrap_intervals(values[is_query], classes, LEVEL)
+    table = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance.means}
+    queries = DataFrame({"class": labelled.labels, **scores.per_query}, index=list(labelled.names) or None)
+    return Evaluation(DataFrame(table, index=list(scores.means)), queries.rename_axis("shape"))

@@ -1,0 +1,214 @@
+"""Rows of tables for results of other programs: distances, and forms in mesh files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from benchmark.api.contracts import Input
+from benchmark.api.datasets import Entry
+from benchmark.code_digest import digest_of_bytes
+from benchmark.datasets.catalogue import is_known
+from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
+from benchmark.files import file_digest
+from benchmark.geometry.io import READABLE, read_mesh
+from benchmark.pipeline.cache import Cache, writing
+from benchmark.pipeline.environment import commit, packages
+from benchmark.pipeline.keys import digest
+from benchmark.pipeline.measures import score
+from benchmark.pipeline.records import EXTERNAL, Record, read_records, write_record
+from benchmark.protocols.galleries import Gallery
+from benchmark.registry import Component
+from benchmark.registry.outputs import compare_signatures, compute_signature
+from benchmark.runs.planning import gallery_facts
+from benchmark.scoring.evaluation import Labelled
+
+
+def method_name(title: str) -> str:
+    """Return the method name of an external row: ``external-TITLE``; no method of the suite can have it.
+
+    Raises
+    ------
+    ConfigurationError
+        If the title has neither letters nor digits.
+    """
+    words = re.sub("[^a-z0-9]+", "-", title.lower()).strip("-")
+    if not words:
+        raise ConfigurationError(f"'{title}' cannot be the title of a row", "use letters or digits")
+    return f"{EXTERNAL}-{words[:50].rstrip('-')}"
+
+
+def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, input_: Input) -> Record:
+    """Store distances as a row beside those of a data set, and return its record.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    labelled
+        Distances with labels and names.
+    title, dataset, input_
+        Title of the row; name of the data set or gallery, and the input of the rows beside it. A name that is not known
+        makes a table of its own.
+
+    Raises
+    ------
+    ConfigurationError
+        If the shapes have no names, or differ from those of the other rows.
+    """
+    if not labelled.names:
+        raise ConfigurationError(
+            "rows of a table are paired by the names of the shapes, and these distances have none",
+            "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the matrix",
+        )
+    labels = dict(zip(labelled.names, labelled.labels, strict=True))
+    facts = _beside(results, dataset, input_, method_name(title)) or _own_table(dataset, labels)
+    shapes = facts["shapes"]
+    if dict(zip(shapes, facts["labels"], strict=True)) != labels:
+        known = dict(zip(shapes, facts["labels"], strict=True))
+        other = [name for name in labels if known.get(name) != labels[name]]
+        what = f"the first that differs is '{other[0]}'" if other else f"they are {len(labels)}, not {len(known)}"
+        hint = f"name them with their classes as there ({shapes[0]} {known[shapes[0]]}, ...), or another --dataset"
+        raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
+    order = [labelled.names.index(name) for name in shapes]
+    matrix = labelled.distances[np.ix_(order, order)]
+    content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score([matrix], facts["labels"])}
+    key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes())])
+    return _keep(results, key, title, content, matrix)
+
+
+def _beside(results: Path, dataset: str, input_: Input, method: str) -> dict[str, Any] | None:
+    """Return the facts of the gallery beside whose rows an external row is shown; None if there is none."""
+    path = Path(dataset)
+    dataset = path.resolve().name if path.is_dir() else dataset
+    records = [
+        record
+        for record in read_records(results)
+        if record.status == "ok" and record.input == input_ and not record.data.quick and record.method != method
+        and dataset in (record.gallery, record.data.name)
+    ]  # fmt: skip
+    records = [record for record in records if record.gallery == dataset] or records  # the whole set before its parts
+    galleries = sorted({record.gallery for record in records})
+    if len(galleries) > 1:
+        hint = f"choose one with --dataset: {', '.join(galleries)}"
+        raise ConfigurationError(f"the rows of '{dataset}' are of several galleries", hint)
+    if not records and is_known(dataset):
+        problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
+        raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
+    fields = ("gallery", "gallery_digest", "data", "shapes", "labels")
+    return {name: getattr(records[-1], name) for name in fields} if records else None
+
+
+def _own_table(dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the facts of a gallery that only external rows have."""
+    if "/" in dataset or not dataset.strip():
+        raise ConfigurationError(f"'{dataset}' is neither a data set nor a folder", "name the table: --dataset mine")
+    return {
+        "gallery": dataset,
+        "gallery_digest": digest([dataset, *labels.items()]),
+        "data": {"name": dataset, "title": dataset, "source": dataset},
+        "shapes": list(labels),
+        "labels": list(labels.values()),
+    }
+
+
+def score_forms(
+    gallery: Gallery,
+    input_: Input,
+    title: str,
+    folder: Path,
+    scorer: Component,
+    results: Path,
+    watched: Callable[[Iterable[Entry]], Iterator[Entry]] = iter,
+) -> Record:
+    """Score the meshes of a folder as forms of a gallery; store and return the record, or return the stored one.
+
+    Parameters
+    ----------
+    gallery, input_
+        The shapes, and the input of the other rows.
+    title, folder
+        Title of the row, and folder with a mesh ``SHAPE.off``, or in another format, for each shape. A missing mesh
+        scores 0.
+    scorer
+        Compares the forms.
+    results
+        The results folder.
+    watched
+        Wraps the iteration over shapes, to show progress.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder has no form of these shapes, or none is usable.
+    """
+    files = _files(gallery.entries, folder)
+    facts = gallery_facts(gallery, input_)
+    digests = {name: file_digest(path) for name, path in files.items()}
+    key = digest([facts["gallery_digest"], input_, title, digests, scorer.key()])
+    for record in read_records(results, published=False):
+        if record.key == key:
+            return record
+    created, signatures, refused = scorer.create(), [], []
+    for entry in watched(gallery.entries):
+        try:
+            if entry.identifier not in files:
+                raise UnsupportedShape(f"{folder} has no form of this shape")
+            signatures.append(compute_signature(created, read_mesh(files[entry.identifier])))
+        except ShapeError as error:
+            refused.append((entry.identifier, error.problem))
+    if not signatures:
+        raise ConfigurationError(f"no form in {folder} is usable: {refused[0][1]}", "correct the meshes")
+    matrices = [compare_signatures(created, signatures, draw) for draw in range(scorer.info.draws)]
+    left_out = dict(refused)
+    answered = [place for place, name in enumerate(facts["shapes"]) if name not in left_out]
+    content = {
+        **facts,
+        **score(matrices, facts["labels"], answered if refused else None),
+        "scorer": scorer.name,
+        "scorer_title": scorer.title,
+        "unsupported": refused,
+    }
+    return _keep(results, key, title, content, np.mean(matrices, axis=0))
+
+
+def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
+    """Return the mesh file of each shape that has one, by name."""
+    files = {}
+    for entry in entries:
+        paths = (folder / f"{entry.identifier}{suffix}" for suffix in READABLE)
+        if path := next((path for path in paths if path.is_file()), None):
+            files[entry.identifier] = path
+    if not files:
+        first = next(iter(entries)).identifier
+        raise ConfigurationError(f"{folder} has no form of these shapes", f"name them like the shapes: {first}.off")
+    return files
+
+
+def _keep(results: Path, key: str, title: str, content: Mapping[str, Any], distances: Any) -> Record:
+    """Store the record of an external row in place of an earlier one, and return it."""
+    own = {
+        "key": key,
+        "status": "ok",
+        "method": method_name(title),
+        "title": title,
+        "family": EXTERNAL,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "commit": commit(),
+        "packages": packages(),
+    }
+    record = msgspec.convert({**msgspec.to_builtins(content), **own}, Record)
+    with writing(results):
+        before = [other for other in read_records(results, published=False) if other.place == record.place]
+        if before and before[0].title != title:
+            problem = f"'{before[0].title}' and '{title}' have one name, {record.method}"
+            raise ConfigurationError(problem, "choose another title")
+        Cache(results).write("records", key, {"distances": np.asarray(distances)})
+        write_record(results, record, before[0].key if before else "")
+    return record

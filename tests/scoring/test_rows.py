@@ -1,0 +1,108 @@
+"""Results of other programs as rows: shapes are paired by name."""
+
+import shutil
+from typing import Any
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline import read_distances
+from benchmark.pipeline.measures import score
+from benchmark.pipeline.records import Record, read_records, write_record
+from benchmark.protocols.galleries import galleries
+from benchmark.registry import select_one
+from benchmark.scoring.evaluation import with_labels
+from benchmark.scoring.rows import keep_distances, method_name, score_forms
+from tests.scoring.line import LABELS, NAMES, D
+from tests.toy import rod, write_off, write_rods
+
+NAMED = dict(zip(NAMES, LABELS, strict=True))
+
+
+@pytest.fixture
+def beside(tmp_path):
+    """A results folder with a row of the same shapes."""
+    facts: dict[str, Any] = {
+        "key": "0" * 32, "status": "ok", "gallery": "line", "gallery_digest": "d", "input": "mesh", "method": "gps",
+        "title": "GPS", "family": "paper", "data": {"name": "line", "title": "Line", "source": "/data/line"},
+        "shapes": NAMES, "labels": LABELS, **score([D], LABELS),
+    }  # fmt: skip
+    write_record(tmp_path, msgspec.convert(facts, Record))
+    return tmp_path
+
+
+def test_a_row_stands_beside_the_others_in_their_order_of_shapes(beside):
+    turned = pd.DataFrame(D, NAMES, NAMES).iloc[::-1, ::-1]
+    record = keep_distances(beside, with_labels(turned, NAMED), "Their method", "line", "mesh")
+    assert (record.method, record.gallery, record.gallery_digest) == ("external-their-method", "line", "d")
+    assert record.shapes == NAMES
+    assert record.per_query == score([D], LABELS)["per_query"]
+    np.testing.assert_allclose(read_distances(beside, record), D)
+    assert {other.method for other in read_records(beside)} == {"gps", "external-their-method"}
+
+
+def test_distances_without_names_are_refused(beside):
+    with pytest.raises(ConfigurationError, match="paired by the names of the shapes, and these distances have none"):
+        keep_distances(beside, with_labels(D, LABELS), "Theirs", "line", "mesh")
+
+
+@pytest.mark.parametrize(
+    ("labels", "dataset", "problem"),
+    [
+        ({f"x{name}": label for name, label in NAMED.items()}, "line", "not those of 'line': the first .* is 'xa0'"),
+        (dict(zip(NAMES, [*LABELS[1:], "a"], strict=True)), "line", "the first that differs is 'a9'"),
+        (NAMED, "tosca", "no row of 'tosca', mesh, is here"),
+        (NAMED, "/no/folder", "'/no/folder' is neither a data set nor a folder"),
+    ],
+)
+def test_what_cannot_stand_beside_is_named(labels, dataset, problem, beside):
+    with pytest.raises(ConfigurationError, match=problem):
+        keep_distances(beside, with_labels(D, labels), "Theirs", dataset, "mesh")
+
+
+def test_a_folder_stands_for_the_data_set_of_its_name(beside, tmp_path):
+    (tmp_path / "line").mkdir()
+    record = keep_distances(beside, with_labels(D, NAMED), "Theirs", str(tmp_path / "line"), "mesh")
+    assert record.gallery == "line"
+
+
+def test_a_row_replaces_its_earlier_one_but_none_of_another_title(beside):
+    for factor in (1.0, 2.0):
+        keep_distances(beside, with_labels(factor * D**factor, NAMED), "Theirs", "mine", "mesh")
+    assert [record.title for record in read_records(beside)].count("Theirs") == 1
+    with pytest.raises(ConfigurationError, match="'Theirs' and 'Theirs!' have one name, external-theirs"):
+        keep_distances(beside, with_labels(D, NAMED), "Theirs!", "mine", "mesh")
+
+
+def test_the_name_of_a_row_is_that_of_the_page():
+    assert method_name("My method") == "external-my-method"
+    with pytest.raises(ConfigurationError, match="cannot be the title of a row"):
+        method_name("論文")
+
+
+@pytest.fixture(scope="module")
+def forms(tmp_path_factory):
+    """Rods, and the same in another folder with a form that is missing, a damaged one, and one of other vertices."""
+    folder = tmp_path_factory.mktemp("forms")
+    rods = write_rods(folder / "rods")
+    made = shutil.copytree(rods, folder / "made")
+    write_off(made / "thin1.off", rod(0.06, 1.2, rings=12, sides=6))
+    (made / "thin0.off").unlink()
+    (made / "thick2.off").write_text("OFF 1")
+    return rods, made
+
+
+def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
+    (gallery, *_) = galleries((), [str(forms[0])], None, False)
+    scorer = select_one("cm-bof", kind="scorer")
+    record = score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path)
+    assert (record.method, record.scorer, record.coverage) == ("external-mine", "cm-bof", pytest.approx(4 / 6))
+    assert {name for name, _ in record.unsupported} == {"thin0", "thick2"}
+    assert record.per_query["NN"][record.shapes.index("thin0")] == 0
+    monkeypatch.setattr("benchmark.scoring.rows.compute_signature", None)
+    assert score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path) == record
+    with pytest.raises(ConfigurationError, match="name them like the shapes: thick0.off"):
+        score_forms(gallery, "mesh", "Mine", tmp_path, scorer, tmp_path)
