@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,20 +12,16 @@ from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.api.learning import MeasuresFit
-from benchmark.depth.errors import InvalidIntrinsics
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe
-from benchmark.depth.intrinsics import Intrinsics, parse_intrinsics
+from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
-from benchmark.plugins.output_checks import form_of
-from benchmark.plugins.registry import MethodSpec, methods, variant
 from benchmark.protocols.models import with_model
+from benchmark.registry import Component, select_one
+from benchmark.registry.outputs import compute_form
 
 __all__ = ["DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"]
-
-#: Valid shapes of intrinsics: fx, fy, cx, cy or a camera matrix.
-_CAMERAS = ((4,), (3, 3), (4, 4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,30 +95,35 @@ def canonical_form_of_depth(
         If there is no such method, or it computes no forms from views.
     """
     maker = method_of_depth(method)
+    if not isinstance(intrinsics, Intrinsics):
+        intrinsics = camera_of(np.asarray(intrinsics, dtype=np.float64).ravel().tolist())
     mask_image = None if mask is None else np.asarray(mask)
-    observed = observe(in_metres(np.asarray(depth), scale), _camera(intrinsics), mask_image, up, half_width)
+    observed = observe(in_metres(np.asarray(depth), scale), intrinsics, mask_image, up, half_width)
     return form_of_object(observed, maker, half_width=half_width, seed=seed).form
 
 
 @functools.lru_cache(maxsize=8)
 def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
     """Return a method that computes forms from views; raise ``ConfigurationError`` for any other."""
-    spec = variant(name, methods(plugins))
-    if missing := spec.missing_packages():
-        raise ConfigurationError(f"method '{name}' needs {', '.join(missing)}", f"pip install {' '.join(missing)}")
-    maker = form_maker(spec, name)
-    if "view" not in spec.info.inputs:
+    component = select_one(name, plugins)
+    maker = form_maker(component)
+    if "view" not in component.info.inputs:
         raise ConfigurationError(
             f"method '{name}' reads complete surfaces, and a depth image shows one side", "choose one that reads views"
         )
     return maker
 
 
-def form_maker(spec: MethodSpec, name: str) -> Method:
+def form_maker(component: Component) -> Method:
     """Return a method with its default model; raise ``ConfigurationError`` if it computes no forms."""
-    maker = with_model(spec)
+    if missing := component.missing_packages():
+        packages = " ".join(missing)
+        raise ConfigurationError(f"method '{component.name}' needs {packages}", f"pip install {packages}")
+    maker = with_model(component)
     if not isinstance(maker, Method):
-        raise ConfigurationError(f"method '{name}' describes shapes without a canonical form", "choose another method")
+        raise ConfigurationError(
+            f"method '{component.name}' describes shapes without a canonical form", "choose another method"
+        )
     return maker
 
 
@@ -161,18 +162,7 @@ def form_of_object(
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
     """Return the form of a shape with the given notes, those of the method, and those on the fit."""
-    form, notes = form_of(maker, shape)
+    form, notes = compute_form(maker, shape)
     plain = {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
     fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
     return CanonicalForm(form.vertices, form.faces, {**first, **plain, **fit})
-
-
-def _camera(value: Intrinsics | ArrayLike | Sequence[float]) -> Intrinsics:
-    if isinstance(value, Intrinsics):
-        return value
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape not in _CAMERAS:
-        raise InvalidIntrinsics(
-            f"an array of shape {array.shape} is no camera", "pass a 3 x 3 matrix or fx, fy, cx, cy"
-        )
-    return parse_intrinsics(" ".join(map(repr, array.ravel().tolist())))

@@ -39,6 +39,7 @@ from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
+from benchmark.registry import select_one
 from benchmark.report.content import own_table
 from benchmark.report.pictures.painting import save_png
 from benchmark.report.pictures.sheets import frame_picture, mesh_picture, retrieved_picture
@@ -203,8 +204,8 @@ def plain_form(source: Path, request: Request, vertices: int | str | None = None
     ShapeError
         If the mesh cannot be read or processed.
     """
-    spec = variant(request.method, methods(request.plugins))
-    maker = form_maker(spec, request.method)
+    spec = select_one(request.method, request.plugins)
+    maker = form_maker(spec)
     reads_meshes = "mesh" in spec.info.inputs
     if vertices is not None and not reads_meshes:
         raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --vertices")

@@ -131,7 +131,7 @@ def parse_intrinsics(text: str) -> Intrinsics:
         numbers = [float(word) for word in words]
     except ValueError as error:
         raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' is no list of numbers", _HINT) from error
-    return _of_numbers(numbers)
+    return camera_of(numbers)
 
 
 def intrinsics_of(value: str) -> Intrinsics:
@@ -196,9 +196,10 @@ def find_intrinsics(image: Path) -> Path | None:
     return next((path for path in own + shared if path.is_file()), None)
 
 
-def _of_numbers(
+def camera_of(
     numbers: Sequence[float], size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
 ) -> Intrinsics:
+    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix; raises ``InvalidIntrinsics`` for others."""
     if len(numbers) == 4:
         fx, fy, cx, cy = numbers
         return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
@@ -219,16 +220,14 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     values = {**content, **(inner if isinstance(inner, Mapping) else {"K": inner})}
     size, distortion = _size(values), _distortion(values)
     if "intrinsic_matrix" in values:  # Open3D, column-major
-        return _of_numbers(
-            np.array(_flat(values["intrinsic_matrix"])).reshape(3, 3).T.ravel().tolist(), size, distortion
-        )
+        return camera_of(np.array(_flat(values["intrinsic_matrix"])).reshape(3, 3).T.ravel().tolist(), size, distortion)
     for key in ("K", "k", "camera_matrix", "Camera_Matrix"):
         if key in values:
-            return _of_numbers(_flat(values[key]), size, distortion)
+            return camera_of(_flat(values[key]), size, distortion)
     cx, cy = (values.get(f"c{axis}", values.get(f"pp{axis}")) for axis in "xy")
     if cx is None or cy is None:
         raise InvalidIntrinsics(f"keys {', '.join(map(str, values)):.200} name no principal point", _HINT)
-    return _of_numbers(_flat([values["fx"], values["fy"], cx, cy]), size, distortion)
+    return camera_of(_flat([values["fx"], values["fy"], cx, cy]), size, distortion)
 
 
 def _flat(values: Any) -> list[float]:
