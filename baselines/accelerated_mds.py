@@ -5,30 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import low_rank_scaling, side_notes, vertex_areas
-from benchmark.api.contracts import (
-    CanonicalForm,
-    CheckedParameters,
-    Interval,
-    MethodInfo,
-    Shape,
-)
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
 class AcceleratedMDS(CheckedParameters):
     r"""Classic MDS without all pairwise distances.
 
-    The matrix P (n x p) of biharmonic (Laplace-Beltrami) interpolation extends the squared distances :math:`F` (p x n)
-    from p farthest-point samples over the surface. With :math:`W = F_{:, s}` between the samples, Shamai, Zibulevsky
-    and Kimmel (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using multidimensional
-    scaling", approximate
-
-    .. math:: D \circ D \approx P W P^\top,
-
-    see :func:`baselines._kernels.orientation.low_rank_scaling`.
-    :class:`baselines.fast_classical_scaling.FastClassicalScaling` averages both extensions.
+    The matrix P (n x p) of biharmonic (Laplace-Beltrami) interpolation extends the squared distances W (p x p) between
+    p farthest-point samples over the surface: :math:`D \circ D \approx P W P^\top`. Shamai, Zibulevsky and Kimmel
+    (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using multidimensional scaling".
 
     Parameters
     ----------
@@ -43,6 +29,7 @@ class AcceleratedMDS(CheckedParameters):
         family="extended",
         summary="classic scaling from interpolated geodesic distances of a few samples",
         departs="Signs of axes and the side of the mirror follow a rule of ours.",
+        needs=("connected",),
     )
 
     samples: Annotated[int, Interval(4)] = 25
@@ -53,21 +40,13 @@ class AcceleratedMDS(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces.
+            If the second eigenvalue of the Laplacian is zero.
         """
-        from baselines._kernels.interpolation import smooth_interpolation
-        from baselines._kernels.sampling import farthest_points, squares_between, stress_of_rows
+        from baselines._kernels.few_rows import farthest_points, low_rank_scaling, smooth_interpolation, stress_of_rows
 
-        require_vertices(shape)
-        require_connected(shape)
         samples = farthest_points(shape, self.samples)
+        interpolation = smooth_interpolation(shape, samples)
         rows = shape.geodesics_from(samples)
-        interpolation = smooth_interpolation(shape.laplacian(), samples)
-        between = squares_between(samples, rows)
-        points = low_rank_scaling(shape.mesh, interpolation, between)
-        return shape.form(
-            points,
-            samples=len(samples),
-            stress_of_rows=stress_of_rows(points, samples, rows),
-            **side_notes(points, vertex_areas(shape.mesh)),
-        )
+        squares = rows[:, samples] ** 2
+        points = low_rank_scaling(shape, interpolation, (squares + squares.T) / 2)
+        return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+
+if TYPE_CHECKING:
+    from baselines._kernels.arap import AsRigidAsPossible
 
 if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
@@ -55,6 +56,7 @@ class ConstrainedMDS(CheckedParameters):
             "A surface energy, as rigid as possible, takes the place of the solid that the source deforms, and no step "
             "registers the two; of both mirror images, that of lower energy is kept."
         ),
+        needs=("pairs",),
     )
 
     first_pull: Annotated[float, Interval(0, closed="neither")] = 1.0
@@ -67,68 +69,29 @@ class ConstrainedMDS(CheckedParameters):
 
         The notes give the mean and largest edge strain, the final energy and that of the rejected mirror image, both in
         squared units of the mesh, and whether the mirror image was kept.
-
-        Raises
-        ------
-        UnsupportedShape
-            If the shape has fewer than four vertices or no face, or is in several pieces.
         """
-        from baselines.least_squares_mds import LeastSquaresMDS
+        from baselines.smacof import LeastSquaresMDS
 
-        require_vertices(shape)
-        require_connected(shape)
         return self.deform_towards(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Deform the surface towards given positions of its vertices or their mirror image.
+        """Deform the surface towards given positions of its vertices, shape (n, 3), or their mirror image."""
+        from baselines._kernels.arap import AsRigidAsPossible, aligned
 
-        Parameters
-        ----------
-        shape
-            The surface at rest.
-        targets
-            One position per vertex, shape (n, 3), in units of the mesh and in any orientation.
-        """
-        from baselines._kernels.arap import AsRigidAsPossible
+        surface, areas = AsRigidAsPossible.of(shape), shape.mesh.vertex_areas
+        images = [aligned(targets * [sign, 1.0, 1.0], shape.mesh.vertices, areas) for sign in (1.0, -1.0)]
+        deformed = [self._deform(surface, image, areas / areas.sum()) for image in images]
+        kept = int(deformed[1][1] < deformed[0][1])
+        vertices, energy = deformed[kept]
+        notes = {**surface.strains(vertices), "energy": energy, "rejected_energy": deformed[1 - kept][1]}
+        return shape.form(vertices, **notes, mirrored="yes" if kept else "no")
 
-        surface = AsRigidAsPossible.of(shape)
-        areas = vertex_areas(shape.mesh)
-        candidates = [
-            self._deform(surface, _aligned(image, shape.mesh.vertices, areas), areas)
-            for image in (targets, targets * [-1.0, 1.0, 1.0])
-        ]
-        energies = [energy for _, energy in candidates]
-        kept = int(energies[1] < energies[0])
-        vertices, energy = candidates[kept]
-        strains = surface.edge_strains(vertices)
-        return shape.form(
-            vertices,
-            mean_edge_strain=float(strains.mean()),
-            largest_edge_strain=float(strains.max()),
-            energy=energy,
-            rejected_energy=energies[1 - kept],
-            mirrored="yes" if kept else "no",
-        )
-
-    def _deform(self, surface: AsRigidAsPossible, targets: FloatArray, areas: FloatArray) -> tuple[FloatArray, float]:
-        masses = areas / areas.sum()
+    def _deform(self, surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray) -> tuple[FloatArray, float]:
         positions = surface.rest
         for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
             pull = strength * masses
             solve = surface.factorise(pull)
             for _ in range(self.iterations):
-                rotations = surface.rotations(positions)
-                positions = solve(surface.load(rotations) + pull[:, None] * targets)
+                positions = solve(surface.load(surface.rotations(positions)) + pull[:, None] * targets)
         distance = ((positions - targets) ** 2).sum(axis=1)
         return positions, surface.energy(positions, surface.rotations(positions)) + float(pull @ distance)
-
-
-def _aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the points after the proper rigid motion that best aligns them with the reference (Kabsch 1976)."""
-    from baselines._kernels.arap import nearest_rotation
-
-    centre = np.average(points, axis=0, weights=weights)
-    reference_centre = np.average(reference, axis=0, weights=weights)
-    rotation = np.empty((3, 3))
-    nearest_rotation((points - centre).T @ ((reference - reference_centre) * weights[:, None]), rotation)
-    return (points - centre) @ rotation.T + reference_centre

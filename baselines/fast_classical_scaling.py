@@ -7,15 +7,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import low_rank_scaling, side_notes, vertex_areas
-from benchmark.api.contracts import (
-    CanonicalForm,
-    CheckedParameters,
-    Interval,
-    MethodInfo,
-    Shape,
-)
+from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +23,7 @@ class FastClassicalScaling(CheckedParameters):
 
     .. math:: D \circ D \approx \tfrac12 (P F + F^\top P^\top),
 
-    has the form :math:`Z M Z^\top` with 2p columns in Z, see :func:`baselines._kernels.orientation.low_rank_scaling`.
+    has the form :math:`Z M Z^\top` with 2p columns in Z, see :func:`baselines._kernels.few_rows.low_rank_scaling`.
     Shamai, Aflalo, Zibulevsky and Kimmel (2015), "Classical scaling revisited", and Shamai, Zibulevsky and Kimmel
     (2018), "Efficient inter-geodesic distance computation and fast classical scaling"; equations and defaults are those
     of the authors' released code.
@@ -54,6 +46,7 @@ class FastClassicalScaling(CheckedParameters):
             "The weight of the fit holds for a mean vertex area of 1, in the released code for the units of the file. "
             "Signs of axes and the side of the mirror follow a rule of ours."
         ),
+        needs=("connected",),
     )
 
     samples: Annotated[int, Interval(4)] = 20
@@ -65,25 +58,14 @@ class FastClassicalScaling(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices, no face, or several pieces.
+            If the second eigenvalue of the Laplacian is zero.
         """
-        from baselines._kernels.interpolation import smooth_interpolation
-        from baselines._kernels.sampling import farthest_points, stress_of_rows
+        from baselines._kernels.few_rows import farthest_points, low_rank_scaling, smooth_interpolation, stress_of_rows
 
-        require_vertices(shape)
-        require_connected(shape)
         samples = farthest_points(shape, self.samples)
+        mass = shape.laplacian().mass
+        extension = smooth_interpolation(shape, samples, weights=(mass / mass.mean()) ** 2, fidelity=self.fidelity)
         rows = shape.geodesics_from(samples)
-        laplacian = shape.laplacian()
-        areas = laplacian.mass / laplacian.mass.mean()
-        interpolation = smooth_interpolation(laplacian, samples, weights=areas**2, fidelity=self.fidelity)
-        half, zero = np.eye(len(samples)) / 2, np.zeros((len(samples), len(samples)))
-        points = low_rank_scaling(
-            shape.mesh, np.hstack([interpolation, rows.T**2]), np.block([[zero, half], [half, zero]])
-        )
-        return shape.form(
-            points,
-            samples=len(samples),
-            stress_of_rows=stress_of_rows(points, samples, rows),
-            **side_notes(points, vertex_areas(shape.mesh)),
-        )
+        coupling = np.asarray(np.kron([[0.0, 0.5], [0.5, 0.0]], np.eye(len(samples))), dtype=np.float64)
+        points = low_rank_scaling(shape, np.hstack([extension, rows.T**2]), coupling)
+        return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))

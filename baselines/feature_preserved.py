@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import vertex_areas
+from baselines._kernels.arap import AsRigidAsPossible, nearest_rotations
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
-
-if TYPE_CHECKING:
-    from baselines._kernels.arap import AsRigidAsPossible
 
 MIRROR_MARGIN = 0.05
 """Share by which a mirror image must fit better: the nearly flat parts of an open surface fit both equally well."""
+
+Parts = NDArray[np.int64]
 
 PART_SIZE = 16
 """Minimum mean number of vertices per part: with a handful, "rigid" would be meaningless."""
@@ -33,9 +31,8 @@ class FeaturePreserved(CheckedParameters):
        along the surface, and the seams shift so that the parts fit m better.
     2. Part c moves by the rigid motion that brings it and its adjacent vertices nearest to m,
        :math:`\min_{R_c, t_c} \sum_{i \in c} a_i \|R_c p_i + t_c - m_i\|^2`, and the parts then shift to meet at their
-       seams (:func:`baselines._kernels.rigid_parts.close_gaps`).
-    3. The seams are smoothed over a narrow band, outside which parts keep every detail
-       (:func:`baselines._kernels.rigid_parts.smooth_seams`).
+       seams.
+    3. The seams are smoothed over a narrow band, outside which parts keep every detail.
 
     MDS cannot distinguish a pose from its mirror image: both images of m are tried, and the one that the parts fit
     better is kept. "Feature-preserved 3D canonical form", International Journal of Computer Vision 102. The source
@@ -62,6 +59,7 @@ class FeaturePreserved(CheckedParameters):
             "Parts grow around spread seeds, where the source divides a closed surface by its protrusions; of both "
             "mirror images, that which the parts fit better is kept."
         ),
+        needs=("pairs",),
     )
 
     parts: Annotated[int, Interval(1)] = 16
@@ -71,72 +69,135 @@ class FeaturePreserved(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the surface with its parts in the pose of the least-squares MDS.
 
-        The notes give the number of parts, the mean and largest edge strain, the root-mean-square distance from the
-        targets, and whether the mirror image of the MDS was kept.
-
-        Raises
-        ------
-        UnsupportedShape
-            If the shape has fewer than four vertices or no face, is in several pieces, or has too many vertices for all
-            pairwise distances.
+        The notes give the number of parts, the mean and largest edge strain, and whether the mirror image was kept.
         """
-        from baselines.least_squares_mds import LeastSquaresMDS
+        from baselines.smacof import LeastSquaresMDS
 
-        require_vertices(shape)
-        require_connected(shape)
         return self.move_onto(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def move_onto(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Move the parts of a surface onto given positions of its vertices or their mirror image.
-
-        Parameters
-        ----------
-        shape
-            The surface.
-        targets
-            One position per vertex, shape (n, 3), in units of the mesh and in any orientation.
-        """
-        from baselines._kernels.arap import AsRigidAsPossible
-        from baselines._kernels.rigid_parts import close_gaps, rigid_motions, smooth_seams
+        """Move the parts of a surface onto given positions of its vertices, shape (n, 3), or their mirror image."""
+        from baselines._kernels.few_rows import farthest_points
 
         surface = AsRigidAsPossible.of(shape)
-        masses = np.maximum(vertex_areas(shape.mesh), np.finfo(float).tiny)
-        seeds = self._around_seeds(shape)
+        masses = np.maximum(shape.mesh.vertex_areas, np.finfo(float).tiny)
+        seeds = farthest_points(shape, max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE)))
+        nearest = np.unique(shape.geodesics()[seeds].argmin(axis=0), return_inverse=True)[1]
         images = [targets, targets * [-1.0, 1.0, 1.0]]
-        divided = [self._divided(surface, image, masses, seeds) for image in images]
-        kept = int(divided[1][1] < (1 - MIRROR_MARGIN) * divided[0][1])
-        parts = divided[kept][0]
+        divided = [refit_parts(surface, image, masses, nearest, self.rounds) for image in images]
+        misses = []
+        for image, parts in zip(images, divided, strict=True):
+            moved = _moved(surface, parts, *rigid_motions(surface, image, masses, parts))
+            misses.append(masses @ ((moved - image) ** 2).sum(axis=1))
+        kept = int(misses[1] < (1 - MIRROR_MARGIN) * misses[0])
+        parts = divided[kept]
         rotations, translations = rigid_motions(surface, images[kept], masses, parts)
         translations = close_gaps(surface, masses, parts, rotations, translations)
-        placed = np.einsum("nab,nb->na", rotations[parts], surface.rest) + translations[parts]
-        width = self.seam * float(np.sqrt(masses.sum()))
-        vertices = smooth_seams(surface, masses, placed, rotations[parts], width)
-        strains = surface.edge_strains(vertices)
-        misses = ((vertices - images[kept]) ** 2).sum(axis=1)
-        return shape.form(
-            vertices,
-            parts=len(rotations),
-            mean_edge_strain=float(strains.mean()),
-            largest_edge_strain=float(strains.max()),
-            distance_from_targets=float(np.sqrt(masses @ misses / masses.sum())),
-            mirrored="yes" if kept else "no",
-        )
+        vertices = smooth_seams(surface, masses, parts, rotations, translations, self.seam)
+        notes = surface.strains(vertices)
+        return shape.form(vertices, parts=len(rotations), **notes, mirrored="yes" if kept else "no")
 
-    def _around_seeds(self, shape: Shape) -> NDArray[np.int64]:
-        """Return the part of each vertex before any seam shifts."""
-        from baselines._kernels.rigid_parts import nearest_seed
-        from baselines._kernels.sampling import farthest_points
 
-        seeds = farthest_points(shape, max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE)))
-        return nearest_seed(shape.geodesics()[seeds])
+def _moved(surface: AsRigidAsPossible, parts: Parts, rotations: FloatArray, translations: FloatArray) -> FloatArray:
+    """Return the vertices after the motions of their parts, shape (n, 3)."""
+    return np.asarray(np.einsum("nab,nb->na", rotations[parts], surface.rest) + translations[parts])
 
-    def _divided(
-        self, surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], float]:
-        """Return the parts after their seams shifted, and the weighted sum of squared distances from the targets."""
-        from baselines._kernels.rigid_parts import refit_parts, rigid_motions
 
-        parts = refit_parts(surface, targets, masses, parts, self.rounds)
+def rigid_motions(
+    surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: Parts
+) -> tuple[FloatArray, FloatArray]:
+    """Compute the rotation and translation of each part that bring its vertices nearest to their targets (Kabsch 1976).
+
+    The neighbours of a part count as its own, so that neighbouring parts agree on their seam and not even a part of a
+    single vertex can rotate freely.
+
+    Returns
+    -------
+    rotations : numpy.ndarray
+        Proper, shape (k, 3, 3).
+    translations : numpy.ndarray
+        Shape (k, 3): a vertex p of part c moves to ``rotations[c] @ p + translations[c]``.
+    """
+    of_parts = np.eye(int(parts.max()) + 1)[parts]
+    weights = masses * ((of_parts + surface.weights @ of_parts).T > 0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    centres, goals = weights @ surface.rest, weights @ targets
+    covariances = np.einsum("kn,na,nb->kab", weights, surface.rest, targets, optimize=True)
+    rotations = nearest_rotations(covariances - centres[:, :, None] * goals[:, None, :])
+    return rotations, goals - np.einsum("kab,kb->ka", rotations, centres)
+
+
+def refit_parts(
+    surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: Parts, rounds: int
+) -> Parts:
+    """Shift the seams, vertex by vertex, so that the parts fit the targets better.
+
+    In each round every vertex at a seam joins the part of a neighbour whose rigid motion brings it nearest to its
+    target. Vertices of a part that would keep fewer than half of its initial vertices stay, and no part becomes empty.
+    """
+    graph, numbers = surface.weights, np.arange(len(parts))
+    start = np.repeat(numbers, np.diff(graph.indptr))
+    least = np.maximum(np.bincount(parts) // 2, 1)
+    for _ in range(rounds):
         rotations, translations = rigid_motions(surface, targets, masses, parts)
-        moved = np.einsum("nab,nb->na", rotations[parts], surface.rest) + translations[parts]
-        return parts, float(masses @ ((moved - targets) ** 2).sum(axis=1))
+        moved = np.einsum("kab,nb->kna", rotations, surface.rest) + translations[:, None]
+        misses = ((moved - targets) ** 2).sum(axis=2)
+        offered = np.full(misses.shape, np.inf)
+        offered[parts[graph.indices], start] = misses[parts[graph.indices], start]
+        changed = np.where(offered.min(axis=0) < misses[parts, numbers], offered.argmin(axis=0), parts)
+        losing = np.bincount(changed, minlength=len(least)) < least
+        while losing.any():  # returning vertices may empty the parts that they had joined
+            changed = np.where(losing[parts], parts, changed)
+            losing = np.bincount(changed, minlength=len(least)) == 0
+        if (changed == parts).all():
+            break
+        parts = changed
+    return parts
+
+
+def close_gaps(
+    surface: AsRigidAsPossible, masses: FloatArray, parts: Parts, rotations: FloatArray, translations: FloatArray
+) -> FloatArray:
+    r"""Translate the parts, without rotation, so that they meet at their seams.
+
+    With the edges (i, j) of the seams, of weights w, and the share :math:`\alpha_c` of part c in the area,
+
+    .. math:: \min_t \sum_c \alpha_c \|t_c - t^0_c\|^2
+              + \sum_{ij} w_{ij} \| R_c p_i + t_c - R_d p_j - t_d - \tfrac12 (R_c + R_d)(p_i - p_j) \|^2 .
+    """
+    graph = surface.weights
+    start, end = np.repeat(np.arange(len(parts)), np.diff(graph.indptr)), graph.indices
+    seam = parts[start] != parts[end]  # each edge both ways
+    start, end, weights = start[seam], end[seam], graph.data[seam]
+    first, second = parts[start], parts[end]
+    # The gap is R_c m + t_c - R_d m - t_d at the middle m of the edge.
+    middles = (surface.rest[start] + surface.rest[end]) / 2
+    gaps = np.einsum("eab,eb->ea", rotations[second] - rotations[first], middles)
+    system = np.diag(np.bincount(parts, masses) / masses.sum())
+    right = system @ translations
+    np.add.at(system, (first, first), weights)
+    np.add.at(system, (first, second), -weights)
+    np.add.at(right, first, weights[:, None] * gaps)
+    return np.asarray(np.linalg.solve(system, right))
+
+
+def smooth_seams(
+    surface: AsRigidAsPossible,
+    masses: FloatArray,
+    parts: Parts,
+    rotations: FloatArray,
+    translations: FloatArray,
+    width: float,
+) -> FloatArray:
+    r"""Smooth the seams between placed parts, in a band of a width b given as a share of the root of the area.
+
+    Finds the positions x that minimise
+
+    .. math:: \sum_{ij} w_{ij} \| (x_i - x_j) - \tfrac12 (R_i + R_j) (p_i - p_j) \|^2
+              + \frac1{b^2} \sum_i m_i \| x_i - y_i \|^2 ,
+
+    a screened Poisson equation: the perturbation by a seam decays as :math:`e^{-d/b}` with the distance d from it.
+    """
+    pull = masses / (width**2 * masses.sum())
+    placed = _moved(surface, parts, rotations, translations)
+    return surface.factorise(pull)(surface.load(rotations[parts]) + pull[:, None] * placed)

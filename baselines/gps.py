@@ -1,4 +1,4 @@
-"""Global point signature: embedding of a surface by its Laplacian eigenfunctions."""
+"""Global point signature: the lowest eigenfunctions of the Laplacian as coordinates."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import oriented, side_notes
+from baselines._kernels.orientation import oriented
+from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, MethodInfo, Shape
 
 
@@ -22,11 +22,9 @@ class GPS(CheckedParameters):
               \right).
 
     The eigenfunctions have unit norm on the surface, so the form depends on neither the position nor the size of the
-    shape. Their signs are arbitrary: the first two axes point to the side of positive area-weighted third moment, and
-    the third chooses between the form and its mirror image, see :mod:`baselines._kernels.orientation`. Eigenfunctions
-    of nearly equal eigenvalues may swap between poses; the notes give the relative gaps. Rustamov (2007),
+    shape. Signs and the side of the mirror follow :func:`baselines._kernels.orientation.oriented`. Eigenfunctions of
+    nearly equal eigenvalues may swap between poses; the notes give the relative gaps. Rustamov (2007),
     "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
-
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -41,6 +39,7 @@ class GPS(CheckedParameters):
             "ours."
         ),
         scale="invariant",
+        needs=("connected",),
     )
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
@@ -49,24 +48,11 @@ class GPS(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than five vertices, no face, or several pieces.
+            If the second eigenvalue of the Laplacian is zero, or the shape has fewer than five vertices.
         """
-        from benchmark.geometry.laplacian import eigenpairs
-
-        require_vertices(shape, 5)
-        require_connected(shape)
-        laplacian = shape.laplacian()
-        values, functions = eigenpairs(laplacian, 5)
-        # The constant function comes first; the fourth non-constant one only gives the gap to the next axis.
-        values, functions = values[1:], functions[:, 1:4]
-        points = functions / np.sqrt(values[:3])
-        points = oriented(shape.mesh, points, values[:3], areas=laplacian.mass)
-        gaps = np.diff(values) / values[:-1]
-        return shape.form(
-            points,
-            eigenvalue_1=float(values[0] * laplacian.mass.sum()),
-            eigenvalue_gap_12=float(gaps[0]),
-            eigenvalue_gap_23=float(gaps[1]),
-            eigenvalue_gap_34=float(gaps[2]),
-            **side_notes(points, laplacian.mass),
-        )
+        values, functions = spectrum(shape, 4)  # the fourth only gives the gap to the next axis
+        mass = shape.laplacian().mass
+        points = oriented(functions[:, :3] / np.sqrt(values[:3]), mass)
+        gaps = (np.diff(values) / values[:-1]).tolist()
+        notes = {f"eigenvalue_gap_{k + 1}{k + 2}": gap for k, gap in enumerate(gaps)}
+        return shape.form(points, eigenvalue_1=float(values[0] * mass.sum()), **notes)

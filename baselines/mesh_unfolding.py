@@ -7,8 +7,6 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.orientation import vertex_areas
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, MethodInfo, Shape
 
 
@@ -55,6 +53,7 @@ class MeshUnfolding(CheckedParameters):
             "Vertices repel by distances instead of squared ones, and an energy that is as rigid as possible takes the "
             "place of finite elements; stiffness and steps are ours."
         ),
+        needs=("connected",),
     )
 
     first_stiffness: Annotated[float, Interval(0, closed="neither")] = 0.25
@@ -64,37 +63,17 @@ class MeshUnfolding(CheckedParameters):
     max_cascades: Annotated[int, Interval(1)] = 16
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the unfolded surface.
-
-        The notes give the mean and largest edge strain, the number of cascades and the final stiffness.
-
-        Raises
-        ------
-        UnsupportedShape
-            If the shape has fewer than four vertices or no face, or is in several pieces.
-        """
+        """Return the unfolded surface; notes are its edge strains, the number of cascades and the final stiffness."""
         from baselines._kernels.arap import AsRigidAsPossible
         from baselines._kernels.repulsion import relax
 
-        require_vertices(shape)
-        require_connected(shape)
-        areas = vertex_areas(shape.mesh)
-        unit = float(np.sqrt(areas.sum()))
+        areas = shape.mesh.vertex_areas
+        unit, masses = float(np.sqrt(areas.sum())), areas / areas.sum()
         surface = AsRigidAsPossible.of(shape, unit)
-        masses = areas / areas.sum()
-        stiffness = self.first_stiffness
+        stiffness, cascades = self.first_stiffness, 1
         positions, _ = relax(surface, masses, surface.rest, stiffness, self.iterations)
-        strains = surface.edge_strains(positions)
-        cascades = 1
-        while strains.mean() > self.strain_bound and cascades < self.max_cascades:
-            stiffness *= 2
+        while surface.strains(positions)["mean_edge_strain"] > self.strain_bound and cascades < self.max_cascades:
+            stiffness, cascades = 2 * stiffness, cascades + 1
             positions, _ = relax(surface, masses, positions, stiffness, self.later_iterations)
-            strains = surface.edge_strains(positions)
-            cascades += 1
-        return shape.form(
-            unit * positions,
-            mean_edge_strain=float(strains.mean()),
-            largest_edge_strain=float(strains.max()),
-            cascades=cascades,
-            stiffness=stiffness,
-        )
+        notes = surface.strains(positions)
+        return shape.form(unit * positions, **notes, cascades=cascades, stiffness=stiffness)

@@ -8,7 +8,6 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from baselines._kernels.checks import require_pairs, require_vertices
 from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 
@@ -34,28 +33,20 @@ class SDGDM(CheckedParameters):
         cite="smeets2012sdgdm",
         family="control",
         summary="largest singular values of the geodesic distance matrix",
+        departs="Geodesic distances are those of Classic MDS here.",
         scale="invariant",
+        needs=("pairs",),
     )
 
     count: Annotated[int, Interval(1)] = 20
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the singular values over their sum, largest first, shape (count,).
-
-        Raises
-        ------
-        UnsupportedShape
-            If the shape has too few vertices for that many singular values, no face, or several pieces, or too many
-            vertices for all pairwise distances.
-        """
+        """Return the singular values over their sum, largest first, shape (count,)."""
         from scipy.sparse.linalg import eigsh
 
-        require_vertices(shape, self.count + 1)
-        require_pairs(shape)
         distances = shape.geodesics()
-        # The matrix is symmetric, so its singular values are the absolute values of its eigenvalues. The start is fixed
-        # and has no symmetry: up to rounding errors the iteration keeps the symmetries of its start, so from a constant
-        # vector it would miss half of the eigenvalues of a symmetric shape.
+        # The matrix is symmetric, so its singular values are the absolute values of its eigenvalues. The start has no
+        # symmetry: from a constant vector, the iteration would miss half of the eigenvalues of a symmetric shape.
         start = np.random.default_rng(0).standard_normal(len(distances))
         values = eigsh(distances, k=self.count, which="LM", v0=start, return_eigenvectors=False)
         sizes = np.sort(np.abs(values))[::-1]
@@ -63,6 +54,5 @@ class SDGDM(CheckedParameters):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the mean-normalised Manhattan distances between the descriptors, shape (N, N)."""
-        stacked = np.stack(descriptors)
-        first, second = stacked[:, None], stacked[None]
+        first, second = np.stack(descriptors)[:, None], np.stack(descriptors)[None]
         return np.asarray((2 * np.abs(first - second) / (first + second)).sum(axis=2))

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
-from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 
@@ -35,6 +36,7 @@ class ShapeDNA(CheckedParameters):
         summary="lowest Laplacian eigenvalues times the area",
         departs="Linear elements with lumped masses, where the source takes cubic ones.",
         scale="invariant",
+        needs=("connected",),
     )
 
     count: Annotated[int, Interval(1)] = 12
@@ -45,18 +47,10 @@ class ShapeDNA(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has too few vertices for that many eigenvalues, no face, or several pieces.
+            If the second eigenvalue of the Laplacian is zero, or the shape has too few vertices.
         """
-        from benchmark.geometry.laplacian import eigenpairs
-
-        require_vertices(shape, self.count + 1)
-        require_connected(shape)
-        laplacian = shape.laplacian()
-        values, _ = eigenpairs(laplacian, self.count + 1)
-        return np.asarray(values[1:] * laplacian.mass.sum())
+        return np.asarray(spectrum(shape, self.count)[0] * shape.laplacian().mass.sum())
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the Euclidean distances between the descriptors, shape (N, N)."""
-        from scipy.spatial.distance import pdist, squareform
-
-        return np.asarray(squareform(pdist(np.stack(descriptors))))
+        return np.asarray(cdist(descriptors, descriptors))

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from baselines._kernels.checks import require_connected, require_vertices
-from baselines._kernels.frame import on_grid, principal_frame
-from baselines._kernels.orientation import TIE, largest, order_by_coordinates, vertex_areas
+from baselines._kernels.arap import factorise_definite
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -24,6 +23,10 @@ from benchmark.geometry.mesh import Mesh, edges_of
 
 if TYPE_CHECKING:
     from baselines._kernels.curve_skeleton import CurveSkeleton
+    from benchmark.geometry.laplacian import Laplacian
+
+SLIVER = 1e-6
+"""Areas below this share of the mean are raised to it, so that cotangents stay finite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,17 +42,12 @@ class Skeleton(CheckedParameters):
     3. Surface. Each bone turns by the minimal rotation from its old to its new direction, each triangle turns with its
        bone, and the surface follows (Sumner & Popović 2004; Yan et al. 2008).
 
-    Contraction and collapse amplify the smallest difference until the skeleton changes. They therefore work in the
-    frame of the principal axes, with coordinates rounded to a millionth of the size of the surface: this removes
-    earlier rounding errors, and the form is the same on any processor.
+    Contraction amplifies the smallest difference, so the skeletons of two processors may differ by a joint.
 
     Parameters
     ----------
     max_iterations, rtol
         Stopping criteria of the MDS of the joints: number of Guttman transforms, and relative decrease of the stress.
-    sampling
-        Weight of even spacing relative to shape when the contracted surface collapses to a graph; 1 in the released
-        code.
     bands
         Number of level-set bands of an open surface.
     open_border
@@ -64,16 +62,16 @@ class Skeleton(CheckedParameters):
         family="paper",
         summary="curve skeleton scaled by its path lengths, surface transferred",
         departs=(
-            "Against the released code: sampling weight .1, not 1 (`sampling=1`), summed quadrics, joints centred "
-            "by displacement instead of loop centroids and merged after centring, pockets absorbed, triangles across a "
-            "border assigned to the bone between; contraction goes on where that code stops. On open views joints are "
-            "level sets of the geodesic distance, which is another method."
+            "Against the released code: summed quadrics, joints centred by displacement instead of loop centroids and "
+            "merged after centring, pockets absorbed, triangles across a border assigned to the bone between; "
+            "contraction goes on where that code stops. On open views joints are level sets of the geodesic distance, "
+            "which is another method."
         ),
+        needs=("pairs",),
     )
 
     max_iterations: Annotated[int, Interval(1)] = 100
     rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
-    sampling: Annotated[float, Interval(0, closed="neither")] = 0.1
     bands: Annotated[int, Interval(2)] = 24
     open_border: Annotated[float, Interval(0)] = 1.0
 
@@ -81,66 +79,56 @@ class Skeleton(CheckedParameters):
         """Return the surface in the pose of its scaled skeleton.
 
         The notes give the kind of skeleton (``"contraction"`` or ``"level-set"``), the reason for a level-set one, the
-        numbers of joints, bones and leaves, the stress of the joints, and the mean edge strain.
+        numbers of joints and bones, and the edge strains.
 
         Raises
         ------
         UnsupportedShape
-            If the shape has fewer than four vertices or no face, is in several pieces, or its skeleton has no bone.
+            If the skeleton has no bone.
         """
         from baselines._kernels.arap import AsRigidAsPossible
-        from baselines._kernels.deformation_transfer import follow_rotations
-        from baselines._kernels.smacof import smacof
+        from baselines.smacof import guttman_transform, majorise
 
-        require_vertices(shape)
-        require_connected(shape)
-        # Sums over the surface must not depend on the numbering of the vertices, nor ties on rounding: so the vertices
-        # are sorted by their coordinates, first the given and then the rounded ones.
-        order = np.asarray(np.lexsort(shape.mesh.vertices.T[::-1]), dtype=np.int64)
-        mesh = _relabelled(shape.mesh, order)
-        frame = principal_frame(mesh)
-        mesh = on_grid(mesh, frame)
-        reordered = order_by_coordinates(mesh.vertices, 1.0)
-        order, mesh = order[reordered], _relabelled(mesh, reordered)
-        skeleton, kind, reason = self._skeleton(shape, mesh, order)
+        mesh, (skeleton, reason) = shape.mesh, self._skeleton(shape)
         if not len(skeleton.bones):
             raise UnsupportedShape(
                 f"{shape.identifier}: the surface shrinks to {len(skeleton.joints)} joint without a bone",
                 "leave this shape to methods that need no skeleton",
             )
-        scaling = smacof(skeleton.path_lengths(), skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol)
-        rotations = bone_rotations(skeleton.joints, scaling.points, skeleton.bones)
-        moved = follow_rotations(mesh, rotations[bones_of_triangles(mesh, skeleton)])
-        vertices = np.empty_like(moved)
-        vertices[order] = frame.points(moved)
+        paths = skeleton.path_lengths()
+        joints, _ = majorise(
+            lambda points: guttman_transform(points, paths),
+            skeleton.joints,
+            max_iterations=self.max_iterations,
+            rtol=self.rtol,
+        )
+        rotations = bone_rotations(skeleton.joints, joints, skeleton.bones)
+        vertices = follow_rotations(mesh, shape.laplacian(), rotations[bones_of_triangles(mesh, skeleton)])
         return shape.form(
             vertices,
-            skeleton=kind,
+            skeleton="level-set" if reason else "contraction",
             skeleton_reason=reason,
-            joints=len(skeleton.joints),
+            joints=len(joints),
             bones=len(skeleton.bones),
-            leaves=int((skeleton.degrees == 1).sum()),
-            joint_stress=scaling.stress[-1],
-            mean_edge_strain=float(AsRigidAsPossible.of(shape).edge_strains(vertices).mean()),
+            **AsRigidAsPossible.of(shape).strains(vertices),
         )
 
-    def _skeleton(self, shape: Shape, mesh: Mesh, order: NDArray[np.int64]) -> tuple[CurveSkeleton, str, str]:
-        from baselines._kernels.contraction import ContractionFailed, contract
-        from baselines._kernels.curve_skeleton import contraction_skeleton, level_set_skeleton
+    def _skeleton(self, shape: Shape) -> tuple[CurveSkeleton, str]:
+        """Return the skeleton, and the reason why it is one of level sets; "" if it is one of contraction."""
+        from baselines._kernels.curve_skeleton import ContractionFailed, contraction_skeleton, level_set_skeleton
 
-        if border_length(mesh) > self.open_border * np.sqrt(mesh.area):
+        if border_length(shape.mesh) > self.open_border * np.sqrt(shape.mesh.area):
             reason = "open surface"
         else:
             try:
-                skeleton = contraction_skeleton(mesh, contract(mesh), self.sampling)
+                skeleton = contraction_skeleton(shape.mesh)
             except ContractionFailed as failure:
                 reason = f"contraction failed: {failure}"
             else:
                 if len(skeleton.bones):
-                    return skeleton, "contraction", ""
+                    return skeleton, ""
                 reason = "contraction left a single joint"
-        levels = geodesics_from_extremity(shape)[order] / np.sqrt(shape.mesh.area)
-        return level_set_skeleton(mesh, levels, self.bands), "level-set", reason
+        return level_set_skeleton(shape.mesh, geodesics_from_extremity(shape), self.bands), reason
 
 
 def geodesics_from_extremity(shape: Shape) -> FloatArray:
@@ -148,10 +136,9 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
 
     The extremity is the vertex with the largest geodesic distance from the vertex farthest from the centroid in space.
     """
-    areas = vertex_areas(shape.mesh)
-    centroid = areas @ shape.mesh.vertices / areas.sum()
-    outermost = largest(np.linalg.norm(shape.mesh.vertices - centroid, axis=1), shape.mesh.vertices)
-    extremity = largest(shape.geodesics_from([outermost])[0], shape.mesh.vertices)
+    vertices, areas = shape.mesh.vertices, shape.mesh.vertex_areas
+    outermost = int(np.linalg.norm(vertices - areas @ vertices / areas.sum(), axis=1).argmax())
+    extremity = int(shape.geodesics_from([outermost])[0].argmax())
     return np.asarray(shape.geodesics_from([extremity])[0])
 
 
@@ -205,10 +192,7 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
         incident = np.flatnonzero((bones == joint).any(axis=1))
         directions = _unit(skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint])
         own = np.flatnonzero(~across & (middle == joint))
-        along = offsets[own] @ directions.T
-        near = along >= along.max(axis=1, keepdims=True) - TIE * np.linalg.norm(offsets[own], axis=1, keepdims=True)
-        # argmax finds the first True, hence the first of equally near directions.
-        chosen[own] = incident[near.argmax(axis=1)]
+        chosen[own] = incident[(offsets[own] @ directions.T).argmax(axis=1)]
     return chosen
 
 
@@ -216,11 +200,39 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny))
 
 
-def _relabelled(mesh: Mesh, order: NDArray[np.int64]) -> Mesh:
-    rank = np.empty(len(order), dtype=np.int32)
-    rank[order] = np.arange(len(order), dtype=np.int32)
-    faces = rank[mesh.faces]
-    # Turning a triangle so that its smallest corner leads keeps its orientation.
-    lead = faces.argmin(axis=1)
-    faces = np.take_along_axis(faces, (lead[:, None] + np.arange(3)) % 3, axis=1)
-    return Mesh(mesh.vertices[order], faces[np.lexsort(faces.T[::-1])])
+def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) -> FloatArray:
+    r"""Return the positions whose triangles best follow the prescribed rotations.
+
+    A fourth vertex off its plane turns each triangle into a simplex (Sumner & Popović 2004; Yan et al. 2008), and the
+    positions minimise :math:`\sum_f A_f \|F_f - R_f\|_F^2` over the deformation gradients :math:`F_f`. The fourth
+    vertex belongs to one simplex only, where it matches the prescribed normal exactly; eliminating it leaves the
+    tangential part of the gradient, and with it the Poisson system of the cotangent Laplacian
+
+    .. math:: L x = b, \qquad b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j).
+
+    Parameters
+    ----------
+    mesh, laplacian
+        Connected surface with positions p, and its cotangent Laplacian L.
+    rotations
+        One rotation per triangle, shape (m, 3, 3).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 3); the centroid, weighted by vertex areas, does not change.
+    """
+    corners = mesh.vertices[mesh.faces]
+    sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # opposite each corner
+    products = -(np.roll(sides, -1, axis=1) * np.roll(sides, 1, axis=1)).sum(axis=2)
+    double_areas = 2 * np.maximum(mesh.face_areas, SLIVER * mesh.face_areas.mean())
+    flow = 0.5 * (products / double_areas[:, None])[..., None] * np.einsum("fab,fkb->fka", rotations, sides)
+    load = np.zeros_like(mesh.vertices)
+    np.add.at(load, np.roll(mesh.faces, -1, axis=1), flow)
+    np.add.at(load, np.roll(mesh.faces, 1, axis=1), -flow)
+    # The load sums to zero, so a spring at one vertex fixes the translation without any other effect.
+    system = csr_array(laplacian.stiffness, copy=True)
+    system[0, 0] += system.diagonal().mean()
+    positions = factorise_definite(system)(load)
+    areas = mesh.vertex_areas
+    return np.asarray(positions + areas @ (mesh.vertices - positions) / areas.sum())

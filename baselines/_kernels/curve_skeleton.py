@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components, shortest_path
 
-from baselines._kernels.connectivity_surgery import SAMPLING, collapse
-from baselines._kernels.orientation import TIE, vertex_areas
+from baselines._kernels.arap import factorise_definite
+from baselines._kernels.connectivity_surgery import collapse
 from benchmark.api.contracts import FloatArray
+from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh, edges_of
 
 Indices = NDArray[np.int64]
@@ -24,6 +25,21 @@ SPECK_SHARE = 0.002
 
 EDGES_PER_BAND = 2.0
 """Minimum width of a band, in mean edge lengths."""
+
+
+RADIUS = 100.0
+"""Radius of the surface during the contraction; the schedule of the weights assumes this unit of length."""
+
+FIRST_CONTRACTION = 1e-3
+"""Initial contraction weight over the square root of the mean face area."""
+
+CONTRACTION_GROWTH = 3.0
+LARGEST_CONTRACTION = 2048.0
+LARGEST_ATTRACTION = 10_000.0
+MAX_ITERATIONS = 20
+
+AREA_RATIO = 0.01
+"""Share of the area at which the contraction ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +75,8 @@ class CurveSkeleton:
         return np.asarray(shortest_path(graph, directed=False))
 
 
-def contraction_skeleton(mesh: Mesh, contracted: FloatArray, sampling: float = SAMPLING) -> CurveSkeleton:
-    """Turn a contracted surface into a centred curve skeleton (Au et al. 2008, sections 5 and 6).
+def contraction_skeleton(mesh: Mesh) -> CurveSkeleton:
+    """Contract a closed surface to a centred curve skeleton (Au et al. 2008, sections 4 to 6).
 
     Connectivity surgery gives the joints. Each moves back by the mean displacement, under the contraction, of the
     border between its part and that of a neighbour, averaged over the neighbours; a leaf, by the mean over its whole
@@ -72,20 +88,84 @@ def contraction_skeleton(mesh: Mesh, contracted: FloatArray, sampling: float = S
     Parameters
     ----------
     mesh
-        The surface.
-    contracted
-        Contracted positions of its vertices, shape (n, 3).
-    sampling
-        Weight of even spacing relative to shape in the surgery.
+        A closed, connected surface.
+
+    Raises
+    ------
+    ContractionFailed
+        If the surface degenerates while more than a tenth of its area is left.
     """
-    survivors, owners = np.unique(collapse(mesh.with_vertices(contracted), sampling), return_inverse=True)
-    owners = owners.astype(np.int64)
-    areas = vertex_areas(mesh)
+    contracted, areas = contract(mesh), mesh.vertex_areas
+    survivors, owners = np.unique(collapse(mesh.with_vertices(contracted)), return_inverse=True)
     edges = edges_of(mesh.faces).ends
     joints = contracted[survivors] + _mean_displacements(mesh.vertices - contracted, owners, edges, areas)
     joints, owners = _merge_junctions(mesh.vertices, areas, edges, joints, owners)
     joints, owners = _absorb_pockets(mesh, edges, joints, owners)
     return CurveSkeleton(joints, owners, _bones(owners, edges))
+
+
+class ContractionFailed(Exception):
+    """Failure of a contraction: the surface became non-finite or degenerate before it was thin."""
+
+
+def contract(mesh: Mesh) -> FloatArray:
+    r"""Contract a closed surface to (almost) zero volume by constrained smoothing (Au et al. 2008, equation 1).
+
+    Each iteration solves, in the least-squares sense,
+
+    .. math:: \begin{bmatrix} W_L L \\ W_H \end{bmatrix} V' = \begin{bmatrix} 0 \\ W_H V \end{bmatrix}
+
+    with the cotangent Laplacian :math:`L` of the current surface. The contraction weight :math:`W_L` triples; the
+    attraction weight :math:`W_H` of a vertex grows with the square root of the ratio by which its area has shrunk, so
+    that parts that are already thin stay in place. Weights, caps and stopping criterion are those of Pickup et al.
+    (2016).
+
+    Parameters
+    ----------
+    mesh
+        Closed, connected surface.
+
+    Returns
+    -------
+    numpy.ndarray
+        Contracted vertices, shape (n, 3), in units of the mesh.
+
+    Raises
+    ------
+    ContractionFailed
+        If the surface degenerates while more than a tenth of its area is left.
+    """
+    centre = mesh.vertices.mean(axis=0)
+    unit = np.linalg.norm(mesh.vertices - centre, axis=1).max() / RADIUS
+    current = mesh.with_vertices((mesh.vertices - centre) / unit)
+    first_areas = current.vertex_areas
+    contraction = FIRST_CONTRACTION * np.sqrt(current.face_areas.mean())
+    attraction = np.ones(current.n_vertices)
+    for _ in range(MAX_ITERATIONS):
+        if current.area <= AREA_RATIO * first_areas.sum():
+            break
+        positions = _contraction_step(current, contraction, attraction)
+        if not np.isfinite(positions).all() or np.abs(positions).max() > 10 * RADIUS:
+            break
+        candidate = current.with_vertices(positions)
+        areas = candidate.vertex_areas
+        # A vertex whose ring has no area left cannot be smoothed further: the previous surface was the last valid one.
+        if areas.min() <= 0.0 or candidate.area > current.area:
+            break
+        current = candidate
+        contraction = min(CONTRACTION_GROWTH * contraction, LARGEST_CONTRACTION)
+        attraction = np.minimum(np.sqrt(first_areas / areas), LARGEST_ATTRACTION)
+    left = current.area / first_areas.sum()
+    if left > 10 * AREA_RATIO:
+        raise ContractionFailed(f"{left:.0%} of the area is left")
+    return np.asarray(current.vertices * unit + centre)
+
+
+def _contraction_step(mesh: Mesh, contraction: float, attraction: FloatArray) -> FloatArray:
+    laplacian = cotangent_laplacian(mesh).stiffness
+    squared: FloatArray = attraction**2
+    normal_matrix = csr_array(contraction**2 * (laplacian @ laplacian) + diags_array(squared))
+    return factorise_definite(normal_matrix)(squared[:, None] * mesh.vertices)
 
 
 def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkeleton:
@@ -104,13 +184,12 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
         Number of bands of equal width between the smallest and the largest level; fewer if a band would be narrower
         than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls apart.
     """
-    areas = vertex_areas(mesh)
+    areas = mesh.vertex_areas
     edges = edges_of(mesh.faces).ends
     span = levels.max() - levels.min()
     edge_length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).mean()
     bands = max(2, min(bands, int(span / (EDGES_PER_BAND * edge_length))))
-    # A vertex on the border of two bands, as on regular surfaces, belongs to the upper one.
-    band = np.minimum((bands * (levels - levels.min()) / span + TIE).astype(np.int64), bands - 1)
+    band = np.minimum((bands * (levels - levels.min()) / span).astype(np.int64), bands - 1)
     owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)
     return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(owners, edges))
@@ -162,7 +241,7 @@ def _merge_junctions(
                 weights = [areas[owners == junction].sum(), areas[owners == other].sum()]
                 centre = np.average(joints[[junction, other]], axis=0, weights=weights)
                 gain = _spread(vertices[part], areas[part], centre) / max(spreads[junction], np.finfo(float).tiny)
-                if gain < best[0] * (1 - TIE):
+                if gain < best[0]:
                     best = (float(gain), int(junction), int(other))
         _, junction, other = best
         if junction < 0:
@@ -186,7 +265,7 @@ def _absorb_pockets(mesh: Mesh, edges: Indices, joints: FloatArray, owners: Indi
         flux = np.bincount(joint_of_face, weights=flux, minlength=len(joints))
         bones = _bones(owners, edges)
         degrees = np.bincount(bones.ravel(), minlength=len(joints))
-        pockets = np.flatnonzero((degrees == 1) & (flux < -TIE * np.abs(flux).max()))
+        pockets = np.flatnonzero((degrees == 1) & (flux < 0))
         if not len(pockets):
             return joints, owners
         pocket = int(pockets[0])
@@ -211,7 +290,7 @@ def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indice
     """Merge each piece below ``SPECK_SHARE`` of the area into the neighbour with which it shares most edges."""
     while True:
         shares = np.bincount(owners, weights=areas) / areas.sum()
-        speck = int(np.flatnonzero(shares <= shares.min() * (1 + TIE))[0])
+        speck = int(shares.argmin())
         if shares[speck] >= SPECK_SHARE or len(shares) == 1:
             return owners
         ends = owners[np.concatenate([edges, edges[:, ::-1]])]

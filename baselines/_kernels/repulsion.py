@@ -41,61 +41,34 @@ def relax(
     positions : numpy.ndarray
         Positions after the last step, shape (n, 3); the centroid under ``masses`` does not change.
     energies : numpy.ndarray
-        Energy before each step and after the last, shape (steps + 1,).
+        Energy before each step, shape (steps,).
     """
     hold = PROXIMITY * masses
     solve = surface.factorise(hold)
     centroid = masses @ positions
-    energies = np.empty(steps + 1)
+    energies = np.empty(steps)
     for step in range(steps):
         forces, spread = repulsion(positions, masses)
         rotations = surface.rotations(positions)
         energies[step] = stiffness * surface.energy(positions, rotations) - spread
         positions = solve(surface.load(rotations) + forces / (2 * stiffness) + hold[:, None] * positions)
         positions += centroid - masses @ positions
-    _, spread = repulsion(positions, masses)
-    energies[steps] = stiffness * surface.energy(positions, surface.rotations(positions)) - spread
     return positions, energies
 
 
-def repulsion(positions: FloatArray, masses: FloatArray) -> tuple[FloatArray, float]:
-    r"""Return the spread :math:`\sum_{i<j} a_i a_j \|x_i - x_j\|` and its gradient.
-
-    Parameters
-    ----------
-    positions
-        Shape (n, 3).
-    masses
-        Weights :math:`a`, shape (n,).
-
-    Returns
-    -------
-    forces : numpy.ndarray
-        Gradient of the spread, shape (n, 3): the push on each vertex, at most its own mass times that of the others.
-    spread : float
-        In units of the positions.
-    """
-    forces = np.empty_like(positions)
-    spread = _repulsion(np.ascontiguousarray(positions.T), masses, forces)
-    return forces, float(spread)
-
-
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")  # type: ignore[untyped-decorator]
-def _repulsion(coordinates: FloatArray, masses: FloatArray, forces: FloatArray) -> float:
+def repulsion(positions: FloatArray, masses: FloatArray) -> tuple[FloatArray, float]:
+    r"""Return the gradient, shape (n, 3), and the value of the spread :math:`\sum_{i<j} a_i a_j \|x_i - x_j\|`."""
     # Every pair is visited twice: without writes, the inner loop vectorises.
-    x, y, z = coordinates[0], coordinates[1], coordinates[2]
-    n = len(masses)
-    total = 0.0
+    x, y, z = positions[:, 0].copy(), positions[:, 1].copy(), positions[:, 2].copy()
+    n, total, forces = len(masses), 0.0, np.empty_like(positions)
     for i in range(n):
         sx, sy, sz, row = 0.0, 0.0, 0.0, 0.0
         for j in range(n):
             dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
             squared = dx * dx + dy * dy + dz * dz
             push = masses[j] / np.sqrt(squared) if squared > 0.0 else 0.0
-            row += push * squared
-            sx += push * dx
-            sy += push * dy
-            sz += push * dz
+            row, sx, sy, sz = row + push * squared, sx + push * dx, sy + push * dy, sz + push * dz
         forces[i, 0], forces[i, 1], forces[i, 2] = masses[i] * sx, masses[i] * sy, masses[i] * sz
         total += masses[i] * row
-    return 0.5 * total
+    return forces, 0.5 * total

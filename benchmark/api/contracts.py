@@ -62,6 +62,14 @@ Name = Annotated[
 ]
 """Name on the command line."""
 
+Need = Literal["connected", "pairs"]
+
+FEWEST_VERTICES = 4
+"""Three coordinates and a residual need four points: any three points lie in a plane."""
+
+MOST_WITH_ALL_PAIRS = 20_000
+"""Maximum number of vertices for all pairwise distances: their 3 GiB fit into an ordinary memory a few times."""
+
 Title = Annotated[str, Matches(r"\S.*", "a text of one line")]
 """Name in the tables."""
 
@@ -94,6 +102,9 @@ class MethodInfo(CheckedParameters):
         ``"equivariant"`` if the form scales with the shape, ``"invariant"`` if it does not change.
     deterministic
         False if the form depends on the seed.
+    needs
+        What a shape must have, checked before the method is called: ``"connected"`` for a surface in one piece of at
+        least four vertices, ``"pairs"`` also for at most :data:`MOST_WITH_ALL_PAIRS` vertices.
     files
         Other files on which the results depend, such as a table that it reads or a program that it calls; paths are
         relative to its module. If one changes, its results are computed again.
@@ -114,7 +125,32 @@ class MethodInfo(CheckedParameters):
     inputs: tuple[Input, ...] = ("mesh", "view")
     scale: Literal["equivariant", "invariant"] = "equivariant"
     deterministic: bool = True
+    needs: tuple[Need, ...] = ()
     files: tuple[str, ...] = ()
+
+    def check(self, shape: Shape) -> None:
+        """Raise ``UnsupportedShape`` unless the shape has what the method needs; whoever calls a method calls this."""
+        from benchmark.geometry.cleaning import connected_components
+
+        name, n_vertices, n_faces = shape.identifier, shape.mesh.n_vertices, shape.mesh.n_faces
+        if not self.needs:
+            return
+        if n_vertices < FEWEST_VERTICES or not n_faces:
+            raise UnsupportedShape(
+                f"{name}: {n_vertices} vertices and {n_faces} faces, where at least {FEWEST_VERTICES} vertices and one "
+                "face are needed",
+                "check how the shape was cut or decimated",
+            )
+        if pieces := int(connected_components(shape.mesh).max()):
+            raise UnsupportedShape(
+                f"{name}: the surface is in {pieces + 1} pieces", "keep the largest component or bridge the pieces first"
+            )
+        if "pairs" in self.needs and n_vertices > MOST_WITH_ALL_PAIRS:
+            raise UnsupportedShape(
+                f"{name}: {n_vertices} vertices, where the distances of all pairs are kept of {MOST_WITH_ALL_PAIRS} at "
+                "most",
+                "decimate the surface, or choose a method that needs a few rows, such as accelerated-mds",
+            )
 
 
 @dataclass(frozen=True, eq=False)

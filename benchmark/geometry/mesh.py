@@ -69,6 +69,12 @@ class Mesh:
         areas.flags.writeable = False
         return areas
 
+    @cached_property
+    def vertex_areas(self) -> Points:
+        """A third of the area of the triangles around each vertex, shape (n,), in squared units of the coordinates."""
+        shares = np.repeat(self.face_areas / 3, 3)
+        return np.asarray(np.bincount(self.faces.ravel(), shares, self.n_vertices), dtype=np.float64)
+
     @property
     def area(self) -> float:
         """Surface area, in squared units of the coordinates."""

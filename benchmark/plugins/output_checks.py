@@ -49,6 +49,7 @@ def form_of(method: Method, shape: Shape) -> tuple[Mesh, dict[str, Note]]:
         If it returns anything other than a form of the shape.
     """
     who = f"method '{method.info.name}'"
+    method.info.check(shape)
     try:
         with one_of_us():
             form = method.canonicalise(shape)
@@ -77,6 +78,7 @@ def descriptor_of(method: Descriptor, shape: Shape) -> FloatArray:
     InvalidForm
         If it returns anything but a vector of finite numbers.
     """
+    method.info.check(shape)
     with one_of_us():
         answer = method.describe(shape)
     return _real_numbers(f"method '{method.info.name}'", answer, (None,), "return a vector of finite numbers")

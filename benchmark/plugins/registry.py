@@ -25,8 +25,8 @@ EVERY = "all"
 BUILT_IN: dict[str, str] = {
     "classic-mds": "baselines.classic_mds:ClassicMDS",
     "fast-mds": "baselines.fast_mds:FastMDS",
-    "non-metric-mds": "baselines.non_metric_mds:NonMetricMDS",
-    "least-squares-mds": "baselines.least_squares_mds:LeastSquaresMDS",
+    "non-metric-mds": "baselines.smacof:NonMetricMDS",
+    "least-squares-mds": "baselines.smacof:LeastSquaresMDS",
     "constrained-mds": "baselines.constrained_mds:ConstrainedMDS",
     "gps": "baselines.gps:GPS",
     "mesh-unfolding": "baselines.mesh_unfolding:MeshUnfolding",
@@ -47,7 +47,7 @@ BUILT_IN: dict[str, str] = {
     "surface-area": "baselines.surface_area:SurfaceArea",
     "shape-dna": "baselines.shape_dna:ShapeDNA",
     "sd-gdm": "baselines.sd_gdm:SDGDM",
-    "si-hks": "baselines.kernel_signatures:ScaleInvariantHKS",
+    "si-hks": "baselines.si_hks:ScaleInvariantHKS",
 }
 
 

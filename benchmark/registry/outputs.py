@@ -29,6 +29,7 @@ def compute_form(method: Method, shape: Shape) -> tuple[Mesh, dict[str, NDArray[
         If it returns anything other than a form of the shape.
     """
     who = f"method '{method.info.name}' returned"
+    method.info.check(shape)
     try:
         form = method.canonicalise(shape)
         if not isinstance(form, CanonicalForm):
@@ -48,6 +49,7 @@ def compute_form(method: Method, shape: Shape) -> tuple[Mesh, dict[str, NDArray[
 def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
     """Return the descriptor of a shape, shape (k,); raise ``ShapeError`` or ``InvalidForm`` if there is none."""
     hint = "return a vector of finite numbers"
+    method.info.check(shape)
     return _real_numbers(f"method '{method.info.name}'", method.describe(shape), (None,), hint)
 
 

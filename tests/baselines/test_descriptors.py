@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from baselines.kernel_signatures import ScaleInvariantHKS
 from baselines.sd_gdm import SDGDM
 from baselines.shape_dna import ShapeDNA
+from baselines.si_hks import ScaleInvariantHKS
 from baselines.surface_area import SurfaceArea
 from benchmark.api.contracts import Descriptor, Shape, UnsupportedShape
 from benchmark.geometry.laplacian import eigenpairs

@@ -1,4 +1,4 @@
-"""Heat kernel signatures: the spread of heat from the points of a surface at each scale."""
+"""SI-HKS: a bag of features of the scale-invariant heat kernel signature."""
 
 from __future__ import annotations
 
@@ -7,46 +7,28 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
+from scipy.spatial.distance import cdist, pdist
 
-from baselines._kernels.checks import require_connected, require_vertices
+from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
-
-
-def _eigenpairs(shape: Shape, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the eigenvalues, eigenfunctions and vertex areas of a shape scaled to area 1, the constant function first.
-
-    Raises
-    ------
-    UnsupportedShape
-        If the shape has too few vertices for that many non-constant eigenpairs, no face, or several pieces.
-    """
-    from benchmark.geometry.laplacian import eigenpairs
-
-    require_vertices(shape, count + 1)
-    require_connected(shape)
-    laplacian = shape.laplacian()
-    values, functions = eigenpairs(laplacian, count + 1)
-    area = laplacian.mass.sum()
-    return values * area, functions * np.sqrt(area), laplacian.mass / area
-
-
-def _pairwise(descriptors: Sequence[FloatArray], metric: str = "euclidean") -> FloatArray:
-    from scipy.spatial.distance import pdist, squareform
-
-    return np.asarray(squareform(pdist(np.stack(descriptors), metric)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleInvariantHKS(CheckedParameters):
     r"""Bag of features of the scale-invariant heat kernel signature.
 
-    At times :math:`t = 2^\tau`, scaling a surface shifts its heat kernel signature in :math:`\tau` and multiplies it by
-    a factor. The derivative of its logarithm with respect to :math:`\tau` removes the factor, and the moduli of its
-    Fourier transform remove the shift; the lowest frequencies describe a vertex. The words are the k-means centres of
-    all vertices of the gallery. With :math:`\sigma^2` twice the median distance between two words, vertex p has the
-    weight :math:`e^{-\|p - w\|^2 / 2 \sigma^2}` for word w, normalised over the words. The bag of features of a shape
-    is the area-weighted mean over its vertices. Shapes are compared by the sum of absolute differences. A control
-    without a canonical form. Bronstein and Kokkinos (2010), "Scale-invariant heat kernel signatures for non-rigid shape
+    With the Laplacian eigenpairs :math:`(\lambda_k, \phi_k)` of the surface scaled to area 1, the signature of vertex x
+    at time t, the heat that remains at x from a unit source there, is
+
+    .. math:: \mathrm{HKS}(x, t) = \sum_k e^{-\lambda_k t} \phi_k(x)^2.
+
+    At times :math:`t = 2^\tau`, scaling a surface shifts its signature in :math:`\tau` and multiplies it by a factor.
+    The derivative of its logarithm with respect to :math:`\tau` removes the factor, and the moduli of its Fourier
+    transform remove the shift; the lowest frequencies describe a vertex. The words are the k-means centres of all
+    vertices of the gallery. With :math:`\sigma^2` twice the median distance between two words, vertex p has the weight
+    :math:`e^{-\|p - w\|^2 / 2 \sigma^2}` for word w, normalised over the words. The bag of features of a shape is the
+    area-weighted mean over its vertices. Shapes are compared by the sum of absolute differences. A control without a
+    canonical form. Bronstein and Kokkinos (2010), "Scale-invariant heat kernel signatures for non-rigid shape
     recognition"; for the words Bronstein, Bronstein, Guibas and Ovsjanikov (2011), "Shape Google".
 
     Parameters
@@ -68,6 +50,7 @@ class ScaleInvariantHKS(CheckedParameters):
         departs="The words come from the gallery itself, and the times cover the spectrum of a surface of area 1, "
         "where the source has the unit of the file.",
         scale="invariant",
+        needs=("connected",),
     )
 
     eigenpairs: Annotated[int, Interval(2)] = 100
@@ -80,20 +63,22 @@ class ScaleInvariantHKS(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the shape has too few vertices for that many eigenpairs, no face, or several pieces.
+            If the second eigenvalue of the Laplacian is zero, or the shape has too few vertices.
         """
-        values, functions, areas = _eigenpairs(shape, self.eigenpairs)
+        values, functions = spectrum(shape, self.eigenpairs)
+        mass = shape.laplacian().mass
+        area = mass.sum()
         # 24 octaves in steps of 1/16, as in the source. By Weyl's law the eigenvalues at area 1 are about 4 pi k; the
         # range is centred at the geometric mean of 1 / (4 pi) and 1 / (400 pi), about 2^-7.
         times = 2.0 ** np.arange(-19, 5 + 1 / 16, 1 / 16)
-        heat = np.exp(-np.outer(values, times))
-        slope = -np.log(2) * times * (functions**2 @ (values[:, None] * heat)) / (functions**2 @ heat)
+        decays = np.exp(-np.outer(values * area, times))
+        heat = 1 + area * functions**2 @ decays  # the constant function keeps 1
+        slope = -np.log(2) * times * (area * functions**2 @ ((values * area)[:, None] * decays)) / heat
         moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies]
-        return np.column_stack([areas, moduli])[np.argsort(moduli[:, 0])].ravel()
+        return np.column_stack([mass / area, moduli])[np.argsort(moduli[:, 0])].ravel()
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the sums of absolute differences of the bags of features, shape (N, N)."""
-        from scipy.spatial.distance import cdist, pdist
         from sklearn.cluster import KMeans
 
         shapes = [descriptor.reshape(-1, 1 + self.frequencies) for descriptor in descriptors]
@@ -106,4 +91,4 @@ class ScaleInvariantHKS(CheckedParameters):
         for shape in shapes:
             closeness = np.exp(-cdist(shape[:, 1:], words, "sqeuclidean") / (2 * variance))
             bags.append(shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True)))
-        return _pairwise(bags, "cityblock")
+        return np.asarray(cdist(bags, bags, "cityblock"))

@@ -1,0 +1,129 @@
+"""Classic MDS of few rows of distances: samples, their smooth extension over the surface, and low-rank scaling."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.linalg import splu
+
+from baselines._kernels.orientation import oriented
+from baselines._kernels.spectrum import spectrum
+from benchmark.api.contracts import FloatArray, Shape
+from benchmark.geometry.mesh import edges_of
+
+
+def farthest_points(shape: Shape, count: int) -> list[int]:
+    """Sample at most ``count`` vertices, each as far as possible, along edges, from the previous ones.
+
+    The first is the vertex farthest from the geodesic centre, which is the vertex with the smallest maximum distance to
+    four mutually far vertices.
+    """
+    graph, vertices = _edge_graph(shape), shape.mesh.vertices
+    outermost = int(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1).argmax())
+    centre = int(dijkstra(graph, indices=_spread(graph, outermost, 4)).max(axis=0).argmin())
+    return _spread(graph, int(dijkstra(graph, indices=centre).argmax()), count)
+
+
+def _spread(graph: csr_array, first: int, count: int) -> list[int]:
+    chosen, nearest = [first], dijkstra(graph, indices=first)
+    while len(chosen) < min(count, len(nearest)):
+        chosen.append(int(nearest.argmax()))
+        # No vertex is farther than this from its nearest sample, so the search can stop there.
+        np.minimum(nearest, dijkstra(graph, indices=chosen[-1], limit=nearest.max()), out=nearest)
+    return chosen
+
+
+def _edge_graph(shape: Shape) -> csr_array:
+    vertices, n = shape.mesh.vertices, shape.mesh.n_vertices
+    ends = edges_of(shape.mesh.faces).ends
+    start, end = np.concatenate([ends, ends[:, ::-1]]).T
+    lengths = np.linalg.norm(vertices[start] - vertices[end], axis=1)
+    return csr_array(coo_array((lengths, (start, end)), shape=(n, n)))
+
+
+def smooth_interpolation(
+    shape: Shape, samples: list[int], *, weights: FloatArray | None = None, fidelity: float = np.inf
+) -> FloatArray:
+    r"""Return the matrix that extends values at sampled vertices smoothly to all vertices.
+
+    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2` with diagonal W. Every minimiser is a
+    combination of a constant and the Green's functions :math:`L^+ W L^+ e_s` of the samples, so one sparse
+    factorisation of L and one dense system, as large as the number of samples, give all columns.
+
+    Parameters
+    ----------
+    shape
+        A connected surface.
+    samples
+        Distinct vertex indices, p of them.
+    weights
+        Diagonal of W, shape (n,); by default the vertex areas, which makes the interpolation biharmonic.
+    fidelity
+        Weight :math:`\mu` of the fit; if infinite, the fit at the samples is exact.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, p); every row sums to 1, and the rows of samples form the identity if the fit is exact.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the second eigenvalue of the Laplacian is zero.
+    """
+    spectrum(shape, 1)
+    laplacian = shape.laplacian()
+    weights = laplacian.mass if weights is None else weights
+    n, p, shares = len(weights), len(samples), weights / weights.sum()
+    # Only constants are in the null space of the Laplacian: without its first row and column it can be factorised.
+    grounded = laplacian.stiffness.tocsc()[1:, 1:]
+    factor = splu(grounded, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def solve(loads: FloatArray) -> FloatArray:
+        balanced = loads - np.outer(shares, loads.sum(axis=0))
+        solution = np.vstack([np.zeros((1, p)), factor.solve(balanced[1:])])
+        return np.asarray(solution - shares @ solution)
+
+    units = np.zeros((n, p))
+    units[samples, np.arange(p)] = 1.0
+    green = solve(weights[:, None] * solve(units))
+    scale = np.abs(green[samples]).max()
+    green /= scale
+    border = np.ones((p, 1))
+    inner = green[samples] + np.eye(p) / (fidelity * scale)
+    system = np.block([[inner, border], [border.T, np.zeros((1, 1))]])
+    coefficients = np.linalg.solve(system, np.vstack([np.eye(p), np.zeros((1, p))]))
+    return np.asarray(green @ coefficients[:-1] + coefficients[-1])
+
+
+def low_rank_scaling(shape: Shape, columns: FloatArray, coupling: FloatArray) -> FloatArray:
+    r"""Compute the classic MDS of the squared distances :math:`Z M Z^\top` without forming that matrix.
+
+    The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, whose size is the
+    number of columns of Z.
+
+    Parameters
+    ----------
+    shape
+        The surface, which decides on signs and the mirror image.
+    columns
+        The matrix Z, shape (n, k) with k at least 3.
+    coupling
+        The symmetric matrix M, shape (k, k).
+
+    Returns
+    -------
+    numpy.ndarray
+        Centred positions, shape (n, 3), along axes of decreasing variance; negative eigenvalues count as zero.
+    """
+    orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
+    values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)
+    leading = np.maximum(values[:-4:-1], 0.0)
+    return oriented(orthonormal @ (vectors[:, :-4:-1] * np.sqrt(leading)), shape.mesh.vertex_areas)
+
+
+def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> float:
+    """Return the normalised stress over the pairs with known distance: ``rows`` from ``sources`` to all vertices."""
+    distances = np.linalg.norm(points[sources][:, None] - points, axis=2)
+    return float(((distances - rows) ** 2).sum() / (rows**2).sum())
