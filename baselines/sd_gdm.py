@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape, UnsupportedShape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +45,10 @@ class SDGDM(CheckedParameters):
         from scipy.sparse.linalg import eigsh
 
         distances = shape.geodesics()
+        if self.count >= len(distances):
+            raise UnsupportedShape(
+                f"{shape.identifier}: {len(distances)} vertices", f"more than {self.count} are needed"
+            )
         # The matrix is symmetric, so its singular values are the absolute values of its eigenvalues. The start has no
         # symmetry: from a constant vector, the iteration would miss half of the eigenvalues of a symmetric shape.
         start = np.random.default_rng(0).standard_normal(len(distances))

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from baselines.classic_mds import classic_scaling
+from baselines.classic_mds import ClassicMDS
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
 Indices = NDArray[np.int32]
@@ -54,7 +54,7 @@ class LeastSquaresMDS(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the least-squares MDS of the distances, centred at the origin, with its normalised stress."""
         distances = shape.geodesics()
-        start = shape.mesh.vertices if self.start == "mesh" else classic_scaling(distances)[0]
+        start = shape.mesh.vertices if self.start == "mesh" else ClassicMDS().canonicalise(shape).vertices
         targets = np.asarray(distances, dtype=np.float32)  # half the memory to read
         points, course = majorise(
             lambda points: guttman_transform(points, targets), start, max_iterations=self.max_iterations, rtol=self.rtol
@@ -102,7 +102,7 @@ class NonMetricMDS(CheckedParameters):
         """Return the non-metric MDS of the distances, centred at the origin; the note is the root of the stress."""
         distances = shape.geodesics()
         transform, norm = non_metric_transform(distances)
-        start = classic_scaling(distances)[0]
+        start = ClassicMDS().canonicalise(shape).vertices
         points, course = majorise(transform, start, max_iterations=self.max_iterations, rtol=self.rtol)
         return shape.form(points, stress_1=course[-1] ** 0.5 / norm, iterations=len(course) - 1)
 

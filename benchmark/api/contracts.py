@@ -143,7 +143,8 @@ class MethodInfo(CheckedParameters):
             )
         if pieces := int(connected_components(shape.mesh).max()):
             raise UnsupportedShape(
-                f"{name}: the surface is in {pieces + 1} pieces", "keep the largest component or bridge the pieces first"
+                f"{name}: the surface is in {pieces + 1} pieces",
+                "keep the largest component or bridge the pieces first",
             )
         if "pairs" in self.needs and n_vertices > MOST_WITH_ALL_PAIRS:
             raise UnsupportedShape(
