@@ -76,6 +76,7 @@ class NearestView:
             "data": data.name,
             "data_title": data.title,
             "subjects": data.subjects,
+            "tested": data.tested,
             "clearance": data.clearance,
             "identifiers": data.identifiers,
             "schedule_in_words": f"{len(pairs)} pairs, kept as they are",

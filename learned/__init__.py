@@ -1,7 +1,6 @@
 """Networks that learn canonical forms.
 
-Subpackages: ``paired`` (the paper's network, trained on pairs), ``streamed`` (trained on images of bodies that are
-never seen twice), ``field`` (trained on complete surfaces) and ``training`` (shared by all trainings). Modules:
-``learner`` (base classes), ``described`` (named configurations), ``images`` (resampling, and surfaces behind images),
-``frame`` (of a complete surface) and ``weights`` (on disk).
+``methods`` has the rows of the tables and ``models`` the named networks on disk: ``paper_network``, ``code_network``
+and ``field_network``. ``images`` and ``surface`` lead from and to depth images, ``field`` from and to complete
+surfaces. ``fitting`` trains a model on ``pairs`` by the loop in ``training``, with ``pictures``.
 """

@@ -1,4 +1,4 @@
-"""Depth images for networks: resampling, cropping to the foreground, and the surfaces behind images."""
+"""Depth images for networks: resampling, cropping to the foreground, and enlarging of predictions."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from torch import Tensor
 from torch.nn import functional
 
 from benchmark.errors import InvalidMesh, UnsupportedShape
-from benchmark.geometry.depth import SIZE, DepthImage, back_project
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.depth import SIZE, DepthImage
 
 Floats = NDArray[np.float32]
 
 COVERED = 0.5
 """Share of a coarse pixel that the shape must cover, and mask probability above which a pixel is foreground."""
 
+FILL = 0.9
+"""Share of the frame that the longer side of the foreground's bounding box fills in a cropped image."""
 
 LEAST_DEPTH = 1e-3
-"""Smallest predicted depth, because 0 is the background."""
+"""Smallest depth of the foreground, because 0 is the background."""
+
+_TIE = 1e-6
+"""Difference below which shares are equal, far above the rounding errors of a sum of pixels."""
 
 
 def checked_image(image: DepthImage) -> Floats:
@@ -49,24 +53,45 @@ def checked_image(image: DepthImage) -> Floats:
     return image
 
 
-def shrink(image: Floats, resolution: int) -> Floats:
-    """Resample depth and mask to another resolution.
+def resampled(image: Floats, resolution: int, crop: bool = False) -> Floats:
+    """Resample a depth image for a network.
 
-    A coarse pixel gets the mean depth of its foreground; a mixture with the background would be a depth at which
-    nothing is.
+    A pixel gets the mean depth of the foreground that it covers; a mixture with the background would be a depth at
+    which nothing is.
 
     Parameters
     ----------
     image
-        Depth image, shape (s, s), 0 as background.
+        Depth image, shape (s, s), in [0, 1] with 0 as background, not empty.
     resolution
-        Pixels per side.
+        Pixels per side, r.
+    crop
+        Whether to crop the image to its foreground. Depths are then scaled like lengths, which preserves angles, and
+        shifted so that their mean is in the middle of the frame. The size of a body is lost; a form of unit area does
+        not depend on it.
 
     Returns
     -------
     numpy.ndarray
-        Shape (2, resolution, resolution), float32: depth and binary mask.
+        Shape (2, r, r), float32: depth and binary mask.
     """
+    if not crop:
+        return _pooled(image, resolution)
+    size = image.shape[-1]
+    seen = image > 0
+    starts, length = _window(seen)
+    rows, columns = (_shares(start, length, size, resolution) for start in starts)
+    # A sparse product adds in the same order on every machine.
+    cover = (columns @ (rows @ seen.astype(np.float64)).T).T
+    depth = (columns @ (rows @ image.astype(np.float64)).T).T
+    mask = cover >= COVERED - _TIE
+    depth = depth / np.where(mask, cover, 1)
+    depth = 0.5 + (depth - float(image[seen].mean(dtype=np.float64))) * (size / length)
+    depth = np.where(mask, np.clip(depth, LEAST_DEPTH, 1), 0)
+    return np.ascontiguousarray(np.stack([depth, mask]), dtype=np.float32)
+
+
+def _pooled(image: Floats, resolution: int) -> Floats:
     fine = torch.from_numpy(np.stack([image, image > 0]).astype(np.float64))[None]
     depth, cover = functional.adaptive_avg_pool2d(fine, resolution)[0]
     mask = (cover >= COVERED).double()
@@ -74,7 +99,51 @@ def shrink(image: Floats, resolution: int) -> Floats:
     return np.asarray(torch.stack([depth, mask]).numpy(), dtype=np.float32)
 
 
-def smooth(prediction: Tensor, deviation: float) -> Tensor:
+def _window(seen: NDArray[np.bool_]) -> tuple[tuple[float, float], float]:
+    """Return first row, first column and side, in pixels, of the frame that the foreground fills."""
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    length = float(max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1) / FILL
+    first, second = (float(ends[0] + ends[-1] + 1 - length) / 2 for ends in (rows, columns))
+    return (first, second), length
+
+
+def _shares(start: float, length: float, size: int, resolution: int) -> csr_array:
+    """Return the share of each new pixel that each old one covers, shape (resolution, size), sparse."""
+    edges = start + length * np.arange(resolution + 1) / resolution
+    first = np.floor(edges[:-1]).astype(np.int64)
+    old = first[:, None] + np.arange(math.ceil(length / resolution) + 2)
+    overlap = np.minimum(edges[1:, None], old + 1.0) - np.maximum(edges[:-1, None], old)
+    shares = np.maximum(overlap, 0) * (resolution / length)
+    covered = (shares > 0) & (old >= 0) & (old < size)
+    begins = np.concatenate([[0], np.cumsum(covered.sum(axis=1))])
+    return csr_array((shares[covered], old[covered], begins), shape=(resolution, size))
+
+
+def enlarged(prediction: Tensor) -> Floats:
+    """Upsample a prediction to the size of a camera image.
+
+    Depths are interpolated between pixels inside the mask only, so the rim does not fall off towards the background.
+
+    Parameters
+    ----------
+    prediction
+        Depth and mask, shape (2, r, r), in [0, 1].
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (500, 500), float32; 0 where the mask is at most a half.
+    """
+    depth, mask = prediction.double()
+    inside = (mask > COVERED).double()
+    coarse = torch.stack([depth * inside, inside, mask])[None]
+    depth, weight, mask = functional.interpolate(coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0]
+    # If the fine mask exceeds a half, so does one of the coarse pixels around it, except for rounding errors.
+    seen = (mask > COVERED) & (weight > 0)
+    return np.asarray(torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0).numpy(), dtype=np.float32)
+
+
+def smoothed(prediction: Tensor, deviation: float) -> Tensor:
     """Smooth the depth with a Gaussian over the pixels inside the mask; the mask stays unchanged.
 
     Parameters
@@ -103,61 +172,6 @@ def smooth(prediction: Tensor, deviation: float) -> Tensor:
     return torch.stack([torch.where(inside > 0, weighted / weight.clamp(min=1.0), depth), mask])
 
 
-def enlarge(prediction: Tensor) -> Floats:
-    """Upsample a prediction to the size of a camera image.
-
-    Depths are interpolated between pixels inside the mask only, so the rim does not fall off towards the background.
-
-    Parameters
-    ----------
-    prediction
-        Depth and mask, shape (2, r, r), in [0, 1].
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (500, 500), float32; 0 where the mask is at most a half.
-    """
-    depth, mask = prediction.double()
-    inside = (mask > COVERED).double()
-    coarse = torch.stack([depth * inside, inside, mask])[None]
-    depth, weight, mask = functional.interpolate(coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0]
-    # If the fine mask exceeds a half, so does one of the coarse pixels around it, except for rounding errors.
-    seen = (mask > COVERED) & (weight > 0)
-    result = torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0)
-    return np.asarray(result.numpy(), dtype=np.float32)
-
-
-def surface_behind(predicted: DepthImage, jump: float | None = None) -> tuple[Mesh, dict[str, float | str]]:
-    """Return the surface of unit area behind a predicted image, sampled like the view input, and notes about it.
-
-    In a camera image, only a jump in depth shows that one part hides another, so the view input is cut at jumps. A
-    predicted image has a mask that was trained to show the surface, and its depth noise is as large as such jumps: cuts
-    would tear the surface to pieces.
-
-    Parameters
-    ----------
-    predicted
-        Depth image, shape (500, 500), 0 outside the predicted mask.
-    jump
-        Largest depth difference along an edge, as a share of the half width; None for no cuts inside the mask.
-
-    Raises
-    ------
-    UnsupportedShape
-        If the image is empty.
-    """
-    if not predicted.any():
-        raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
-    surface, report = back_project(predicted, 1.0, jump=math.inf if jump is None else jump)
-    notes: dict[str, float | str] = {
-        "predicted_foreground": report.foreground,
-        "predicted_pieces": report.pieces,
-        "predicted_bridges": report.bridges,
-    }
-    return surface.with_vertices(surface.vertices / surface.area**0.5), notes
-
-
 def outline_blur(mask: Tensor) -> float:
     """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r); 0 for an empty one.
 
@@ -168,76 +182,3 @@ def outline_blur(mask: Tensor) -> float:
     length = sum(int(torch.count_nonzero(inside.diff(dim=axis))) for axis in (0, 1))
     share = mask.double().clamp(0, 1)
     return float((4 * share * (1 - share)).sum()) / max(length, 1)
-
-
-FILL = 0.9
-"""Share of the frame that the longer side of the foreground's bounding box fills."""
-
-_TIE = 1e-6
-"""Difference below which shares are equal, far above the rounding errors of a sum of pixels."""
-
-
-def cropped(images: Floats, resolution: int) -> Floats:
-    """Crop depth images to the foreground of the first and resample them.
-
-    A pixel gets the mean depth of its foreground, without the background. Depths are scaled like lengths, which
-    preserves angles, and shifted so that the mean depth of the first image is in the middle of the frame. The size of a
-    body in its frame is lost; a form of unit area does not depend on it.
-
-    Parameters
-    ----------
-    images
-        Depth images with the same mask and frame, shape (k, s, s), in [0, 1] with 0 as background: one image, or front
-        and back of a shape. The first must not be empty.
-    resolution
-        Pixels per side.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (k, resolution, resolution), float32.
-    """
-    size = images.shape[-1]
-    seen = images[0] > 0
-    starts, length = window(images[0])
-    down, across = (_resampling(start, length, size, resolution) for start in starts)
-    middle = float(images[0][seen].mean(dtype=np.float64))
-    return _resampled(images, down, across, middle, size / length)
-
-
-def window(image: Floats) -> tuple[tuple[float, float], float]:
-    """Return first row, first column and side, in pixels, of the frame that the foreground of an image fills."""
-    seen = image > 0
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    length = float(max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1) / FILL
-    first, second = (float(place[0] + place[-1] + 1 - length) / 2 for place in (rows, columns))
-    return (first, second), length
-
-
-def shrunk(images: Floats, resolution: int) -> Floats:
-    """Resample depth images to shape (k, resolution, resolution) without cropping; see :func:`cropped`."""
-    size = images.shape[-1]
-    whole = _resampling(0.0, float(size), size, resolution)
-    return _resampled(images, whole, whole, 0.5, 1.0)
-
-
-def _resampling(start: float, length: float, size: int, resolution: int) -> csr_array:
-    """Return the share of each new pixel that each old one covers, shape (resolution, size), sparse."""
-    edges = start + length * np.arange(resolution + 1) / resolution
-    first = np.floor(edges[:-1]).astype(np.int64)
-    old = first[:, None] + np.arange(math.ceil(length / resolution) + 2)
-    overlap = np.minimum(edges[1:, None], old + 1.0) - np.maximum(edges[:-1, None], old)
-    shares = np.maximum(overlap, 0) * (resolution / length)
-    covered = (shares > 0) & (old >= 0) & (old < size)
-    begins = np.concatenate([[0], np.cumsum(covered.sum(axis=1))])
-    return csr_array((shares[covered], old[covered], begins), shape=(resolution, size))
-
-
-def _resampled(images: Floats, rows: csr_array, columns: csr_array, middle: float, scale: float) -> Floats:
-    seen = (images[0] > 0).astype(np.float64)
-    # A sparse product adds in the same order on every machine.
-    cover = (columns @ (rows @ seen).T).T
-    mask = cover >= COVERED - _TIE
-    sums = np.stack([(columns @ (rows @ (image * seen)).T).T for image in images])
-    depths = 0.5 + (sums / np.where(mask, cover, 1) - middle) * scale
-    return np.where(mask, np.clip(depths, LEAST_DEPTH, 1), 0).astype(np.float32)

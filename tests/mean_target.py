@@ -38,7 +38,7 @@ class MeanTarget:
             say("finished before")
             return
         means = [float(pair.target.mean()) for pair in data.pairs()]
-        say(f"{len(means)} of {data.n_pairs} pairs, {len(list(data.unseen()))} unseen, {sorted(options.items())}")
+        say(f"{len(means)} of {data.n_pairs} pairs, {len(list(data.validation()))} held out, {sorted(options.items())}")
         write_model(folder, sum(means) / len(means) + self.training_seed, data.identifiers, data.subjects)
 
     def load(self, folder: Path) -> Self:

@@ -41,10 +41,9 @@ from benchmark.geometry.preparation import prepare
 from benchmark.registry import select_one
 from benchmark.registry.outputs import compute_signature
 from benchmark.report.escaping import markdown_table
-from learned.images import enlarge, shrink
-from learned.paired.configuration import LITERAL
-from learned.paired.model import predict
-from learned.paired.network import build
+from learned.images import enlarged, resampled
+from learned.methods import Learned
+from learned.paper_network import PaperNetwork
 from retrieval.clock import Signature, count_words, match_all
 from retrieval.cmbof import CMBOF
 from retrieval.pose import normalise
@@ -235,12 +234,11 @@ def dense_matching(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float
 def of_network(resolution: int = 128) -> Iterator[Row]:
     """Measure a prediction on one core."""
     torch.set_num_threads(1)
-    single, network = build(LITERAL).eval(), build(LITERAL).eval().to(torch.float64, memory_format=torch.channels_last)
-    image = person()
-    small = torch.from_numpy(shrink(image, resolution)[:1])
+    single, method, image = PaperNetwork().eval(), Learned(), person()
+    small = torch.from_numpy(resampled(image, resolution)[:1])
 
     def ours() -> Any:
-        return enlarge(predict(network, torch.from_numpy(shrink(image, resolution)[:1])))
+        return enlarged(method.predict(image))
 
     @torch.inference_mode()
     def alone() -> Any:

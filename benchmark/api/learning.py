@@ -8,11 +8,11 @@ shape.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, runtime_checkable
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, TypeVar, overload, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -24,16 +24,14 @@ from benchmark.errors import ConfigurationError
 __all__ = [
     "CARD",
     "WEIGHTS",
-    "ChecksOptions",
+    "Card",
     "Learner",
-    "MakesPairs",
     "MeasuresFit",
     "Split",
     "TrainingData",
     "TrainingPair",
-    "card_digest",
     "checked_weights",
-    "find_model",
+    "digest_of",
     "read_card",
 ]
 
@@ -71,12 +69,13 @@ class TrainingPair:
     target: NDArray[np.float32]
 
 
-class MakesPairs(Protocol):
-    """Generator of pairs, always in the same order."""
+def digest_of(subjects: Iterable[str]) -> str:
+    """Return the digest of the names of subjects in any order, 64 hexadecimal digits."""
+    return hashlib.sha256("\0".join(sorted(subjects)).encode()).hexdigest()
 
-    def __call__(self, start: int = 0) -> Iterator[TrainingPair]:
-        """Yield the pairs from an index on, without the cost of the earlier ones."""
-        ...
+
+Pairs = Callable[[], Iterator[TrainingPair]]
+"""Yields pairs, always in the same order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,32 +88,34 @@ class TrainingData:
         Name of the protocol and folder of its models, e.g. ``"humans-fold-0"``.
     title
         Description of the protocol; identifies stand-ins.
-    digest
-        Digest of everything that determines the pairs.
     subjects
         Subjects of the pairs.
     identifiers
         All shapes whose images are inputs or targets.
+    tested
+        Digest of the subjects for which the models are trained; see :func:`digest_of`.
+    pairs
+        Yields the pairs.
     n_pairs
-        Number of pairs.
+        Largest number of pairs; those that cannot be rendered are left out.
+    validation
+        Yields pairs of other subjects, for curves and pictures; no model is selected by them.
+    n_validation
+        Largest number of pairs for validation.
     clearance
         For each generated set of people, the minimum distance in phenotype space between the bodies and other subjects
         of the set; empty if no body has a phenotype.
-    pairs
-        Yields the pairs.
-    unseen
-        Yields pairs of test subjects, for curves and pictures, never for model selection. If subjects are held back for
-        validation, yields their pairs instead.
     """
 
     name: str
     title: str
-    digest: str
     subjects: tuple[str, ...]
     identifiers: tuple[str, ...]
+    tested: str
+    pairs: Pairs
     n_pairs: int
-    pairs: MakesPairs
-    unseen: MakesPairs
+    validation: Pairs
+    n_validation: int
     clearance: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -123,8 +124,7 @@ class Learner(Protocol):
     """Method that computes forms with a trained model.
 
     ``split`` determines the training data, and ``shipped_models`` is the folder of the models that come with the
-    method. An optional method ``check_card(card, folder)`` raises ``ConfigurationError`` if the card belongs to another
-    learner; it is called before any shape is processed and must not load the weights.
+    method.
     """
 
     info: ClassVar[MethodInfo]
@@ -162,15 +162,6 @@ class Learner(Protocol):
 
 
 @runtime_checkable
-class ChecksOptions(Protocol):
-    """Learner that checks options before the training data is generated, which may take long."""
-
-    def check_options(self, options: Mapping[str, Any]) -> None:
-        """Raise ``ConfigurationError`` if an option is invalid, or needs something that this machine lacks."""
-        ...
-
-
-@runtime_checkable
 class MeasuresFit(Protocol):
     """Learner that measures how well its form fits a depth image; the command ``canonicalise`` shows the result."""
 
@@ -179,70 +170,70 @@ class MeasuresFit(Protocol):
         ...
 
 
-def find_model(folders: Iterable[Path], data_name: str, model_name: str) -> Path | None:
-    """Return the first folder with a finished model; None if there is none.
+_Text = Annotated[str, msgspec.Meta(min_length=1)]
+_Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+
+
+class Card(msgspec.Struct, frozen=True, kw_only=True):
+    """Facts about a model that the harness needs; a learner adds its own in a subclass.
 
     Parameters
     ----------
-    folders
-        Folders to search, in order: models trained here before shipped ones.
-    data_name
+    digest
+        SHA-256 of the weights.
+    data
         Name of the training data.
-    model_name
-        :attr:`Learner.model_name`.
+    subjects, identifiers
+        Subjects and shapes in the training data, to detect tests on them.
+    tested
+        Digest of the subjects for which the model was trained.
+    clearance
+        As in :class:`TrainingData`.
+    data_title, schedule_in_words
+        Training data and schedule in words.
+    extra_data
+        Whether the model was trained on more data than the paper's.
     """
-    places = (folder / data_name / model_name for folder in folders)
-    return next((place for place in places if (place / CARD).is_file()), None)
 
-
-_Text = Annotated[str, msgspec.Meta(min_length=1)]
-_Texts = Annotated[list[_Text], msgspec.Meta(min_length=1)]
-
-
-class _Card(msgspec.Struct):
-    """Fields of a card that the harness or records use; there may be others."""
-
-    digest: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+    digest: _Digest
     data: _Text
-    subjects: _Texts
-    identifiers: _Texts
+    subjects: Annotated[frozenset[_Text], msgspec.Meta(min_length=1)]
+    identifiers: Annotated[frozenset[_Text], msgspec.Meta(min_length=1)]
+    tested: str = ""
     clearance: dict[str, float] = {}
     data_title: str = ""
     schedule_in_words: str = ""
     extra_data: bool = False
 
 
-def read_card(folder: Path) -> dict[str, Any]:
-    """Return the card of a model.
+C = TypeVar("C", bound=Card)
 
-    The fields that the harness needs are checked: the digest of the weights, the name of the training data, and its
-    subjects and shapes, to detect tests on training data. The learner checks all other fields (:meth:`Learner.load`,
-    and ``check_card`` if it has one).
+
+@overload
+def read_card(folder: Path) -> Card: ...
+@overload
+def read_card(folder: Path, kind: type[C]) -> C: ...
+def read_card(folder: Path, kind: type[Any] = Card) -> Any:
+    """Return the card of a model, which is read once while its file stays the same.
 
     Raises
     ------
     ConfigurationError
-        If it is missing, is not JSON, or lacks a required field.
+        If it is missing, is not JSON, or lacks a field or has one of another type; the message names the field.
     """
-    path, hint = folder / CARD, "train the model again"
+    path = folder / CARD
     try:
-        card: dict[str, Any] = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
-        msgspec.convert(card, _Card)
+        status = path.stat()
+        return _decoded(path, status.st_mtime_ns, status.st_size, kind)  # type: ignore[arg-type]
     except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", hint) from error
+        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path} is no card of a model: {error}", hint) from error
-    return card
+        raise ConfigurationError(f"{path} is no card of a model: {error}", "train the model again") from error
 
 
-def card_digest(card: Mapping[str, Any]) -> str:
-    """Return the digest of the card of a model, 64 hexadecimal digits, which identifies the model.
-
-    The card includes the digest of the weights. The same weights with another resolution or other training subjects on
-    the card are another model.
-    """
-    text = json.dumps(card, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+@lru_cache(maxsize=256)
+def _decoded(path: Path, _mtime: int, _size: int, kind: Any) -> Any:
+    return msgspec.json.decode(path.read_bytes(), type=kind)
 
 
 def checked_weights(folder: Path) -> bytes:
@@ -253,8 +244,7 @@ def checked_weights(folder: Path) -> bytes:
     ConfigurationError
         If the file is missing, or its digest is not that on the card.
     """
-    expected = read_card(folder)["digest"]
-    path = folder / WEIGHTS
+    expected, path = read_card(folder).digest, folder / WEIGHTS
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -282,7 +282,7 @@ def train_on_figure(component: Component, folder: Path, options: Mapping[str, st
     if cards[1] != cards[0]:
         raise Failed("trains a finished model again; do nothing if its card exists")
     checked_weights(place)
-    if cards[0]["data"] != data.name or set(cards[0]["identifiers"]) != set(data.identifiers):
+    if cards[0].data != data.name or cards[0].identifiers != set(data.identifiers):
         raise Failed("the card does not name the training data with all identifiers; copy them from the argument")
     if type(loaded := learner.load(place)) is not type(learner):
         raise Failed(f"'load' returns {type(loaded).__name__}; return the method with its model")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.api.learning import TrainingData, TrainingPair
+from benchmark.api.learning import TrainingData, TrainingPair, digest_of
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import back_project, fit_half_width, render_depth
 
@@ -76,10 +75,11 @@ def training_data() -> TrainingData:
     return TrainingData(
         name=TRAINING,
         title="the reference figure",
-        digest=hashlib.sha256(" ".join(names).encode()).hexdigest(),
         subjects=("figure",),
         identifiers=names,
-        n_pairs=len(BENDS),
+        tested=digest_of(()),
         pairs=pairs,
-        unseen=pairs,
+        n_pairs=len(BENDS),
+        validation=pairs,
+        n_validation=len(BENDS),
     )

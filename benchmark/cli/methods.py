@@ -132,7 +132,7 @@ def _models(options: Selection) -> Rows:
         for path in sorted(folder.glob(f"*/*/{CARD}")):
             try:
                 card = read_card(path.parent)
-                digest, schedule = card["digest"][:12], str(card.get("schedule_in_words", ""))
+                digest, schedule = card.digest[:12], card.schedule_in_words
             except ConfigurationError as error:
                 digest, schedule = "", f"unusable: {error}"
             row = {"training": path.parent.parent.name, "model": path.parent.name, "origin": origin}

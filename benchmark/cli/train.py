@@ -7,16 +7,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from benchmark.api.learning import CARD, ChecksOptions, Learner, read_card
+from benchmark.api.learning import CARD, Learner, read_card
 from benchmark.api.parameters import assignments
 from benchmark.check import check as run_check
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError
-from benchmark.execution.processes.calls import call_apart
-from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.registry import MethodSpec, methods, variant
+from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.tables import trainings_of
-from benchmark.protocols.trainings import COUNTED, SAMPLED_BODIES, Training, find_training, with_validation
+from benchmark.protocols.trainings import Training, find_training, own_training
 from benchmark.registry import find
 from benchmark.text import say
 
@@ -34,10 +32,20 @@ def check(target: str, chosen: Sequence[str], assigned: Sequence[str], plugins: 
 
 
 def train(
-    method: str, options: Selection, table: str, only: str, parameters: Mapping[str, Any], assigned: Sequence[str],
-    n_sampled: int | None, n_validation: int | None,
+    method: str, options: Selection, table: str, only: str, own: tuple[Path | None, Sequence[str], Path | None],
+    parameters: Mapping[str, Any], assigned: Sequence[str],
 ) -> None:  # fmt: skip
-    """Train the missing models."""
+    """Train the missing models.
+
+    Parameters
+    ----------
+    method, options, table, only, assigned
+        As on the command line.
+    own
+        Folder of the user's own data, subjects that are held out from it, and folder of a model to begin with.
+    parameters
+        Parameters of the method.
+    """
     spec = variant(method, methods(options.plugins))
     if not spec.learns:
         raise _no_learner(method, options.plugins)
@@ -45,57 +53,49 @@ def train(
     learner = spec.create()
     if not isinstance(learner, Learner):
         raise _no_learner(method, options.plugins)
-    trainings = [find_training(only)] if only else trainings_of(learner, table, options.require_data_root())
-    if n_sampled and not any(training.name in COUNTED for training in trainings):
-        raise ConfigurationError(f"{spec.name} is not trained on sampled bodies here", "omit --sampled")
-    if n_validation:
-        trainings = [with_validation(training, n_validation) for training in trainings]
-    schedule = {name: _number(value) for name, value in assignments(assigned).items()}
-    store = Store.open(options.results)
+    schedule: dict[str, Any] = {name: _number(value) for name, value in assignments(assigned).items()}
+    folder, hold_out, init = own
+    if folder is not None:
+        trainings = [own_training(folder, hold_out)]
+    else:
+        trainings = [find_training(only)] if only else trainings_of(learner, table, options.require_data_root())
+    if init is not None:
+        schedule["init"] = str(init)
     for training in trainings:
         say(f"{spec.name}, {training.name}")
-        call_apart(
-            train_one, spec, training, options, schedule, n_sampled or SAMPLED_BODIES,
-            what=f"training {spec.name}", hint="correct the method, then train again: checkpoints are kept",
-            all_memory=True, say=say,
-        )  # fmt: skip
-        say(f"the model is in {store.models / training.name / learner.model_name}")
+        place = options.results / "models" / training.name / learner.model_name
+        train_one(learner, training, place, options.data_root, schedule, say)
+        say(f"the model is in {place}")
 
 
 def train_one(
-    spec: MethodSpec, training: Training, options: Selection, schedule: Mapping[str, Any], n_sampled: int,
+    learner: Learner, training: Training, folder: Path, data_root: Path | None, schedule: Mapping[str, Any],
     report: Callable[[str], None],
 ) -> None:  # fmt: skip
-    """Train one model in this process.
+    """Train one model.
 
     Parameters
     ----------
-    spec, training
+    learner, training
         The learner and its training.
-    options
-        Options of the command: folders of models and data.
+    folder
+        Folder of the model.
+    data_root
+        The folder of the official data sets.
     schedule
         Settings that differ from the learner's schedule.
-    n_sampled
-        Number of sampled bodies, if bodies are sampled.
     report
         Progress callback; gets lines.
     """
-    from benchmark.protocols.pairs import training_data  # torch alone takes a second to import
+    from benchmark.protocols.pairs import training_data
 
-    learner: Any = spec.create()
-    if isinstance(learner, ChecksOptions):
-        learner.check_options(schedule)
-    store = Store.open(options.results)
-    folder = store.models / training.name / learner.model_name
     if (folder / CARD).is_file():
         try:
             read_card(folder)
         except ConfigurationError as error:  # an unusable model must not stop its own training
             (folder / CARD).replace(folder / f"unusable-{CARD}")
             report(f"{error.problem}: renamed to unusable-{CARD}, training the model again")
-    data = training_data(training, store, options.data_root, report, n_sampled)
-    learner.train(data, folder, schedule, report)
+    learner.train(training_data(training, data_root, report), folder, schedule, report)
 
 
 def _number(text: str) -> int | float | str:

@@ -287,10 +287,9 @@ def train(
     configuration: Annotated[str | None, Option("--config", metavar="NAME", help="Configuration.")] = None,
     seed: Annotated[int | None, Option("--seed", metavar="N", help="Seed of the training.")] = None,
     assigned: shared.Assigned = [],
-    sampled: Annotated[int | None, Option("--sampled", min=1, metavar="N", help="Number of generated bodies.")] = None,
-    validation: Annotated[
-        int | None, Option("--validation", min=1, metavar="N", help="Hold back N training subjects for curves.")
-    ] = None,
+    data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
+    hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
+    init: Annotated[Path | None, Option("--init", metavar="MODEL", help="Folder of a model to begin with.")] = None,
     plugins: shared.Plugins = [],
     results: shared.Results = RESULTS,
     data_root: shared.DataRoot = None,
@@ -303,7 +302,8 @@ def train(
 
     selection = Selection(plugins=tuple(plugins), results=results, data_root=data_root)
     parameters = {"configuration": configuration, "training_seed": seed}
-    train(method, selection, table, only, parameters, assigned, sampled, validation)
+    own = data, tuple(filter(None, hold_out.split(","))), init
+    train(method, selection, table, only, own, parameters, assigned)
 
 
 def check_data(name: shared.SetName, plugins: shared.Plugins = [], data_root: shared.DataRoot = None) -> None:

@@ -23,7 +23,6 @@ from typing import Any, Self, TypeVar
 
 from distributed import Client, get_worker
 
-from benchmark.api.learning import card_digest, read_card
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, one_line
 from benchmark.execution.job_specs import Job, Status, Task, task_of, to_json
@@ -127,7 +126,7 @@ class DaskPool:
         #: What determines results.
         self._inventory = suite() | {
             "plugin": {name: source for job in jobs for name, source in job.recipe.get("plugin", {}).items()},
-            "models": {str(model.folder): card_digest(model.card) for job in jobs for model in job.models.values()},
+            "models": {str(model.folder): model.digest for job in jobs for model in job.models.values()},
         }
         task = to_json(Task(tuple(replace(job, identifiers=(), trainings={}) for job in jobs)))
         self._question = json.dumps({"task": task, "marker": str(self._marker), "written": self._name})
@@ -411,9 +410,7 @@ def _inventory(question: Mapping[str, Any]) -> dict[str, Any]:
     for job in task_of(question["task"]).jobs:
         dataset = open_dataset(job.dataset, job.data_root)
         inventory["plugin"] |= recipes.job_plugins(dataset, job.method, job.scorer).get("plugin", {})
-        inventory["models"] |= {
-            str(model.folder): card_digest(read_card(model.folder)) for model in job.models.values()
-        }
+        inventory["models"] |= {str(model.folder): model.digest for model in job.models.values()}
     return inventory
 
 

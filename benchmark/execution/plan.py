@@ -17,7 +17,7 @@ from benchmark.pipeline import recipes
 from benchmark.pipeline.storage import keys
 from benchmark.pipeline.storage.lock import edited, key_of, words_of_edit
 from benchmark.pipeline.storage.record_schema import chance_of_labels
-from benchmark.pipeline.storage.records import NO_SCORER, Place, Record, by_place, models_proven_by
+from benchmark.pipeline.storage.records import NO_SCORER, Place, Record, by_place
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import MethodSpec
 from benchmark.plugins.scorers import DEFAULT, ScorerSpec
@@ -169,8 +169,7 @@ class _Planning:
         if input_ not in spec.info.inputs:
             return replace(job, state="unsupported", reason=f"does not take the {input_} input")
         try:
-            proven = self._proven(spec.name) if spec.learns else ()
-            models = find_models(spec, gallery, self.store.models.absolute(), proven)
+            models = find_models(spec, gallery, self.store.models.absolute())
         except MissingModel as error:
             return replace(job, state="unavailable", reason=str(error))
         except (NoFolds, TooNear) as error:
@@ -184,14 +183,6 @@ class _Planning:
         state, reason = self._state(job, place, is_quick=gallery.quick)
         older = self._before.get(place) if state == "stale" else None
         return replace(job, state=state, reason=reason, ranks_again=bool(older and self._has_distances(older[-1], job)))
-
-    def _proven(self, method: str) -> set[str]:
-        """Return the digests of the models that a method used in local records, otherwise in published ones."""
-        for places in (self._before, self._published_before):
-            of_method = (records for place, records in places.items() if place.method == method)
-            if proven := {digest for records in of_method for record in records for digest in models_proven_by(record)}:
-                return proven
-        return set()
 
     def _state(self, job: Job, place: Place, *, is_quick: bool) -> tuple[State, str]:
         """Return the state of a job and the reason for it."""

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, FloatArray, Shape
 from benchmark.api.datasets import Entry, ListsShapes
-from benchmark.api.learning import read_card
 from benchmark.api.scoring import SignatureArrays
 from benchmark.arrays import Arrays
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh, one_line
@@ -260,10 +259,6 @@ class RemoteLearner(RemoteMethod):
         """Return the same learner with a model."""
         return replace(self, model=str(folder))
 
-    def check_card(self, card: Mapping[str, Any], folder: Path) -> None:
-        """Raise ``ConfigurationError`` if the card does not belong to this learner."""
-        self.remote.look("check_card", folder=str(folder))
-
 
 class RemoteDescriptor(Foreign):
     """A descriptor in the process of its plugin."""
@@ -346,18 +341,11 @@ def _descriptor_distances(method: Any, _: Facts, arrays: Arrays) -> Arrays:
     return {"distances": distances_of(method, [item["descriptor"] for item in unfolded(arrays)])}
 
 
-def _check_card(method: Any, facts: Facts, _: Arrays) -> Arrays:
-    if hasattr(method, "check_card"):
-        method.check_card(read_card(Path(facts["folder"])), Path(facts["folder"]))
-    return {}
-
-
 #: Requests to a method or a scorer, by name.
 WORK: Mapping[str, Callable[[Any, Facts, Arrays], Arrays]] = {
     "canonicalise": _form,
     "describe": lambda method, facts, arrays: {"descriptor": descriptor_of(method, _shape(facts, arrays))},
     "distances": _descriptor_distances,
-    "check_card": _check_card,
     "signature": lambda scorer, _, arrays: signature_of(scorer, Mesh(arrays["vertices"], arrays["faces"])),
     "compare": lambda scorer, facts, arrays: {
         "distances": form_distances(scorer, list(unfolded(arrays)), facts["draw"])

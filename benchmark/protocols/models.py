@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmark.api.learning import CARD, WEIGHTS, Learner, find_model, read_card
+from benchmark.api.learning import CARD, Card, Learner, read_card
 from benchmark.datasets.base import Entry
-from benchmark.datasets.files import file_digest
 from benchmark.datasets.human_subjects import CLEARANCE, TESTED
 from benchmark.datasets.jittered import clean_dataset
 from benchmark.errors import ConfigurationError
 from benchmark.plugins.registry import MethodSpec
-from benchmark.protocols.trainings import TRAININGS, set_of_subjects, trainings_by_shape
+from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape
 from benchmark.text import say
 
 if TYPE_CHECKING:
@@ -56,13 +55,12 @@ class Model:
 
     training: str
     folder: Path
-    card: Mapping[str, Any]
+    card: Card
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the weights, which identifies the model in recipes."""
-        weights = self.folder / WEIGHTS
-        return (file_digest(weights) if weights.is_file() else str(self.card["digest"]))[:16]
+        """Digest of the weights, which identifies the model."""
+        return self.card.digest[:16]
 
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether a shape, or another one of its subject, was in the training data.
@@ -70,9 +68,10 @@ class Model:
         Names are compared if both data sets show the same subjects, or if the shape is from a folder, which may contain
         anything. Names in two different known data sets are unrelated.
         """
-        if set_of_subjects(dataset) not in (None, TRAININGS[self.training].dataset):
+        shown = set_of_subjects(dataset)
+        if shown is not None and shown != set_of_subjects(find_training(self.training).dataset):
             return False
-        return entry.identifier in self.card["identifiers"] or entry.subject in self.card["subjects"]
+        return entry.identifier in self.card.identifiers or entry.subject in self.card.subjects
 
     def check_clearance(self, dataset: str) -> None:
         """Raise :class:`TooNear` if the training bodies are too similar to subjects of a data set.
@@ -81,13 +80,12 @@ class Model:
         people. A card without an entry for a data set passes, unless the bodies were sampled. Cards do not state the
         distances to the people of ``animals`` and ``humans[subjects=N]``.
         """
-        shown, training = set_of_subjects(dataset) or "", TRAININGS[self.training]
-        clearance = self.card.get("clearance", {})
-        has_other_bodies = training.is_sampled or (training.dataset != "humans" and clearance)
+        shown, training = set_of_subjects(dataset) or "", find_training(self.training)
+        has_other_bodies = training.is_sampled or (training.dataset != "humans" and self.card.clearance)
         if (shown.startswith("humans[") and has_other_bodies) or (shown == "animals" and training.is_sampled):
             problem = f"training '{self.training}' may have bodies similar to subjects of {shown}"
             raise TooNear(problem, _INSTEAD)
-        distance = clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE)
+        distance = self.card.clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE)
         if shown in TESTED and distance < CLEARANCE:
             raise TooNear(
                 f"training '{self.training}' has bodies within {CLEARANCE} of the subjects of {shown}", _INSTEAD
@@ -97,16 +95,14 @@ class Model:
         """Facts about the model for a record."""
         return {
             "training": self.training,
-            "data": str(self.card.get("data_title", self.training)),
+            "data": self.card.data_title or self.training,
             "digest": self.digest,
-            "schedule": str(self.card.get("schedule_in_words", "")),
-            "extra_data": bool(self.card.get("extra_data", False)),
+            "schedule": self.card.schedule_in_words,
+            "extra_data": self.card.extra_data,
         }
 
 
-def find_models(
-    spec: MethodSpec, gallery: Gallery, trained_here: Path, proven: Collection[str] = ()
-) -> dict[str, Model]:
+def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[str, Model]:
     """Return the model for each shape of a gallery, by identifier; empty for a method that does not learn.
 
     Parameters
@@ -117,9 +113,6 @@ def find_models(
         The shapes.
     trained_here
         Folder of the models that were trained here, which take precedence over shipped ones.
-    proven
-        Digests of models with which the method has obtained results. Their cards are not checked again, because that
-        imports the packages of networks.
 
     Raises
     ------
@@ -142,7 +135,7 @@ def find_models(
     if missing:
         raise _missing(spec, method, missing)
     try:
-        models = {name: _first_usable(spec, name, folders[name], proven) for name in names}
+        models = {name: _first_usable(name, folders[name]) for name in names}
     except ConfigurationError as error:
         raise MissingModel(error.problem, error.hint) from error
     for model in models.values():
@@ -176,10 +169,10 @@ def with_model(spec: Any) -> Any:
     own_folder = getattr(method, "model_folder", None)
     if not isinstance(method, Learner) or not isinstance(own_folder, Path):
         return method
-    folder = find_model(model_places(method), own_folder.parent.name, own_folder.name)
-    if folder is None:
+    folders = _finished(method, own_folder.parent.name, None)
+    if not folders:
         raise _missing(spec, method, [own_folder.parent.name])
-    return method if folder == own_folder else method.load(folder)
+    return method.load(folders[0])
 
 
 def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:
@@ -220,11 +213,8 @@ def _missing(spec: MethodSpec, learner: Learner, names: Sequence[str]) -> Missin
 #: Folders of models that were already reported as unusable.
 _PASSED_OVER: set[Path] = set()
 
-#: Cache of models by method, training and state of the card: many jobs share one, and a card can name 10 000 subjects.
-_READ: dict[tuple[str, str, str, Path, int, int], Model] = {}
 
-
-def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], proven: Collection[str]) -> Model:
+def _first_usable(training: str, folders: Sequence[Path]) -> Model:
     """Return the first usable model; unusable ones before it are reported once on stderr.
 
     Raises
@@ -235,27 +225,19 @@ def _first_usable(spec: MethodSpec, training: str, folders: Sequence[Path], prov
     *others, last = folders
     for folder in others:
         try:
-            return _model(spec, training, folder, proven)
+            return _model(training, folder)
         except ConfigurationError as error:
             if folder not in _PASSED_OVER:
                 _PASSED_OVER.add(folder)
                 say(f"skipped the model in {folder}: {error}", err=True)
-    return _model(spec, training, last, proven)
+    return _model(training, last)
 
 
-def _model(spec: MethodSpec, training: str, folder: Path, proven: Collection[str]) -> Model:
-    """Return the model in a folder; raise ``ConfigurationError`` if its card does not fit."""
-    status = (folder / CARD).stat()
-    place = (spec.name, spec.module, training, folder, status.st_mtime_ns, status.st_size)
-    if place not in _READ:
-        card = read_card(folder)
-        if card["data"] != training:
-            raise ConfigurationError(
-                f"the model in {folder} was trained on '{card['data']}'", "move it to the folder of its training data"
-            )
-        model = Model(training, folder, card)
-        check = getattr(spec.create(), "check_card", None)
-        if check is not None and model.digest not in proven:
-            check(card, folder)
-        _READ[place] = model
-    return _READ[place]
+def _model(training: str, folder: Path) -> Model:
+    """Return the model in a folder; raise ``ConfigurationError`` if its card is not that of this training."""
+    card = read_card(folder)
+    if card.data != training:
+        raise ConfigurationError(
+            f"the model in {folder} was trained on '{card.data}'", "move it to the folder of its training data"
+        )
+    return Model(training, folder, card)

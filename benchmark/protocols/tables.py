@@ -176,8 +176,7 @@ def _in_words(number: int) -> str:
 _ANIMALS = Rows(
     models={"learned": (AS_PRINTED,)},
     trainings={
-        "tosca": {"learned": ("tosca-III-people",), "learned-wide-extra": ("animals-sampled",)},
-        "animals": {"learned": ("animals-III-people",)},
+        "tosca": {"learned-wide-extra": ("animals-sampled",)},
     },
 )
 

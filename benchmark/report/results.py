@@ -24,7 +24,6 @@ from benchmark.pipeline.storage.records import (
     by_place,
     chance_of,
     coverage_of,
-    models_proven_by,
     scorer_name,
 )
 from benchmark.pipeline.storage.store import Store
@@ -159,7 +158,7 @@ class Results:
         if "models" in record["recipe"]:
             try:
                 spec, trained = variant(record["method"], self.known), self.store.models
-                models = find_models(spec, gallery, trained, models_proven_by(record))
+                models = find_models(spec, gallery, trained)
             except BenchmarkError:
                 return now  # its models are missing
             now["models"] = {model.training: model.digest for model in models.values()}

@@ -12,7 +12,7 @@ from benchmark.cli.options import Selection
 from benchmark.cli.plan import planned_jobs
 from benchmark.cli.run import Settings, run_plan
 from benchmark.cli.train import train_one
-from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.errors import BenchmarkError
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.trainings import find_training
@@ -73,7 +73,7 @@ def test_train_makes_the_model_of_a_table_and_says_where(trained, results):
     folder = results / "models" / "tosca-III" / "plain-seed0"
     said = trained.splitlines()
     assert said[0] == "mean-target, tosca-III"
-    assert said[1] == "6 of 6 pairs, 6 unseen, [('epochs', 3), ('speed', 'fast')]"
+    assert said[1] == "6 of 6 pairs, 6 held out, [('epochs', 3), ('speed', 'fast')]"
     assert said[2] == f"the model is in {folder}"
     card = json.loads((folder / "card.json").read_text())
     assert card["subjects"] == ["dog", "wolf"]
@@ -184,9 +184,9 @@ def test_a_local_model_that_cannot_be_read_is_named_and_passed_over(root, tmp_pa
         f"skipped the model in {local}: {local / 'card.json'} is no card of a model: JSON is malformed"
     )
     assert told[1].startswith("missing      tosca held out view mean-target")
-    train_one(spec, find_training("tosca-III"), Selection(results=tmp_path, data_root=root), {}, 1, (said := []).append)
+    train_one(spec.create(), find_training("tosca-III"), local, root, {}, (said := []).append)
     assert said[0].endswith(": renamed to unusable-card.json, training the model again")
-    assert read_card(local)["data"] == "tosca-III"
+    assert read_card(local).data == "tosca-III"
 
 
 def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
@@ -215,27 +215,11 @@ def test_options_of_train_are_parameters_of_the_method(root, tmp_path):
         (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
         (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("mean-target[training=nothing]",), "unknown training 'nothing'"),
-        (("mean-target", "--sampled", 5), "mean-target is not trained on sampled bodies here; omit --sampled"),
-        (("mean-target", "-t", "III", "--validation", 4), "cannot hold back 4 of 4 subjects; choose fewer than 4"),
+        (("learned-wide-extra",), "the bodies of 'humans-sampled' are not generated any more; take its model"),
     ],
 )
 def test_what_cannot_be_trained_is_named(arguments, message, tmp_path):
     assert message in call("train", *arguments, "--results", tmp_path, fails=True)
-
-
-def test_options_that_do_not_fit_are_refused_before_any_data_is_made(tmp_path, monkeypatch):
-    def made(*_):
-        raise AssertionError("data was made")
-
-    monkeypatch.setattr("benchmark.protocols.pairs.training_data", made)
-    spec, training = methods()["learned-wide-extra"], find_training("humans-sampled")
-    for schedule, told in (
-        ({"device": "tpu"}, "unknown device"),
-        ({"epoch": "3"}, "did you mean epochs"),
-        ({"resolution": "64"}, "has no resolution 64; pass --resolution 128"),
-    ):
-        with pytest.raises(ConfigurationError, match=told):
-            train_one(spec, training, Selection(results=tmp_path), schedule, 2, lambda _: None)
 
 
 def test_canonicalise_gives_a_learner_a_depth_image(tmp_path):

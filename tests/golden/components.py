@@ -59,9 +59,6 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
 #: Additional parts of sets: properties that two or three shapes do not show.
 WHOLE = {"humans-scanlike": "bodies", "people": "subjects", "animals": "skeletons", "humans": "gallery"}
 
-#: Streams of bodies that train networks.
-SAMPLERS = ("people", "animals", "varied", "wide", "scans")
-
 
 class Part(NamedTuple):
     """One call: its name, function and arguments."""
@@ -100,8 +97,7 @@ def _components() -> Iterator[tuple[str, Component]]:
     yield "api", Component(_api, FORMS)
     for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
         yield f"data/{name}", Component(partial(_generated, name), FORMS)
-    for name in SAMPLERS:
-        yield f"sampler/{name}", Component(partial(_called, stages.sampled, {"bodies": (name,)}), SINGLES)
+    yield "sampler/people", Component(partial(_called, stages.sampled, {"bodies": ()}), SINGLES)
     for name in ("files", "frames"):
         yield f"data/{name}", Component(partial(_read, name))
     for name in PERTURBATIONS:

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,8 +76,7 @@ def write_model(method: Any, folder: Path) -> None:
     initial values, which are not random. Depths are around the middle of the frame.
     """
     import torch
-
-    from learned.weights import stored
+    from safetensors.torch import save
 
     network, card = _built(method)
     with torch.no_grad():
@@ -93,7 +93,7 @@ def write_model(method: Any, folder: Path) -> None:
                 parameter.copy_((0.3 if last else 1.0) * (6 / parameter[0].numel()) ** 0.5 * uniform)
             else:
                 parameter.add_(0.05 * uniform)
-    content = stored(network)
+    content = save({name: tensor.half().contiguous() for name, tensor in network.state_dict().items()})
     folder.mkdir(parents=True)
     (folder / "weights.safetensors").write_bytes(content)
     facts = {"digest": hashlib.sha256(content).hexdigest(), "data": "golden", "subjects": ["a"], "identifiers": ["a"]}
@@ -102,19 +102,7 @@ def write_model(method: Any, folder: Path) -> None:
 
 def _built(method: Any) -> tuple[Any, dict[str, Any]]:
     """Return the untrained network of a learner, and the content of its card."""
-    from learned.field.configuration import FIELDS
-    from learned.field.network import build_field
-    from learned.paired.card import _KINDS
-    from learned.paired.configuration import CONFIGURATIONS
-    from learned.paired.network import build
-    from learned.streamed.configuration import STREAMED
-    from learned.streamed.network import build_streamed
+    from learned.models import CONFIGURATIONS
 
-    if (kind := type(method).__module__.split(".")[1]) == "paired":
-        chosen = CONFIGURATIONS[method.configuration]
-        kinds = {key: kind[0] if isinstance(kind, tuple) else kind for key, kind in _KINDS.items()}
-        blank = {key: 1 if kind is int else kind() for key, kind in kinds.items()}
-        return build(chosen), {**blank, "configuration": chosen.described(), "schedule": {"resolution": 128}}
-    known, make = {"field": (FIELDS, build_field), "streamed": (STREAMED, build_streamed)}[kind]
-    configuration: Any = known[method.configuration]
-    return make(configuration), {kind: configuration.described()}
+    chosen = CONFIGURATIONS[method.configuration]
+    return chosen.build(), {"configuration": msgspec.to_builtins(chosen), "schedule": {"resolution": 128}}

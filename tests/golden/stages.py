@@ -20,10 +20,6 @@ from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
 from benchmark.datasets.animals.skeleton import Skeleton
 from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.perturbations.dataset import perturbed
-from benchmark.datasets.scans.sampler import ScanSampler
-from benchmark.datasets.varied.sampler import Sampler
-from benchmark.datasets.varied.wide import WideSampler
-from benchmark.datasets.varied_animals import AnimalSampler
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
@@ -201,24 +197,10 @@ def skeletons() -> Arrays:
     return bones
 
 
-def sampled(name: str) -> Arrays:
-    """Return a few bodies of a stream that trains networks."""
-    if name == "people":
-        body, poses = humans.sample_human(0, 6, seed=0)
-        return {"bodies": [mesh.vertices[::200] for mesh in humans.human_meshes((body, pose) for pose in poses)]}
-    if name == "animals":
-        species, meshes = AnimalSampler(2, 3)(0, 0)
-        return {"species": species, "bodies": [mesh.vertices[::100] for mesh in meshes]}
-    if name == "scans":
-        scans = ScanSampler(seed=0)(0, 1)
-        scan = scans.scans[0][0]
-        places = np.einsum("nk,nkc->nc", scan.weights, scans.canonical[0][scan.corners])  # corners tie on edges
-        return {"vertices": scan.mesh.vertices[::50], "faces": scan.mesh.faces, "places": places[::50]}
-    sampler = Sampler(0) if name == "varied" else WideSampler(seed=0, views=2)
-    fresh, surfaces = vars(sampler(0, 1, 64)), Sampler(0).surfaces(1, 1)
-    images = {key: fresh[key][..., ::3, ::3] for key in ("images", "fronts", "backs")}
-    points = {key: fresh[key] for key in ("pixels", "places", "points") if fresh[key] is not None}
-    return {**images, **points, "posed": surfaces.posed[0, :, ::100], "canonical": surfaces.canonical[0, ::100]}
+def sampled() -> Arrays:
+    """Return a random body in some poses."""
+    body, poses = humans.sample_human(0, 6, seed=0)
+    return {"bodies": [mesh.vertices[::200] for mesh in humans.human_meshes((body, pose) for pose in poses)]}
 
 
 def changed(change: str, value: Any, place: int) -> Arrays:

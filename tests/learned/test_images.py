@@ -8,15 +8,10 @@ import torch
 
 from benchmark.api.learning import TrainingPair
 from benchmark.errors import InvalidMesh
-from learned.images import checked_image, enlarge, outline_blur, shrink
-from learned.paired.pairs import gather
+from benchmark.geometry.depth import SIZE
+from learned.images import checked_image, enlarged, outline_blur, resampled, smoothed
+from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
-
-
-def test_a_seen_pixel_is_never_background() -> None:
-    # A sigmoid may come arbitrarily near to the depth of the background.
-    prediction = torch.stack([torch.zeros(32, 32), torch.ones(32, 32)])
-    assert enlarge(prediction).min() > 0
 
 
 @pytest.mark.parametrize("shape", [(128, 128), (500, 500, 1)])
@@ -33,6 +28,53 @@ def test_a_value_that_is_no_depth_is_refused(value: float) -> None:
         checked_image(image)
 
 
+@pytest.mark.parametrize("resolution", [125, 128, 333])
+def test_a_coarse_pixel_has_the_mean_depth_of_what_it_covers(resolution: int) -> None:
+    flat = np.where(ellipsoid() > 0, np.float32(0.7), np.float32(0))
+    depth, mask = resampled(flat, resolution)
+    assert set(np.unique(mask)) == {0, 1}
+    assert (depth > 0).tolist() == (mask > 0).tolist()
+    np.testing.assert_allclose(depth[mask > 0], 0.7, atol=1e-6)
+    assert mask.mean() == pytest.approx((flat > 0).mean(), abs=0.01)
+    fine = resampled(person(), SIZE)
+    np.testing.assert_array_equal(fine[0], person())
+
+
+def test_a_cropped_image_shows_neither_size_nor_place() -> None:
+    v, u = np.mgrid[:SIZE, :SIZE].astype(float)
+
+    def dome(radius: int, row: int, column: int) -> Image:
+        relief = np.clip(1 - ((v - row) ** 2 + (u - column) ** 2) / radius**2, 0, None)
+        depth = 0.5 - np.sqrt(relief) * radius / SIZE
+        return np.where(relief > 0, depth, 0).astype(np.float32)
+
+    places = (60, 100, 300), (180, 250, 250)
+    small, large = (resampled(dome(*place), 32, crop=True) for place in places)
+    assert not np.array_equal(*(resampled(dome(*place), 32) for place in places))
+    assert (small[1] == large[1]).mean() > 0.97
+    both = (small[1] > 0) & (large[1] > 0)
+    assert np.abs(small[0] - large[0])[both].mean() < 0.02
+
+
+def test_a_seen_pixel_is_never_background() -> None:
+    # A sigmoid may come arbitrarily near to the depth of the background.
+    prediction = torch.stack([torch.zeros(32, 32), torch.ones(32, 32)])
+    assert enlarged(prediction).min() > 0
+
+
+def test_smoothing_averages_depths_inside_the_mask_alone() -> None:
+    depth = torch.rand(32, 32, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    mask = torch.zeros(32, 32, dtype=torch.float64)
+    mask[8:24, 8:24] = 1
+    smooth, same = smoothed(torch.stack([depth, mask]), 2.0)
+    assert torch.equal(same, mask)
+    inside = mask > 0
+    assert torch.equal(smooth[~inside], depth[~inside])
+    assert smooth[inside].std() < 0.4 * depth[inside].std()
+    flat = torch.stack([0.3 * torch.ones_like(mask), mask])
+    torch.testing.assert_close(smoothed(flat, 2.0), flat)
+
+
 def test_the_blur_of_an_outline_is_its_width_in_pixels() -> None:
     ramp = torch.tensor([0.0, 0.25, 0.75, 1.0]).repeat(5, 1)
     assert outline_blur(ramp) == 1.5
@@ -47,15 +89,16 @@ def pair(identifier: str, target_identifier: str, image: Image, target: Image) -
 
 def test_each_distinct_target_is_kept_once() -> None:
     first, second, third = ellipsoid(0.3, 0.6), ellipsoid(0.6, 0.3), person()
-    pairs = gather(
-        [pair("a", "t", third, first), pair("b", "u", first, second), pair("c", "t", second, first)], resolution=64
-    )
-    assert len(pairs) == 3
-    assert pairs.identifiers == ("a", "b", "c")
-    assert pairs.target_of.tolist() == [0, 1, 0]
+    given = [pair("a", "t", third, first), pair("b", "u", first, second), pair("c", "t", second, first)]
+    pairs = gather(given, 4, 64)  # of four pairs, one could not be rendered
+    assert (pairs.names, pairs.target_of.tolist()) == (("a", "b", "c"), [0, 1, 0])
     assert (pairs.images.shape, pairs.targets.shape) == ((3, 1, 64, 64), (2, 2, 64, 64))
-    np.testing.assert_array_equal(pairs.images[0, 0], shrink(third, 64)[0])
-    np.testing.assert_array_equal(pairs.targets[1], shrink(second, 64))
+    image, target = pairs[torch.tensor([2])]
+    np.testing.assert_array_equal(image[0, 0], resampled(second, 64)[0])
+    np.testing.assert_array_equal(target[0], resampled(first, 64))
+    other = gather([*given[:2], pair("c", "t", person(), first)], 3, 64)
+    assert pairs.digest() != other.digest()
+    assert pairs.digest() == gather(given, 3, 64).digest()
 
 
 def test_nan_in_a_pair_is_found_before_training() -> None:
@@ -63,4 +106,4 @@ def test_nan_in_a_pair_is_found_before_training() -> None:
     broken[0, 0] = np.nan
     for image, target in ((broken, person()), (person(), broken)):
         with pytest.raises(InvalidMesh, match="NaN"):
-            gather([pair("a", "a", person(), person()), pair("b", "b", image, target)], resolution=32)
+            gather([pair("a", "a", person(), person()), pair("b", "b", image, target)], 2, 32)

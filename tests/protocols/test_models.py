@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from benchmark.api.learning import CARD, read_card
+from benchmark.api.learning import CARD, Card, read_card
 from benchmark.cli.main import cli
 from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.humans_gallery import HumansGallery
 from benchmark.protocols.models import Model, TooNear
 from benchmark.protocols.trainings import trainings_by_shape
-from learned.paired.methods import Learned
+from learned.methods import Learned
 
 RANDOM = ["people", *(f"people[draw={draw}]" for draw in range(3))]
 GENERATED = HumansGallery(4, 2).name
@@ -96,18 +96,22 @@ def test_a_plan_says_why_a_model_is_refused(tmp_path: Path, dataset: str, method
     assert rows and all(line.startswith("unsupported") for line in rows), done.stdout
 
 
-def test_a_sampled_model_whose_card_says_nothing_of_a_set_is_refused_there(tmp_path: Path) -> None:
-    card = {name: value for name, value in shipped()[0].card.items() if name != "clearance"}
-    assert refused(Model("humans-sampled", tmp_path, card), "humans")
-    assert not refused(Model("humans-fold-0", tmp_path, card), "humans-scanlike")
-    assert not refused(Model("humans-sampled", tmp_path, card), "tosca")
-    of_people = Model("animals-III-people", tmp_path, {**card, "clearance": {"humans": 0.3}})
-    assert refused(of_people, GENERATED) and not refused(of_people, "animals")
+def model_with(training: str, **card: object) -> Model:
+    facts = {"digest": "0" * 64, "data": training, "subjects": frozenset("a"), "identifiers": frozenset("a"), **card}
+    return Model(training, Path(), Card(**facts))  # type: ignore[arg-type]
+
+
+def test_a_card_that_says_nothing_of_a_set_is_refused_there_if_its_bodies_were_generated() -> None:
+    assert refused(model_with("humans-sampled"), "humans")
+    assert not refused(model_with("humans-fold-0"), "humans-scanlike")
+    assert not refused(model_with("humans-sampled"), "tosca")
+    assert refused(model_with("people-fold-0", clearance={"humans": 0.3}), GENERATED)
+    assert refused(model_with("people-fold-0", clearance={"humans": 0.2}), "humans")
 
 
 def test_partial_shapes_of_tosca_are_seen_by_models_trained_on_it() -> None:
     dog = Entry("cuts_dog_shape_1", "dog", "1")
-    model = Model("tosca-III", Path(), {"identifiers": ["dog0"], "subjects": ["dog"]})
+    model = model_with("tosca-III", identifiers=frozenset({"dog0"}), subjects=frozenset({"dog"}))
     assert model.has_seen(dog, "shrec16-cuts") and model.has_seen(dog, "tosca") and not model.has_seen(dog, "animals")
 
 

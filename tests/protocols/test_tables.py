@@ -183,7 +183,7 @@ def test_methods_of_the_ablation_are_in_other_tables_only_when_named():
 
 
 def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path):
-    further = {"mean-target": ("animals-III-people", "animals-sampled"), "mean-sampled": ("animals-III",)}
+    further = {"mean-target": ("people-fold-1", "animals-sampled"), "mean-sampled": ("animals-III",)}
     known = registry.select([], registry.methods([mean_target.PLUGIN_PATH, mean_folds.PLUGIN_PATH]))
 
     def of(gallery):
@@ -195,9 +195,9 @@ def test_a_further_training_has_a_row_on_its_set_where_there_is_a_model(tmp_path
         for gallery in galleries(["III", "III-held-out"])
     )
     without = of(whole)
-    for name in ("animals-III-people", "animals-sampled", "animals-III"):
+    for name in ("people-fold-1", "animals-sampled", "animals-III"):
         mean_target.write_model(tmp_path / name / "plain-seed0", 0.5)
-    added = [f"mean-target[training={name}]" for name in ("animals-III-people", "animals-sampled")]
+    added = [f"mean-target[training={name}]" for name in ("people-fold-1", "animals-sampled")]
     # A learner that has no row of its own there, as its training is another, has this one all the same.
     assert of(whole) == of(held_out) == [*without, *added, "mean-sampled[training=animals-III]"]
     assert not any("training" in name for name in of(galleries(["I"])[0]))

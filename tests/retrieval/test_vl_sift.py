@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 from retrieval.features import EDGE_RATIO, _detect_all
 from retrieval.pose import to_unit_sphere
 from retrieval.views import BACKGROUND, render, view_sphere
-from tests.retrieval.figures import figure
 from tests.golden import inputs
+from tests.retrieval.figures import figure
 
 Keypoints = Mapping[str, NDArray[Any]]
 

@@ -323,11 +323,6 @@ def chance_of(record: Mapping[str, Any]) -> dict[str, float]:
     return dict(schema.chance_of_labels(tuple(record["labels"])))
 
 
-def models_proven_by(record: Mapping[str, Any]) -> frozenset[str]:
-    """Return the digests of the models with which the method of a record obtained scores."""
-    return frozenset(record["recipe"].get("models", {}).values() if record["status"] == "ok" else ())
-
-
 class Place(NamedTuple):
     """Place of a record; each place holds one result, however often it was computed."""
 

@@ -1,0 +1,148 @@
+"""Networks with one code: all predicted images come from a few hundred numbers, so no pixel of a pose leaks through."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+SLOPE = 0.2
+"""Slope of LeakyReLU below zero."""
+
+RESOLUTION = 128
+"""Pixels per side of an image."""
+
+_INNERMOST = 4
+"""Pixels per side of the innermost features."""
+
+
+class CodeNetwork(nn.Module):
+    """Strided encoder to one code, and a decoder from that code alone, to depth and mask.
+
+    Parameters
+    ----------
+    width
+        Channels of the outermost block.
+    code_size
+        Length of the code.
+    """
+
+    def __init__(self, width: int = 16, code_size: int = 256) -> None:
+        super().__init__()
+        self.widths = [width, 2 * width, 4 * width, 8 * width, 8 * width]
+        flat = self.widths[-1] * _INNERMOST**2
+        self.encoder = self._encoder()
+        self.encode = nn.Linear(flat, code_size)
+        self.decode = nn.Linear(code_size, flat)
+        self.decoder = self._decoder()
+        self.head = self._head()
+
+    def _encoder(self) -> nn.Sequential:
+        def block(before: int, after: int) -> nn.Sequential:
+            convolution = nn.Conv2d(before, after, 4, stride=2, padding=1)
+            return nn.Sequential(convolution, nn.GroupNorm(8, after), nn.LeakyReLU(SLOPE))
+
+        return nn.Sequential(*map(block, [1, *self.widths[:-1]], self.widths))
+
+    def _decoder(self) -> nn.Sequential:
+        def block(before: int, after: int) -> nn.Sequential:
+            deconvolution = nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
+            return nn.Sequential(deconvolution, nn.GroupNorm(8, after), nn.ReLU())
+
+        inward = self.widths[::-1]
+        return nn.Sequential(*map(block, inward, [*inward[1:], inward[-1]]))
+
+    def _head(self) -> nn.Module:
+        return nn.Conv2d(self.widths[0], 2, 3, padding=1)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Predict the canonical pose.
+
+        Parameters
+        ----------
+        image
+            Depth images, shape (n, 1, 128, 128), in [0, 1] with 0 as background.
+
+        Returns
+        -------
+        torch.Tensor
+            Depth of each side, about (0, 1), then the mask in (0, 1), shape (n, sides + 1, 128, 128).
+        """
+        code = self.encode(self.encoder(image).flatten(1))
+        innermost = functional.relu(self.decode(code)).unflatten(1, (-1, _INNERMOST, _INNERMOST))
+        raw = self._finished(self.head(self.decoder(innermost)))
+        return torch.cat([raw[:, :-1], torch.sigmoid(raw[:, -1:])], dim=1)
+
+    def _finished(self, raw: Tensor) -> Tensor:
+        return raw
+
+
+class PeopleNetwork(CodeNetwork):
+    """The network of people of unknown size: residual blocks without normalisation, front and back depth.
+
+    The last two doublings rearrange 16 channels into 16 pixels, and the decoder adds to images of the average body.
+    """
+
+    def __init__(self, width: int = 16, code_size: int = 256) -> None:
+        super().__init__(width, code_size)
+        self.average = nn.Parameter(torch.zeros(3, RESOLUTION, RESOLUTION))
+
+    def _encoder(self) -> nn.Sequential:
+        stages: list[nn.Module] = []
+        for place, (before, after) in enumerate(zip([1, *self.widths[:-1]], self.widths, strict=True)):
+            convolution = StandardisedConv2d(before, after, 4, stride=2, padding=1)
+            stages.append(nn.Sequential(convolution, nn.Identity(), nn.LeakyReLU(SLOPE)))
+            if place in (1, 2):
+                stages.append(ResidualBlock(after))
+        return nn.Sequential(*stages)
+
+    def _decoder(self) -> nn.Sequential:
+        def block(before: int, after: int) -> nn.Sequential:
+            deconvolution = nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
+            return nn.Sequential(deconvolution, nn.Identity(), nn.ReLU())
+
+        return nn.Sequential(*(block(before, after) for before, after in pairwise(self.widths[:0:-1])))
+
+    def _head(self) -> nn.Module:
+        return nn.Sequential(nn.Conv2d(self.widths[1], 3 * 16, 3, padding=1), nn.PixelShuffle(4))
+
+    def _finished(self, raw: Tensor) -> Tensor:
+        return raw + 10 * self.average
+
+
+class StandardisedConv2d(nn.Conv2d):
+    """Convolution whose weights have mean 0 and a fixed variance for each output channel, times a learned gain.
+
+    References
+    ----------
+    Brock, De and Smith, "Characterizing signal propagation to close the performance gap in unnormalized ResNets",
+    ICLR 2021.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.gain = nn.Parameter(torch.ones(self.out_channels, 1, 1, 1))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map features as :class:`torch.nn.Conv2d` does."""
+        variance, mean = torch.var_mean(self.weight, dim=(1, 2, 3), keepdim=True)
+        scale = (2 / (1 + SLOPE**2) / self.weight[0].numel()) ** 0.5
+        weight = (self.weight - mean) * (torch.rsqrt(variance + 1e-8) * scale * self.gain)
+        return self._conv_forward(x, weight, self.bias)
+
+
+class ResidualBlock(nn.Module):
+    """Two convolutions that keep the size, beside a skip connection."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first, self.second = (StandardisedConv2d(channels, channels, 3, padding=1) for _ in range(2))
+        self.share = nn.Parameter(torch.full((), 0.1))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map features, shape (n, channels, h, w), to the same shape."""
+        inside = functional.leaky_relu(self.first(x), SLOPE)
+        return functional.leaky_relu(x + self.share * self.second(inside), SLOPE)

@@ -1,0 +1,357 @@
+"""Deformation field: the canonical position of each vertex of a complete surface, with the detail of the input.
+
+A surface is seen in the frame of its principal axes, and sampled evenly. Positions and rotations that the network
+(:mod:`learned.field_network`) predicts attract a deformation that is as rigid as possible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numba import njit
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.linalg import splu
+from torch import Tensor
+
+from benchmark.api.contracts import FloatArray, Shape
+from benchmark.errors import UnsupportedShape
+from benchmark.geometry.interpolation import vertex_normals
+from benchmark.geometry.laplacian import Laplacian
+from benchmark.geometry.mesh import Mesh, Points, edges_of
+from learned.field_network import POINTS, FieldNetwork
+
+MOST_VERTICES = 50_000
+"""Largest number of vertices; meshes prepared for a comparison have 2000."""
+
+INSIDE_OUT = 1e-9
+"""Size of a negative volume, in units of sqrt(area)^3, above which a surface faces inward; a flat one has no volume."""
+
+FLAT = 1e-9
+"""Share of the variance below which a surface has no extent along an axis."""
+
+_AT_ONCE = 4096
+"""Positions that are decoded together, which bounds the memory for large meshes."""
+
+
+def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> tuple[Points, dict[str, float | str]]:
+    """Return the vertices of the form, of unit area, shape (n, 3), and notes about it.
+
+    Parameters
+    ----------
+    network
+        The field.
+    shape
+        The input.
+    reach, rounds
+        See :func:`with_detail`.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the surface has no area or too many vertices, or its form has no area.
+    """
+    mesh = shape.mesh
+    if mesh.n_vertices > MOST_VERTICES:
+        raise UnsupportedShape(
+            f"a deformation field of {mesh.n_vertices} vertices takes too long", f"keep at most {MOST_VERTICES}"
+        )
+    framed = in_frame(mesh)
+    positions, rotations = predicted(network, _outward(framed))
+    vertices = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)
+    area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
+    if not area > 0:
+        raise UnsupportedShape("the network leaves no surface of this shape", "pass one like those it was trained on")
+    vertices = np.asarray(vertices / area**0.5)
+    before, after = (_edge_lengths(points, mesh) for points in (framed.vertices, vertices))
+    notes: dict[str, float | str] = {
+        "edge_strain": float(np.abs(after - before).sum() / before.sum()),
+        "mean_correction": float(np.linalg.norm(vertices - positions, axis=1).mean()),
+    }
+    return vertices, notes
+
+
+@torch.inference_mode()
+def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
+    """Predict canonical positions of vertices, shape (n, 3), and rotations to the canonical pose, shape (n, 3, 3).
+
+    Parameters
+    ----------
+    network
+        The field.
+    mesh
+        A surface in its own frame.
+    """
+
+    def row(array: FloatArray) -> Tensor:
+        return torch.from_numpy(np.array(array, dtype=np.float64))[None]
+
+    tokens = network.encoded(*map(row, even_samples(mesh, POINTS)))
+    normals = vertex_normals(mesh)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(min=np.finfo(float).tiny)
+    positions, rotations = [], []
+    for first in range(0, mesh.n_vertices, _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        place, rotation = network.decoded(tokens, row(mesh.vertices[some]), row(normals[some]))
+        positions.append(place[0].numpy())
+        rotations.append(rotation[0].numpy())
+    return np.concatenate(positions), np.concatenate(rotations)
+
+
+def _outward(mesh: Mesh) -> Mesh:
+    """Return the surface with its triangles flipped if its volume is negative: bodies face outward."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    volume = float(np.einsum("mk,mk->", a, np.cross(b, c)) / 6)
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1]) if volume < -INSIDE_OUT else mesh
+
+
+def _edge_lengths(vertices: Points, mesh: Mesh) -> FloatArray:
+    starts, ends = edges_of(mesh.faces).ends.T
+    return np.asarray(np.linalg.norm(vertices[starts] - vertices[ends], axis=1))
+
+
+# Frame ---------------------------------------------------------------------------------------------------------------
+
+
+def in_frame(mesh: Mesh) -> Mesh:
+    """Return the surface in the frame of its principal axes, longest first, of unit area and with centroid 0.
+
+    Moments are integrals over the triangles, so the triangulation does not matter. The two axes with the largest
+    skewness point to the side of the positive third moment; the third axis makes the frame right-handed.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the area is zero, or infinite because the coordinates are too large.
+    """
+    areas = mesh.face_areas
+    total = float(areas.sum())
+    if not np.isfinite(total):
+        raise UnsupportedShape("the coordinates are too large to compute with", "scale the mesh")
+    if not total > 0:
+        raise UnsupportedShape("the mesh has no area", "pass a surface with at least one proper triangle")
+    shares = areas / total
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    origin, unit = shares @ (a + b + c) / 3, total**0.5
+    corners = [(corner - origin) / unit for corner in (a, b, c)]
+    covariance = sum((shares[:, None] * vectors).T @ vectors for vectors in (*corners, sum(corners))) / 12
+    axes = np.linalg.eigh(covariance)[1].T[::-1].copy()
+    skewness = _skewness([corner @ axes.T for corner in corners], shares)
+    axes[skewness < 0] *= -1
+    if np.linalg.det(axes) < 0:
+        axes[np.abs(skewness).argmin()] *= -1
+    return mesh.with_vertices((mesh.vertices - origin) @ axes.T / unit)
+
+
+def _skewness(corners: list[Points], shares: FloatArray) -> FloatArray:
+    """Return the third standardised moment along each axis, shape (3,), of triangles with these shares of the area.
+
+    The mean of t^3 over a triangle is a tenth of the complete homogeneous polynomial of its corners.
+    """
+    a, b, c = corners
+    first, second, third = a + b + c, a * a + b * b + c * c, a * a * a + b * b * b + c * c * c
+    homogeneous = (first * (first * first + 3 * second) + 2 * third) / 6
+    variance = shares @ (first * first + second) / 12
+    # Along the normal of a flat surface there are only rounding errors.
+    return np.asarray(shares @ homogeneous / 10 / np.maximum(variance, FLAT * variance.sum()) ** 1.5)
+
+
+# Samples -------------------------------------------------------------------------------------------------------------
+
+PER_POINT = 4
+"""Candidates per sampled point."""
+
+MOST_PER_TRIANGLE = 64
+"""Largest number of candidates along the side of a triangle, that of a triangle with the whole area."""
+
+TIE = 1e-6
+"""Relative difference below which squared distances are equal, far above rounding errors."""
+
+_TIE_BREAKER = np.array([1.0, 0.7390851332, 0.5671432904])
+"""Direction perpendicular to no edge of a regular shape; the component along it breaks ties between distances."""
+
+
+def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
+    """Sample a surface by farthest point sampling, independently of the order of its vertices and triangles.
+
+    Each triangle gets candidates according to its area, at the centres of the small triangles into which it is divided.
+    These do not depend on the order of its corners.
+
+    Parameters
+    ----------
+    mesh
+        A surface with area, in its own frame.
+    count
+        Number of points, m.
+
+    Returns
+    -------
+    points, normals : numpy.ndarray
+        Points and the unit normals of their triangles, shape (m, 3); the first few are spread as evenly as all.
+    """
+    areas = mesh.face_areas
+    # Each triangle is divided into k^2; the margin gives triangles of equal area the same k.
+    parts = np.ceil(np.sqrt(areas / areas.sum() * PER_POINT * count) * (1 - TIE)).astype(np.int64)
+    parts = np.where(areas > 0, np.clip(parts, 1, MOST_PER_TRIANGLE), 0)
+    points, owners = [], []
+    for k in np.unique(parts[parts > 0]):
+        of_size = np.flatnonzero(parts == k)
+        weights = _centres(int(k))
+        points.append(np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[of_size]]).reshape(-1, 3))
+        owners.append(np.repeat(of_size, len(weights)))
+    candidates = np.concatenate(points)
+    chosen = _farthest_points(np.ascontiguousarray(candidates), candidates @ _TIE_BREAKER, count)
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces[np.concatenate(owners)[chosen]]], 1, 0)
+    normals = np.cross(b - a, c - a)
+    return candidates[chosen], normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
+
+
+def _centres(k: int) -> FloatArray:
+    """Return the barycentric coordinates of the centres of the k^2 parts of a triangle, shape (k^2, 3)."""
+    i, j = (indices.ravel() for indices in np.indices((k, k)))
+    upright, inverted = i + j < k, i + j < k - 1
+    first = np.concatenate([i[upright] + 1 / 3, i[inverted] + 2 / 3])
+    second = np.concatenate([j[upright] + 1 / 3, j[inverted] + 2 / 3])
+    return np.stack([first, second, k - first - second], axis=1) / k
+
+
+@njit(cache=True, nogil=True)
+def _farthest_points(points: FloatArray, keys: FloatArray, count: int) -> NDArray[np.int64]:
+    """Select points by farthest point sampling, starting farthest from the origin; the larger key breaks ties.
+
+    If there are fewer points than requested, points repeat.
+    """
+    chosen = np.zeros(count, dtype=np.int64)
+    squares = np.empty(len(points))
+    for i in range(len(points)):
+        squares[i] = points[i, 0] ** 2 + points[i, 1] ** 2 + points[i, 2] ** 2
+    for number in range(count):
+        if number:
+            last = chosen[number - 1]
+            for i in range(len(points)):
+                square = 0.0
+                for k in range(3):
+                    square += (points[i, k] - points[last, k]) ** 2
+                if number == 1 or square < squares[i]:
+                    squares[i] = square
+        least = squares.max() * (1.0 - TIE)
+        best = -1
+        for i in range(len(points)):
+            if squares[i] >= least and (best < 0 or keys[i] > keys[best]):
+                best = i
+        chosen[number] = best
+    return chosen
+
+
+# Detail --------------------------------------------------------------------------------------------------------------
+
+WEIGHT_FLOOR = 1e-2
+"""Smallest edge weight, as a share of the mean weight: cotangents of obtuse pairs are negative or zero."""
+
+INERTIA = 1e-3
+"""Weight of the previous rotation of a cell, as a share of the weight of its edges: a cell whose edges do not determine
+its rotation keeps the previous one."""
+
+
+def with_detail(
+    rest: Points, laplacian: Laplacian, positions: Points, rotations: FloatArray, reach: float, rounds: int
+) -> Points:
+    r"""Return positions near the predicted ones, with the edges of the input, rotated.
+
+    Minimise
+
+    .. math:: \frac12 \sum_{ij} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2 + \rho^{-2} \sum_i m_i \|x_i - y_i\|^2
+
+    over the positions :math:`x` for the predicted rotations :math:`R`, and then alternately over rotations and
+    positions: as-rigid-as-possible deformation [Sorkine & Alexa 2007, equations 3 and 8] with a term that attracts it
+    to the predicted positions :math:`y`. Details smaller than :math:`\rho` come from the input :math:`p`, the positions
+    of larger parts from the prediction.
+
+    Parameters
+    ----------
+    rest
+        Vertices of the input, of unit area, shape (n, 3).
+    laplacian
+        Its Laplacian, at any size and position.
+    positions
+        Predicted positions, shape (n, 3).
+    rotations
+        Predicted rotations, shape (n, 3, 3).
+    reach
+        Length :math:`\rho`, in units of sqrt(area); 0 returns the predicted positions.
+    rounds
+        Rounds of fitting rotations, and then positions, after the first positions.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 3).
+    """
+    if reach == 0:
+        return positions
+    weights = csr_array(-laplacian.stiffness)
+    weights.setdiag(0)
+    weights.eliminate_zeros()
+    weights.sort_indices()
+    weights.data = np.maximum(weights.data, 0.0)
+    weights.data = np.maximum(weights.data, WEIGHT_FLOOR * weights.data.mean())
+    screen = laplacian.mass / laplacian.mass.sum() / reach**2
+    matrix = csc_array(diags_array(weights.sum(axis=1) + screen) - weights)
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    cells = _Cells.of(rest, weights)
+    held = screen[:, None] * positions
+    refined = factors.solve(cells.load(rotations) + held)
+    for _ in range(rounds):
+        rotations = cells.rotations(refined, rotations)
+        refined = factors.solve(cells.load(rotations) + held)
+    return np.asarray(refined)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Edges around each vertex.
+
+    Parameters
+    ----------
+    starts, ends
+        Vertices of each directed edge, shape (e,).
+    weights
+        Shape (e,).
+    edges
+        Vectors from end to start, shape (e, 3).
+    sums
+        Matrix that sums values of edges over their starts, shape (n, e).
+    """
+
+    starts: NDArray[np.int64]
+    ends: NDArray[np.int32]
+    weights: FloatArray
+    edges: Points
+    sums: csr_array
+
+    @classmethod
+    def of(cls, rest: Points, graph: csr_array) -> _Cells:
+        starts = np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))
+        sums = csr_array(
+            (np.ones(len(starts)), np.arange(len(starts)), graph.indptr), shape=(graph.shape[0], len(starts))
+        )
+        return cls(starts, graph.indices, graph.data, rest[starts] - rest[graph.indices], sums)
+
+    def load(self, rotations: FloatArray) -> FloatArray:
+        """Return the right-hand side for rotations, shape (n, 3)."""
+        between = 0.5 * (rotations[self.starts] + rotations[self.ends])
+        turned = np.einsum("eij,ej->ei", between, self.edges)
+        return np.asarray(self.sums @ (self.weights[:, None] * turned))
+
+    def rotations(self, positions: Points, before: FloatArray) -> FloatArray:
+        """Return the best-fitting rotations of the cells, shape (n, 3, 3); see :data:`INERTIA`."""
+        now = positions[self.starts] - positions[self.ends]
+        products = (self.weights[:, None, None] * now[:, :, None] * self.edges[:, None, :]).reshape(-1, 9)
+        size = self.sums @ (self.weights * (self.edges**2).sum(axis=1))
+        size = np.maximum(size, np.finfo(float).tiny)
+        covariances = (self.sums @ products).reshape(-1, 3, 3) / size[:, None, None] + INERTIA * before
+        left, _, right = np.linalg.svd(covariances)
+        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+        return np.asarray(left @ right)

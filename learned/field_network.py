@@ -1,0 +1,173 @@
+"""Network of the deformation field: from points of a surface to tokens, and from positions to the canonical pose.
+
+Neighbourhoods become tokens as in PointNet++ [Qi et al. 2017, section 3.2]. Tokens attend to each other, and positions
+to tokens [Vaswani et al. 2017, section 3.2]. As in deformation fields [DIF-Net, Deng et al. 2021, section 3], the
+canonical position is a function of the position and a code of the whole shape; here the code is a set of tokens, one of
+which has no position.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+POINTS, TOKENS, NEIGHBOURS = 1024, 128, 32
+"""Points of a surface, neighbourhoods, and points in each."""
+
+WIDTH, HEADS = 192, 6
+"""Features of a token, and heads of an attention layer."""
+
+ENCODER_LAYERS, DECODER_LAYERS = 6, 2
+FREQUENCIES = 5
+"""Octaves of the positional encoding [Mildenhall et al. 2020, equation 4]."""
+
+REACH = 0.15
+"""Unit of relative positions in a neighbourhood, in units of sqrt(area): about the radius of one of a hundred."""
+
+
+class Tokens(NamedTuple):
+    """Features, shape (n, tokens + 1, width), the first without a position, and positions, shape (n, tokens, 3)."""
+
+    features: Tensor
+    positions: Tensor
+
+
+class FieldNetwork(nn.Module):
+    """Encoder of points and decoder of positions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        written = 3 * (2 + 2 * FREQUENCIES)
+        self.neighbourhood = nn.Sequential(nn.Linear(9, WIDTH // 3), nn.ReLU(), nn.Linear(WIDTH // 3, WIDTH), nn.ReLU())
+        self.gathered = nn.Linear(WIDTH, WIDTH)
+        self.placed = nn.Linear(written, WIDTH)
+        self.whole = nn.Parameter(torch.zeros(1, 1, WIDTH))
+        self.encoder = nn.ModuleList(Attention() for _ in range(ENCODER_LAYERS))
+        self.asked_norms = nn.ModuleList(nn.LayerNorm(WIDTH) for _ in range(ENCODER_LAYERS))
+        self.code_norm = nn.LayerNorm(WIDTH)
+        self.asking = nn.Sequential(nn.Linear(written, WIDTH), nn.GELU(), nn.Linear(WIDTH, WIDTH))
+        self.decoder = nn.ModuleList(Attention() for _ in range(DECODER_LAYERS))
+        self.head = nn.Sequential(nn.LayerNorm(WIDTH), nn.Linear(WIDTH, 9))
+
+    def encoded(self, points: Tensor, normals: Tensor) -> Tokens:
+        """Encode shapes to tokens.
+
+        Parameters
+        ----------
+        points
+            Points of each surface, of which the first few are spread as evenly as all, shape (n, m, 3).
+        normals
+            Unit normals there, shape (n, m, 3).
+        """
+        positions, facing = points[:, :TOKENS], normals[:, :TOKENS]
+        gathered = self.gathered(self._neighbourhoods(points, normals, positions, facing))
+        features = gathered + self.placed(_written(positions, facing))
+        features = torch.cat([self.whole.expand(len(features), -1, -1), features], dim=1)
+        squares = functional.pad(_squares(positions, positions), (1, 0, 1, 0))
+        for layer, norm in zip(self.encoder, self.asked_norms, strict=True):
+            features = layer(features, norm(features), squares)
+        return Tokens(self.code_norm(features), positions)
+
+    def decoded(self, tokens: Tokens, positions: Tensor, normals: Tensor) -> tuple[Tensor, Tensor]:
+        """Decode positions on the surfaces with these tokens, shape (n, q, 3).
+
+        Returns
+        -------
+        positions, rotations : torch.Tensor
+            Positions in the canonical pose of a body of unit area, shape (n, q, 3), and rotations of the surface
+            around each position to the canonical pose, shape (n, q, 3, 3).
+        """
+        squares = functional.pad(_squares(positions, tokens.positions), (1, 0))
+        features = self.asking(_written(positions, normals))
+        for layer in self.decoder:
+            features = layer(features, tokens.features, squares)
+        raw = self.head(features)
+        return raw[..., :3], rotations_of(raw[..., 3:])
+
+    def _neighbourhoods(self, points: Tensor, normals: Tensor, positions: Tensor, facing: Tensor) -> Tensor:
+        """Max-pool the features of the neighbourhood of each token, shape (n, tokens, width).
+
+        The weight of a point falls to zero towards the rim of the neighbourhood, so ties between the farthest points do
+        not matter.
+        """
+        nearest, which = _squares(positions, points).topk(NEIGHBOURS, dim=-1, largest=False)
+        n, t, k = which.shape
+        rows = which.reshape(n, t * k, 1).expand(-1, -1, 3)
+        around = points.gather(1, rows).view(n, t, k, 3) - positions[:, :, None]
+        theirs = normals.gather(1, rows).view(n, t, k, 3)
+        own = facing[:, :, None].expand_as(theirs)
+        weights = (1 - nearest / nearest[..., -1:].clamp(min=torch.finfo(nearest.dtype).tiny)).clamp(min=0)
+        seen = self.neighbourhood(torch.cat([around / REACH, theirs, own], dim=-1))
+        return cast(Tensor, (seen * weights[..., None]).amax(dim=2))
+
+
+class Attention(nn.Module):
+    """Attention that decays with distance, at a learned rate per head, followed by a two-layer perceptron."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.norm = nn.LayerNorm(WIDTH)
+        self.query = nn.Linear(WIDTH, WIDTH)
+        self.key_value = nn.Linear(WIDTH, 2 * WIDTH)
+        self.out = nn.Linear(WIDTH, WIDTH)
+        self.log_sharpness = nn.Parameter(torch.linspace(0, math.log(200), HEADS))
+        self.mlp = nn.Sequential(
+            nn.LayerNorm(WIDTH), nn.Linear(WIDTH, 4 * WIDTH), nn.GELU(), nn.Linear(4 * WIDTH, WIDTH)
+        )
+
+    def forward(self, asking: Tensor, asked: Tensor, squares: Tensor) -> Tensor:
+        """Return new features, shape (n, q, width).
+
+        Parameters
+        ----------
+        asking
+            Features of the queries, shape (n, q, width).
+        asked
+            Normalised features of the keys and values, shape (n, t, width).
+        squares
+            Squared distances between them, shape (n, q, t); 0 for a token without position.
+        """
+        query = self._of_heads(self.query(self.norm(asking)))
+        key, value = (self._of_heads(part) for part in self.key_value(asked).chunk(2, dim=-1))
+        bias = -self.log_sharpness.exp()[:, None, None] * squares[:, None]
+        attended = functional.scaled_dot_product_attention(query, key, value, attn_mask=bias)
+        asking = asking + self.out(attended.transpose(1, 2).flatten(2))
+        return cast(Tensor, asking + self.mlp(asking))
+
+    def _of_heads(self, features: Tensor) -> Tensor:
+        return features.unflatten(-1, (HEADS, -1)).transpose(1, 2)
+
+
+def rotations_of(raw: Tensor) -> Tensor:
+    """Return rotations from two columns each, orthonormalised [Zhou et al. 2019, equation 15].
+
+    Parameters
+    ----------
+    raw
+        Differences between the two columns and those of the identity, shape (..., 6).
+
+    Returns
+    -------
+    torch.Tensor
+        Shape (..., 3, 3).
+    """
+    first, second = (raw + raw.new_tensor([1.0, 0, 0, 0, 1, 0])).unflatten(-1, (2, 3)).unbind(-2)
+    first = functional.normalize(first, dim=-1)
+    second = functional.normalize(second - (first * second).sum(-1, keepdim=True) * first, dim=-1)
+    return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
+
+
+def _written(positions: Tensor, normals: Tensor) -> Tensor:
+    """Return positions, normals, and octaves of sines and cosines, shape (n, q, 3 (2 + 2 frequencies))."""
+    octaves = 2.0 ** torch.arange(FREQUENCIES) * (math.pi / 2)
+    phases = (positions[..., None] * octaves).flatten(-2)
+    return torch.cat([positions, normals, phases.sin(), phases.cos()], dim=-1)
+
+
+def _squares(one: Tensor, other: Tensor) -> Tensor:
+    """Return squared distances between points, shape (n, a, b), from differences to avoid cancellation."""
+    return sum((one[:, :, None, k] - other[:, None, :, k]).square() for k in range(3))

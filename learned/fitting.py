@@ -1,0 +1,105 @@
+"""Training of a model from training data into a folder: options, pairs, network, pictures and card."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from benchmark.api.contracts import Interval
+from benchmark.api.learning import CARD, TrainingData
+from benchmark.api.parameters import checked
+from benchmark.errors import ConfigurationError
+from benchmark.machine import available_cores
+from learned import pictures
+from learned.methods import TRAINABLE_AT
+from learned.models import CONFIGURATIONS, hardware, load, save
+from learned.pairs import Pairs, gather
+from learned.paper_network import RESOLUTIONS
+from learned.training import CHECKPOINT, Device, Schedule, device_named, fit, measures, resolved
+
+SAMPLES = 60
+"""Pairs of each kind that are predicted for pictures and measures at the end."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """Device and threads of a training, and the folder of a model whose weights it begins with."""
+
+    device: Device = "auto"
+    threads: Annotated[int, Interval(1)] | None = None
+    init: str = ""
+
+
+def train(
+    name: str, seed: int, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]
+) -> None:
+    """Train a model into a folder; see :meth:`learned.methods.TrainedNetwork.train`."""
+    configuration = CONFIGURATIONS[name]
+    if configuration.architecture != "progressive":
+        raise ConfigurationError(f"network '{name}' comes trained", f"train it at commit {TRAINABLE_AT}")
+    own = {key: value for key, value in options.items() if key in Machine.__dataclass_fields__}
+    machine = Machine(**checked(Machine, own, "the training"))
+    device = device_named(machine.device)
+    settings = {key: value for key, value in options.items() if key not in own}
+    settings = ({"early_epochs": 0} if name == "without_weighting" else {}) | settings
+    schedule = resolved(Schedule(**checked(Schedule, settings, "the schedule")), device)
+    if schedule.resolution not in RESOLUTIONS:
+        fits = f"{RESOLUTIONS[0]} to {RESOLUTIONS[-1]}"
+        raise ConfigurationError(f"the network has no resolution {schedule.resolution}", f"pass --resolution {fits}")
+    words = schedule.in_words() + (f", from {machine.init}" if machine.init else "")
+    if (folder / CARD).is_file():
+        _check_finished(folder, schedule, data, words)
+        say(f"{folder} holds this model already")
+        return
+    torch.set_num_threads(machine.threads or available_cores())
+    say(f"training '{name}', seed {seed}: {words}; {data.title}")
+    pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
+    unseen = gather(data.validation(), data.n_validation, schedule.resolution, configuration.crop)
+    network = configuration.build(seed)
+    if machine.init:
+        network.load_state_dict({key: value.float() for key, value in load(Path(machine.init))[0].state_dict().items()})
+    folder.mkdir(parents=True, exist_ok=True)
+    history = fit(network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say)
+    network = network.cpu().eval()
+    title = f"{name}, seed {seed}, {data.name}"
+    facts = {
+        "seed": seed,
+        "schedule_in_words": f"{words}, {hardware(device)}",
+        "data_digest": pairs.digest(),
+        "training_measures": _sampled(network, pairs, folder / "samples-training.png", f"{title}: training pairs"),
+        "validation_measures": _sampled(network, unseen, folder / "samples-validation.png", f"{title}: validation"),
+    }
+    pictures.draw_history(history, folder / "history.png", title)
+    save(network, configuration, data, schedule, history, folder, facts)
+    load(folder)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
+    say(f"finished; the losses of the last epoch are {json.dumps(history[-1])}")
+
+
+def _check_finished(folder: Path, schedule: Schedule, data: TrainingData, words: str) -> None:
+    """Raise ``ConfigurationError`` unless the finished model in a folder is that of this schedule and data."""
+    card = json.loads((folder / CARD).read_bytes())
+    same = card.get("schedule") == asdict(schedule) and card.get("identifiers") == list(data.identifiers)
+    if not same:
+        raise ConfigurationError(
+            f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), not of "
+            f"{words}",
+            "delete the folder to train anew, or name other --results",
+        )
+
+
+@torch.inference_mode()
+def _sampled(network: nn.Module, pairs: Pairs, picture: Path, title: str) -> dict[str, float]:
+    """Draw some predictions of the finished network, and return their measures."""
+    rows = torch.from_numpy(np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(np.int64))
+    images, targets = pairs[rows]
+    predictions = torch.cat([network(image[None]) for image in images])
+    pictures.draw_samples([pairs.names[row] for row in rows], images, predictions, targets, picture, title)
+    return measures(predictions, targets)

@@ -1,0 +1,316 @@
+"""Methods with a trained network: the learned rows of the tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import dataclass, field, make_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, cast
+
+from benchmark.api.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    Interval,
+    Matches,
+    MethodInfo,
+    OneOf,
+    Shape,
+    UnsupportedShape,
+)
+from benchmark.api.learning import Split, TrainingData
+from benchmark.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from benchmark.geometry.depth import DepthImage
+
+TRAINABLE_AT = "4868b8b9"
+"""Last commit that trains the networks of generated bodies."""
+
+_NAMES = (
+    "literal", "as_printed", "without_srf", "without_lrf", "without_weighting", "size_free", "wide-extra",
+    "streamed-people", "field-plain",
+)  # fmt: skip
+"""Keys of ``learned.models.CONFIGURATIONS``, whose import takes a second."""
+
+ConfigurationName = Annotated[str, OneOf(_NAMES)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainedNetwork(CheckedParameters):
+    """A method whose forms come from a trained network.
+
+    Parameters
+    ----------
+    configuration
+        Name of the network; see :data:`learned.models.CONFIGURATIONS`.
+    training_seed
+        Seed of the training whose model is used.
+    training
+        Name of the training data; "" for that of the table.
+
+    Attributes
+    ----------
+    model
+        Folder of the loaded model; not a parameter, because the harness loads the model that fits each shape.
+    """
+
+    info: ClassVar[MethodInfo]
+    split: ClassVar[Split] = "table"
+    shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
+    default_training: ClassVar[str] = "humans-fold-0"
+    """Training data of the model to use if no table chooses one."""
+
+    configuration: ConfigurationName
+    training_seed: Annotated[int, Interval(0, 2**63 - 1)] = 0
+    training: Annotated[str, Matches("[A-Za-z0-9-]*", "a name of letters, digits and hyphens")] = ""
+    model: Path | None = field(default=None, init=False)
+
+    @property
+    def model_name(self) -> str:
+        """Configuration and training seed."""
+        return f"{self.configuration}-seed{self.training_seed}"
+
+    @property
+    def model_folder(self) -> Path:
+        """Folder of the loaded model, or else of the shipped one."""
+        return self.model or self.shipped_models / (self.training or self.default_training) / self.model_name
+
+    def load(self, folder: Path) -> Self:
+        """Return the method with the model in ``folder``.
+
+        Raises
+        ------
+        ConfigurationError
+            If the weights are damaged, have another digest than their card says, or belong to another configuration.
+        """
+        from learned.models import load
+
+        _, card = load(folder)
+        if card.configuration.name != self.configuration:
+            raise ConfigurationError(
+                f"the model in {folder} holds '{card.configuration.name}', not '{self.configuration}'",
+                "name the folder of another model",
+            )
+        loaded = copy(self)
+        object.__setattr__(loaded, "model", folder)
+        return loaded
+
+    def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
+        """Train the model; see :class:`.Learner` and :class:`learned.training.Schedule`.
+
+        Raises
+        ------
+        ConfigurationError
+            If an option does not fit, or the folder holds a finished model of another training.
+        TrainingError
+            If training cannot continue.
+        """
+        from learned.fitting import train
+
+        train(self.configuration, self.training_seed, data, folder, options, say)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learned(TrainedNetwork):
+    """Depth image of the canonical pose, predicted from a depth image by a convolutional network, and back-projected.
+
+    "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
+    Perception", section III; see :mod:`learned.paper_network`.
+
+    Parameters
+    ----------
+    configuration
+        Name of the network; see :data:`learned.models.CONFIGURATIONS`.
+    training_seed
+        Seed of the training whose model is used.
+    training
+        Name of the training data; "" for that of the table.
+    smoothing
+        Standard deviation, in pixels of the network, of a Gaussian that smooths the predicted depth inside the mask.
+        The paper has none; a schedule shorter than the paper's leaves noise, which smoothing removes.
+    jump
+        Depth discontinuity at which the predicted surface is cut: the largest depth difference along an edge, as a
+        share of half the frame (0.05 for the view input). None: the predicted mask alone defines the surface.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="learned",
+        title="Our",
+        cite="canonicalreconstruction",
+        family="paper",
+        summary="canonical pose predicted from the depth image by the paper's network",
+        departs=(
+            "The source counts the short-range blocks in three ways; here they are nine convolutions. Widths, output "
+            "functions, camera and canonical pose, which it leaves open, are ours, and so are, unless 'as_printed', "
+            "fewer pixels and, for people, epochs."
+        ),
+        requires=("torch", "safetensors"),
+        inputs=("view",),
+        scale="invariant",
+    )
+    usual_blur: ClassVar[float] = math.inf
+    """Outline width in pixels that 90 % of the validation images of the shipped model do not exceed, if known."""
+
+    configuration: ConfigurationName = "literal"
+    smoothing: Annotated[float, Interval(0, 50)] = 0.0
+    jump: Annotated[float, Interval(0, closed="neither")] | None = None
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Predict the canonical pose and return its surface, of unit area.
+
+        Raises
+        ------
+        UnsupportedShape
+            If there is no depth image, it is empty, or the network predicts nothing.
+        InvalidMesh
+            If the image has another size or holds values outside [0, 1].
+        ConfigurationError
+            If there is no model.
+        """
+        import torch
+
+        from learned.images import enlarged, smoothed
+        from learned.surface import closed_surface, open_surface
+
+        if shape.depth is None:
+            raise UnsupportedShape("the learned network needs a depth image", "use the view input")
+        *depths, mask = self.predict(shape.depth)
+        front, *back = (enlarged(smoothed(torch.stack([depth, mask]), self.smoothing)) for depth in depths)
+        surface, notes = closed_surface(front, back[0]) if back else open_surface(front, self.jump)
+        return CanonicalForm(surface.vertices, surface.faces, notes)
+
+    def predict(self, depth: DepthImage) -> Tensor:
+        """Return the depth of each side and the mask, shape (sides + 1, r, r), predicted from a depth image."""
+        import torch
+
+        from learned.images import checked_image, resampled
+        from learned.models import load
+
+        network, card = load(self.model_folder)
+        resolution = card.schedule.resolution if card.schedule else 128
+        image = resampled(checked_image(depth), resolution, card.configuration.crop)[:1]
+        with torch.inference_mode():
+            tensor = torch.from_numpy(image).double()[None].contiguous(memory_format=torch.channels_last)
+            return cast("Tensor", network(tensor)[0])
+
+    def measure_fit(self, shape: Shape) -> dict[str, float | str]:
+        """Return the width of the predicted outline in pixels, and a doubt if it is unusual.
+
+        See :class:`benchmark.api.learning.MeasuresFit` and :func:`learned.images.outline_blur`.
+        """
+        from learned.images import outline_blur
+
+        if shape.depth is None:
+            return {}
+        notes: dict[str, float | str] = {"outline_blur": (blur := outline_blur(self.predict(shape.depth)[-1]))}
+        if blur > self.usual_blur and self.model_folder.is_relative_to(self.shipped_models):
+            usual = f"90 % of validation images have at most {self.usual_blur:g}"
+            notes["doubt"] = f"the predicted outline is {blur:.2f} pixels wide ({usual}), so the form may not fit"
+        return notes
+
+
+def _row(name: str, title: str, configuration: str, summary: str, departs: str = "", **constants: Any) -> type[Learned]:
+    """Return the learner of another row: the same class with other defaults."""
+    departs = departs or Learned.info.departs
+    info = replace(Learned.info, name=name, title=title, family="extended", summary=summary, departs=departs)
+    row = make_dataclass(
+        title.title().replace(" ", ""),
+        [("configuration", ConfigurationName, configuration)],
+        bases=(Learned,),
+        namespace={"info": info, "__module__": __name__, "__doc__": Learned.__doc__, **constants},
+        frozen=True,
+        kw_only=True,
+    )
+    return cast("type[Learned]", row)
+
+
+WithoutSRF = _row("learned-without-srf", "w/o SRF", "without_srf", "ablation: no SRF")
+WithoutLRF = _row("learned-without-lrf", "w/o LRF", "without_lrf", "ablation: no LRF")
+WithoutWeighting = _row(
+    "learned-without-weighting", "w/o progressive weighting", "without_weighting",
+    "ablation: the weight of the depth loss is 1 from the first epoch",
+)  # fmt: skip
+SizeFree = _row(
+    "learned-size-free", "Our, size unknown", "size_free", "the paper's network without the size of the body",
+    "Images are cropped to the body, whose size is therefore unknown. Otherwise it departs as 'Our' does.",
+)  # fmt: skip
+Strict = _row(
+    "learned-strict", "strict train", "literal", "ablation: neither subject nor pose seen in training, 12 folds",
+    split="strict",
+)  # fmt: skip
+WideExtra = _row(
+    "learned-wide-extra", "Our, wide, extra training data", "wide-extra", "one global code, trained on sampled bodies",
+    "Another network: an encoder to one code and a decoder from it, trained on sampled bodies.",
+    split="sampled", default_training="humans-sampled",
+)  # fmt: skip
+Streamed = _row(
+    "learned-streamed", "Our, streamed, extra training data", "streamed-people",
+    "one code, trained on fresh bodies in free poses, blind to the frame",
+    "Another network: one code for the whole image, trained on generated bodies without end.",
+    split="sampled", default_training="humans-varied", usual_blur=2.29,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationField(TrainedNetwork):
+    """Vertices at the canonical positions that a network predicts, with the detail of the input.
+
+    The network maps a position and a code of the whole surface to the position in the canonical pose, like the
+    deformation fields of DIF-Net [Deng et al. 2021] and Deform2NeRF. An as-rigid-as-possible deformation then follows
+    the prediction; see :mod:`learned.field`.
+
+    Parameters
+    ----------
+    configuration
+        Name of the field.
+    training_seed
+        Seed of the training whose model is used.
+    training
+        Name of the training data.
+    reach
+        Length, in units of sqrt(area), up to which details come from the input; 0 keeps the predicted positions.
+    rounds
+        Rounds of fitting rotations to the form, after the predicted rotations were used.
+    """
+
+    info: ClassVar[MethodInfo] = MethodInfo(
+        name="deformation-field",
+        title="Deformation Field, extra training data",
+        cite="deng2021deformed",
+        family="extended",
+        summary="canonical positions of all vertices by a network, trained on fresh bodies",
+        departs=(
+            "A network of our own: the source deforms a template's distance field, here a field moves the vertices of "
+            "the input, and an energy that is as rigid as possible keeps their detail."
+        ),
+        requires=("torch", "safetensors"),
+        inputs=("mesh",),
+        scale="invariant",
+    )
+    split: ClassVar[Split] = "sampled"
+    default_training: ClassVar[str] = "humans-varied"
+
+    configuration: ConfigurationName = "field-plain"
+    reach: Annotated[float, Interval(0, 10)] = 0.1
+    rounds: Annotated[int, Interval(0, 100)] = 3
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the vertices in the canonical pose, of unit area.
+
+        Raises
+        ------
+        UnsupportedShape
+            If the surface has no area or too many vertices, or its form would have no area.
+        ConfigurationError
+            If there is no model.
+        """
+        from learned.field import form_of
+        from learned.models import load
+
+        network, _ = load(self.model_folder)
+        vertices, notes = form_of(cast(Any, network), shape, self.reach, self.rounds)
+        return shape.form(vertices, **notes)

@@ -1,0 +1,220 @@
+"""Models on disk: named networks, cards, and weights."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import functools
+import hashlib
+import io
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load as tensors_in
+from safetensors.torch import save as saved
+from torch import Tensor, nn
+
+from benchmark.api import learning
+from benchmark.api.learning import CARD, WEIGHTS, TrainingData, checked_weights, read_card
+from benchmark.errors import ConfigurationError
+from benchmark.files import write_atomically
+from learned.code_network import CodeNetwork, PeopleNetwork
+from learned.field_network import FieldNetwork
+from learned.paper_network import PaperNetwork
+from learned.training import History, Schedule
+
+HISTORY = "history.csv"
+
+_TRAINING_ONLY = ("places.", "points.")
+"""Weights of outputs that only losses used."""
+
+_ROWS = 4
+"""Rows of a convolution that are computed together: their patches of a feature image fit into the cache."""
+
+
+_Size = Annotated[int, msgspec.Meta(ge=1, le=4096)]
+
+
+class Configuration(msgspec.Struct, frozen=True, kw_only=True):
+    """A named network.
+
+    Parameters
+    ----------
+    name
+        Name on the command line.
+    architecture
+        ``"progressive"``: the paper's. ``"global-code"``: one code. ``"people"``: one code, front and back.
+        ``"field"``: canonical positions of surface points.
+    short_range, long_range, width
+        See :class:`learned.paper_network.PaperNetwork`.
+    crop
+        Whether images and targets are cropped to the body, so that its size is unknown.
+    """
+
+    name: str
+    architecture: Literal["progressive", "global-code", "people", "field"] = "progressive"
+    short_range: bool = True
+    long_range: bool = True
+    width: _Size = 16
+    crop: bool = False
+
+    def build(self, seed: int = 0) -> nn.Module:
+        """Return the network with random weights."""
+        if self.architecture == "progressive":
+            return PaperNetwork(self.width, self.short_range, self.long_range, seed)
+        return {"global-code": CodeNetwork, "people": PeopleNetwork, "field": FieldNetwork}[self.architecture]()
+
+
+CONFIGURATIONS: Mapping[str, Configuration] = {
+    each.name: each
+    for each in (
+        Configuration(name="literal"),
+        Configuration(name="as_printed"),
+        Configuration(name="without_srf", short_range=False),
+        Configuration(name="without_lrf", long_range=False),
+        Configuration(name="without_weighting"),
+        Configuration(name="size_free", crop=True),
+        Configuration(name="wide-extra", architecture="global-code"),
+        Configuration(name="streamed-people", architecture="people", crop=True),
+        Configuration(name="field-plain", architecture="field"),
+    )
+}
+
+
+class _Scale(msgspec.Struct, frozen=True):
+    resolution: _Size
+
+
+class Card(learning.Card, frozen=True, kw_only=True):
+    """Card of a network; the file has more facts for readers, such as losses and hardware."""
+
+    configuration: Configuration
+    schedule: _Scale | None = None
+    """None for a network without images."""
+
+
+def load(folder: Path) -> tuple[nn.Module, Card]:
+    """Return the network in a folder, ready to predict in double precision, and its card.
+
+    In single precision, the last bits of sums depend on the processor and would decide pixels of a mask.
+
+    Raises
+    ------
+    ConfigurationError
+        If the card or the weights are missing, damaged, or of different networks.
+    """
+    card = read_card(folder, Card)
+    return _load(folder, card.configuration, card.digest), card
+
+
+@functools.lru_cache(maxsize=16)
+def _load(folder: Path, configuration: Configuration, _digest: str) -> nn.Module:
+    network = configuration.build().double().to(memory_format=torch.channels_last)
+    try:
+        tensors = {
+            name: tensor.double()
+            for name, tensor in tensors_in(checked_weights(folder)).items()
+            if not name.startswith(_TRAINING_ONLY)
+        }
+        network.load_state_dict(tensors)
+    except (KeyError, TypeError, SafetensorError) as error:
+        raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error
+    except RuntimeError as error:
+        raise ConfigurationError(
+            f"the weights in {folder} belong to another network than '{configuration.name}'", "train it again"
+        ) from error
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d) and module.stride == (1, 1):
+            module._conv_forward = functools.partial(_in_stripes, module)
+    return network.eval()
+
+
+def _in_stripes(module: nn.Conv2d, x: Tensor, weight: Tensor, bias: Tensor | None) -> Tensor:
+    """Convolve a few rows at a time, which takes torch half as long in double precision."""
+    (above, beside), (dilation, _) = module.padding, module.dilation
+    x = nn.functional.pad(x, (beside, beside, above, above))
+    reach = dilation * (weight.shape[-2] - 1)
+    stripes = [
+        nn.functional.conv2d(x[:, :, first : first + _ROWS + reach], weight, bias, 1, 0, module.dilation)
+        for first in range(0, x.shape[-2] - reach, _ROWS)
+    ]
+    return torch.cat(stripes, dim=2)
+
+
+def save(
+    network: nn.Module,
+    configuration: Configuration,
+    data: TrainingData,
+    schedule: Schedule,
+    history: History,
+    folder: Path,
+    facts: Mapping[str, Any],
+) -> None:
+    """Write weights in half precision, losses and, last, the card.
+
+    Parameters
+    ----------
+    network
+        The network, whose weights are rounded to half precision, so that tests use those on disk.
+    configuration, data, schedule, history
+        What it is, and what it was trained on.
+    folder
+        Folder of the model.
+    facts
+        Further entries of the card.
+    """
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.copy_(parameter.half().float())
+    halves = {name: tensor.detach().cpu().half().contiguous() for name, tensor in network.state_dict().items()}
+    content: bytes = saved(halves)
+    card = {
+        "digest": hashlib.sha256(content).hexdigest(),
+        "configuration": msgspec.to_builtins(configuration),
+        "parameters": sum(parameter.numel() for parameter in network.parameters()),
+        "data": data.name,
+        "data_title": data.title,
+        "pairs": data.n_pairs,
+        "subjects": list(data.subjects),
+        "identifiers": list(data.identifiers),
+        "tested": data.tested,
+        "clearance": dict(data.clearance),
+        "schedule": asdict(schedule),
+        "torch": str(torch.__version__),
+        "losses": history[-1],
+        "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        **facts,
+    }
+    _write(folder / WEIGHTS, content)
+    _write(folder / HISTORY, _table(history).encode())
+    # A line an entry keeps long lists of shapes on one line.
+    lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
+    _write(folder / CARD, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
+
+
+def hardware(device: torch.device) -> str:
+    """Describe the hardware in words."""
+    if device.type == "cuda":
+        return str(torch.cuda.get_device_name())
+    threads = torch.get_num_threads()
+    return f"{platform.processor() or platform.machine()}, {threads} thread{'s' if threads > 1 else ''}"
+
+
+def _write(path: Path, content: bytes) -> None:
+    write_atomically(path, lambda file: file.write(content), durable=True)
+
+
+def _table(history: History) -> str:
+    columns = list(dict.fromkeys(name for row in history for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in history)
+    return text.getvalue()

@@ -1,0 +1,163 @@
+"""The paper's network: short-range features, long-range features, and an encoder-decoder for depth and mask.
+
+"Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
+Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask) = DPR(I, Y_SRF, Y_LRF), each of the size
+of the image. The paper counts the blocks of SRF in three ways: five convolution layers, nine blocks of a convolution
+and a transposed one, and a figure of nine blocks. This SRF has five convolutions and four transposed ones; with stride
+1 both compute the same functions.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+SLOPE = 0.2
+"""Slope of LeakyReLU below zero."""
+
+DILATIONS = (2, 3, 4, 5, 6)
+"""Dilations of the blocks of LRF."""
+
+RESOLUTIONS = range(32, 2049)
+"""Pixels per side of an image."""
+
+MASK_LOGIT = -2.5
+"""Initial logit of the mask, about the share of a frame that a shape covers. Without it, the first steps, which see
+mostly background, saturate the sigmoid, and the mask stays at zero."""
+
+
+class SameSizeDeconvolution(nn.ConvTranspose2d):
+    """Transposed convolution of stride 1, computed as a convolution with the kernel rotated by 180 degrees.
+
+    In bfloat16, torch takes half as long for the gradients of a convolution as for those of a transposed one.
+    """
+
+    def forward(self, x: Tensor, output_size: list[int] | None = None) -> Tensor:
+        """Compute the transposed convolution, shape (n, channels_out, h, w), of a kernel of 3 x 3 with same padding."""
+        kernel = self.weight.transpose(0, 1).flip(2, 3)
+        return functional.conv2d(x, kernel, self.bias, padding=self.dilation, dilation=self.dilation)
+
+
+def _block(kind: type[nn.Conv2d | nn.ConvTranspose2d], before: int, after: int, dilation: int = 1) -> nn.Sequential:
+    # In place, because no gradient needs the input of the activation.
+    return nn.Sequential(kind(before, after, 3, padding=dilation, dilation=dilation), nn.LeakyReLU(SLOPE, inplace=True))
+
+
+def short_range_features(width: int) -> nn.Sequential:
+    """Return SRF: nine blocks at full size, five convolutions and four transposed ones, with one output channel."""
+    channels = [1, *[width] * 8, 1]
+    return nn.Sequential(*map(_block, [nn.Conv2d] * 5 + [SameSizeDeconvolution] * 4, channels[:-1], channels[1:]))
+
+
+def long_range_features(channels_in: int, width: int) -> nn.Sequential:
+    """Return LRF: five blocks with dilations 2 to 6 at full size, with one output channel.
+
+    A transposed convolution of the same dilation follows each convolution, according to the caption of the paper's
+    figure but not to its text.
+    """
+    blocks = []
+    for place, dilation in enumerate(DILATIONS):
+        before, after = width if place else channels_in, width if place < len(DILATIONS) - 1 else 1
+        inner = _block(nn.Conv2d, before, width, dilation), _block(SameSizeDeconvolution, width, after, dilation)
+        blocks.append(nn.Sequential(*inner[0], *inner[1]))
+    return nn.Sequential(*blocks)
+
+
+class EncoderDecoder(nn.Module):
+    """DPR: four blocks of convolution, LeakyReLU and max-pooling, four of transposed convolution and ReLU, a 1x1 head.
+
+    Parameters
+    ----------
+    channels_in
+        Channels of the image and of the features concatenated to it.
+    width
+        Channels of the outermost block; each inner one has twice as many.
+    """
+
+    def __init__(self, channels_in: int, width: int) -> None:
+        super().__init__()
+        widths = [width, 2 * width, 4 * width, 8 * width]
+        inward = widths[::-1]
+        self.encoder = nn.ModuleList(map(partial(_block, nn.Conv2d), [channels_in, *widths[:-1]], widths))
+        # 4x4 kernels cover every pixel of the doubled size equally often; 3x3 kernels make a checkerboard.
+        self.decoder = nn.ModuleList(
+            nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
+            for before, after in zip(inward, [*inward[1:], width], strict=True)
+        )
+        self.head = nn.Conv2d(width, 2, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map features, shape (n, channels, h, w), to depth and the log-odds of the mask, shape (n, 2, h, w)."""
+        sizes = []
+        for block in self.encoder:
+            sizes.append(x.shape[-2:])
+            # Rounding up keeps the last row and column of an odd size, so that the decoder can restore it.
+            x = functional.max_pool2d(block(x), 2, ceil_mode=True)
+        for deconvolution, (height, width) in zip(self.decoder, reversed(sizes), strict=True):
+            x = deconvolution(x)
+            if x.shape[-2:] != (height, width):  # an empty cut would cost two copies in the backward pass
+                x = x[..., :height, :width]
+            x = functional.relu(x)
+        return cast(Tensor, self.head(x))
+
+
+class PaperNetwork(nn.Module):
+    """SRF, LRF and DPR in sequence; each sees the image and all features before it.
+
+    Parameters
+    ----------
+    width
+        Channels of SRF and LRF; DPR has 2, 4, 8 and 16 times as many. The paper names no widths.
+    short_range, long_range
+        Whether the network has SRF and LRF.
+    seed
+        Seed of the random weights, which depend on nothing else. Convolutions before a (leaky) rectifier start with
+        variances that keep the scale of activations [He et al. 2015, eq. 14].
+    """
+
+    def __init__(self, width: int = 16, short_range: bool = True, long_range: bool = True, seed: int = 0) -> None:
+        super().__init__()
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.short_range = short_range_features(width) if short_range else None
+            self.long_range = long_range_features(1 + short_range, width) if long_range else None
+            self.reconstruction = EncoderDecoder(1 + short_range + long_range, 2 * width)
+            initialise(self, self.reconstruction.head)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Predict the canonical pose.
+
+        Parameters
+        ----------
+        image
+            Depth images, shape (n, 1, h, w), in [0, 1] with 0 as background.
+
+        Returns
+        -------
+        torch.Tensor
+            Depth, about (0, 1), and mask in (0, 1), shape (n, 2, h, w).
+        """
+        features = image
+        for part in (self.short_range, self.long_range):
+            if part is not None:
+                features = torch.cat([features, part(features)], dim=1)
+        depth, mask = self.reconstruction(features).unbind(1)
+        return torch.stack([depth, torch.sigmoid(mask)], dim=1)
+
+
+def initialise(network: nn.Module, head: nn.Conv2d) -> None:
+    """Draw the weights of all convolutions but the head, whose mask starts at about the share that a shape covers."""
+    for module in network.modules():
+        if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module is not head:
+            # Products per output pixel; a stride spreads those of a transposed convolution.
+            products = module.in_channels * module.kernel_size[0] ** 2
+            if isinstance(module, nn.ConvTranspose2d):
+                products //= module.stride[0] ** 2
+            nn.init.normal_(module.weight, std=(2 / ((1 + SLOPE**2) * products)) ** 0.5)
+            nn.init.zeros_(cast(Tensor, module.bias))
+    with torch.no_grad():
+        cast(Tensor, head.bias).copy_(torch.tensor([0.0, MASK_LOGIT]))

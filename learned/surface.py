@@ -1,0 +1,105 @@
+"""Surfaces behind predicted depth images."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from benchmark.errors import UnsupportedShape
+from benchmark.geometry.depth import SAMPLES, SIZE, DepthImage, ViewReport, back_project
+from benchmark.geometry.mesh import Mesh
+
+Notes = dict[str, float | str]
+
+THINNEST = 0.004
+"""Smallest distance between front and back, as a share of half the frame: less than that between two samples, so that a
+surface is thin, not inside out, where its predicted sides cross."""
+
+
+def open_surface(front: DepthImage, jump: float | None = None) -> tuple[Mesh, Notes]:
+    """Return the surface of unit area behind a predicted image, sampled like the view input, and notes about it.
+
+    In a camera image, only a jump in depth shows that one part hides another, so the view input is cut at jumps. A
+    predicted image has a mask that was trained to show the surface, and its depth noise is as large as such jumps: cuts
+    would tear the surface to pieces.
+
+    Parameters
+    ----------
+    front
+        Depth image, shape (500, 500), 0 outside the predicted mask.
+    jump
+        Largest depth difference along an edge, as a share of the half width; None for no cuts inside the mask.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the image is empty.
+    """
+    _check_mask(front)
+    surface, report = back_project(front, 1.0, jump=math.inf if jump is None else jump)
+    return surface.with_vertices(surface.vertices / surface.area**0.5), _notes(report)
+
+
+def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, Notes]:
+    """Return the closed surface of unit area behind two depth images, and notes about it.
+
+    The front is triangulated like a view, without cuts inside the mask and with bridges between its pieces. The back
+    gets the same triangles, flipped, and a wall of triangles runs along each border. So the surface is closed whatever
+    the images contain.
+
+    Parameters
+    ----------
+    front, back
+        Depth of the nearest and of the farthest surface from the same viewpoint, shape (500, 500), 0 outside the mask
+        of the front.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the mask is empty.
+    """
+    _check_mask(front)
+    seen = front > 0
+    # Each side gets half of the vertices of a form.
+    stride = max(1, round(math.sqrt(np.count_nonzero(seen) / (SAMPLES / 2))))
+    side, report = back_project(front, 1.0, stride=stride, jump=math.inf)
+    behind = np.minimum(2 * _below(side.vertices, back, seen) - 1, side.vertices[:, 2] - THINNEST)
+    twins = np.column_stack([side.vertices[:, :2], behind])
+    surface = Mesh(np.concatenate([side.vertices, twins]), _joined(side))
+    notes = _notes(report) | {"predicted_crossings": float(np.mean(behind == side.vertices[:, 2] - THINNEST))}
+    return surface.with_vertices(surface.vertices / surface.area**0.5), notes
+
+
+def _check_mask(front: DepthImage) -> None:
+    if not front.any():
+        raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
+
+
+def _notes(report: ViewReport) -> Notes:
+    return {
+        "predicted_foreground": report.foreground,
+        "predicted_pieces": report.pieces,
+        "predicted_bridges": report.bridges,
+    }
+
+
+def _below(vertices: NDArray[np.float64], back: DepthImage, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the depth of the back at vertices of the front; on bridges outside the mask, at the nearest mask pixel."""
+    rows, columns = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+    # Vertices are centres of pixels, so rounding down is far from a tie.
+    column, row = np.clip(((vertices[:, :2] * [1, -1] + 1) * (SIZE / 2)).astype(np.int64), 0, SIZE - 1).T
+    return np.asarray(back[rows[row, column], columns[row, column]], dtype=np.float64)
+
+
+def _joined(side: Mesh) -> NDArray[np.int32]:
+    """Return the triangles of the front, the back, and the wall along every border, shape (m, 3)."""
+    count = side.n_vertices
+    tails, heads = side.faces.ravel(), np.roll(side.faces, -1, axis=1).ravel()
+    forward = tails.astype(np.int64) * count + heads
+    single = ~np.isin(forward, heads.astype(np.int64) * count + tails)
+    i, j = tails[single], heads[single]
+    wall = np.concatenate([np.stack([j, i, i + count], axis=1), np.stack([j, i + count, j + count], axis=1)])
+    return np.concatenate([side.faces, side.faces[:, ::-1] + count, wall]).astype(np.int32)

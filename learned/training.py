@@ -1,0 +1,329 @@
+"""Training of a network on pairs of depth images, with the paper's losses and schedule (sections III-D and IV-A)."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from benchmark.api.contracts import Interval
+from benchmark.errors import ConfigurationError, TrainingError
+from learned.images import COVERED
+from learned.pairs import Pairs
+
+CHECKPOINT = "checkpoint.pt"
+
+CHECKPOINT_SECONDS = 60.0
+"""Seconds between two checkpoints, which is what an interruption costs."""
+
+VALIDATIONS = 25
+"""Number of evaluations of the validation pairs during a training."""
+
+Device = Literal["auto", "cpu", "cuda", "mps"]
+History = list[dict[str, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """Schedule of a training; the defaults are the paper's.
+
+    Parameters
+    ----------
+    resolution
+        Pixels per side.
+    epochs
+        Passes over the pairs.
+    early_epochs
+        First epochs with a small weight of the depth; None for the paper's share, a fifth.
+    early_depth_weight
+        Weight of the depth loss in these epochs, alpha; it is 1 later, as is that of the mask loss, beta.
+    batch
+        Pairs per step.
+    learning_rate
+        Step size of Adam.
+    cosine
+        Whether the step size falls to zero along half a cosine.
+    masked_depth
+        Whether the depth loss is the mean over the pixels of the target's mask, not over all pixels as printed.
+    precision
+        Arithmetic of the network: ``"auto"`` takes bfloat16 if the hardware supports it.
+    """
+
+    resolution: Annotated[int, Interval(1)] = 500
+    epochs: Annotated[int, Interval(1)] = 500
+    early_epochs: Annotated[int, Interval(0)] | None = None
+    early_depth_weight: Annotated[float, Interval(0)] = 0.01
+    batch: Annotated[int, Interval(1)] = 8
+    learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-3
+    cosine: bool = False
+    masked_depth: bool = False
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+
+    def depth_weight(self, epoch: int) -> float:
+        """Return the weight of the depth loss in an epoch, counted from 0."""
+        early = round(self.epochs / 5) if self.early_epochs is None else self.early_epochs
+        return self.early_depth_weight if epoch < early else 1.0
+
+    def step_size(self, epoch: int) -> float:
+        """Return the step size of Adam in an epoch, counted from 0."""
+        share = 0.5 * (1 + math.cos(math.pi * epoch / self.epochs)) if self.cosine else 1.0
+        return self.learning_rate * share
+
+    def in_words(self) -> str:
+        """Describe the schedule in one clause, with what differs from the paper's."""
+        paper, text = Schedule(), f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs"
+        named = {"resolution", "epochs", "precision"}
+        others = {name: value for name, value in asdict(self).items() if name not in named}
+        changed = (f"{name} {value}" for name, value in others.items() if value != getattr(paper, name))
+        return ", ".join([text, *changed])
+
+
+def losses(prediction: Tensor, target: Tensor, masked_depth: bool = False) -> tuple[Tensor, Tensor]:
+    """Return the mean squared errors of depth and mask, both of shape (n, 2, h, w)."""
+    depth, mask = (prediction - target).square().unbind(1)
+    if masked_depth:
+        return (depth * target[:, 1]).sum() / target[:, 1].sum().clamp(min=1), mask.mean()
+    return depth.mean(), mask.mean()
+
+
+def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
+    """Return the intersection over union of masks, shape (n,), from depths and masks, shape (n, 2, r, r)."""
+    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
+    return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
+
+
+def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
+    """Return mean mask overlap, and mean depth error inside both masks as a share of the frame's depth, if any."""
+    both = (predictions[:, 1] > COVERED) & (targets[:, 1] > COVERED)
+    found = {"mask overlap": float(overlaps(predictions, targets).mean())}
+    if both.any():
+        found["depth error"] = float((predictions[:, 0] - targets[:, 0]).abs()[both].mean())
+    return found
+
+
+def device_named(name: Device) -> torch.device:
+    """Return the device of this name; ``"auto"`` takes a GPU if there is one.
+
+    Raises
+    ------
+    ConfigurationError
+        If the device is not available.
+    """
+    present = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
+    if name == "auto":
+        name = next(kind for kind in ("cuda", "mps", "cpu") if present[kind])
+    if not present[name]:
+        raise ConfigurationError(f"this torch has no device '{name}' here", "pass --device cpu or auto")
+    return torch.device(name)
+
+
+def resolved(schedule: Schedule, device: torch.device) -> Schedule:
+    """Return the schedule with the arithmetic that ``"auto"`` means on a device."""
+    if schedule.precision != "auto":
+        return schedule
+    # Emulation in software would be slower than float32.
+    if device.type == "cuda":
+        half = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        half = device.type == "cpu" and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
+    return replace(schedule, precision="bfloat16" if half else "float32")
+
+
+def fit(
+    network: nn.Module,
+    pairs: Pairs,
+    validation: Pairs | None,
+    schedule: Schedule,
+    folder: Path,
+    *,
+    seed: int,
+    device: torch.device,
+    log: Callable[[str], None],
+) -> History:
+    """Train a network in place; on the same machine, an interrupted training ends with the same weights.
+
+    Parameters
+    ----------
+    network
+        Network with its initial weights.
+    pairs, validation
+        Training pairs, and others for curves.
+    schedule
+        Schedule, with its precision resolved.
+    folder
+        Folder of the checkpoint.
+    seed
+        Seed of the order of the pairs.
+    device
+        Device to compute on.
+    log
+        Called with a line of progress about once a minute.
+
+    Returns
+    -------
+    list
+        Losses of each epoch.
+
+    Raises
+    ------
+    TrainingError
+        If a loss is not a number, or the checkpoint belongs to another training.
+    """
+    _keep_freed_memory()
+    torch.set_flush_denormal(True)
+    network.to(device, memory_format=torch.channels_last)
+    state = _State(network, torch.optim.Adam(network.parameters(), lr=schedule.learning_rate), folder / CHECKPOINT)
+    release = torch.__version__.partition("+")[0]  # a training may go on with another build
+    state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "torch": release})
+    if state.epoch or state.step:
+        log(f"going on after epoch {state.epoch} of {schedule.epochs}")
+    pairs, validation = pairs.to(device), validation.to(device) if validation else None
+    began = time.perf_counter() - state.seconds
+    progress = _Progress(schedule.epochs, state.epoch, log)
+    for epoch in range(state.epoch, schedule.epochs):
+        _train_epoch(state, pairs, schedule, seed, epoch, began)
+        row = state.finished_epoch(len(pairs))
+        if validation and ((epoch + 1) % max(1, schedule.epochs // VALIDATIONS) == 0 or epoch + 1 == schedule.epochs):
+            row |= {f"validation {name}": value for name, value in _evaluated(network, validation, schedule).items()}
+        state.save_if_due(began, at_once=epoch + 1 == schedule.epochs)
+        progress.show(epoch + 1, row)
+    return state.history
+
+
+def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epoch: int, began: float) -> None:
+    network, optimizer = state.network.train(), state.optimizer
+    device = pairs.images.device
+    for group in optimizer.param_groups:
+        group["lr"] = schedule.step_size(epoch)
+    order = torch.from_numpy(np.random.default_rng([seed, epoch]).permutation(len(pairs)))
+    for rows in order.split(schedule.batch)[state.step :]:
+        image, target = pairs[rows.to(device)]
+        depth, mask = losses(_predicted(network, image, schedule), target, schedule.masked_depth)
+        optimizer.zero_grad()
+        (schedule.depth_weight(epoch) * depth + mask).backward()
+        optimizer.step()
+        # Reading a number would make the host wait for the device, so the sums stay there.
+        state.sums = state.sums.to(device) + len(rows) * torch.stack([depth, mask]).detach()
+        state.step += 1
+        state.save_if_due(began)
+
+
+def _predicted(network: nn.Module, image: Tensor, schedule: Schedule) -> Tensor:
+    with torch.autocast(image.device.type, torch.bfloat16, enabled=schedule.precision == "bfloat16"):
+        prediction: Tensor = network(image.contiguous(memory_format=torch.channels_last))
+    return prediction.float()
+
+
+@torch.no_grad()
+def _evaluated(network: nn.Module, pairs: Pairs, schedule: Schedule) -> dict[str, float]:
+    network.eval()
+    predictions = torch.cat([_predicted(network, images, schedule) for images in pairs.images.split(8)])
+    return measures(predictions, pairs.targets[pairs.target_of])
+
+
+class _State:
+    """Network, optimizer and progress of a training, and their checkpoint.
+
+    Parameters
+    ----------
+    network, optimizer
+        The network, and the optimizer that trains it.
+    path
+        File of the checkpoint.
+    """
+
+    def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer, path: Path) -> None:
+        self.network, self.optimizer, self.path = network, optimizer, path
+        self.recipe: Mapping[str, Any] = {}
+        self.epoch = self.step = 0
+        self.sums = torch.zeros(2)
+        self.seconds, self.saved = 0.0, time.perf_counter()
+        self.history: History = []
+
+    def resume(self, recipe: Mapping[str, Any]) -> None:
+        """Restore what the checkpoint holds, if there is one; refuse that of another training."""
+        self.recipe = recipe
+        if not self.path.is_file():
+            return
+        try:
+            state = torch.load(self.path, map_location="cpu", weights_only=True)
+            before = state["recipe"]
+            changed = sorted(name for name in {*before, *recipe} if before.get(name) != recipe.get(name))
+            if changed:
+                raise TrainingError(
+                    f"{self.path} was made with another {', '.join(changed)}",
+                    "train with the same options, or delete the folder to begin anew",
+                )
+            self.network.load_state_dict(state["network"])
+            self.optimizer.load_state_dict(state["optimizer"])
+            self.epoch, self.step, self.sums = state["epoch"], state["step"], state["sums"]
+            self.history, self.seconds = state["history"], state["seconds"]
+        except TrainingError:
+            raise
+        except Exception as error:  # torch raises errors of many types for a damaged file
+            raise TrainingError(f"checkpoint {self.path} is damaged", "delete it and train again") from error
+
+    def finished_epoch(self, n_pairs: int) -> dict[str, float]:
+        """Add a row to the history, and return it."""
+        depth, mask = (self.sums / n_pairs).tolist()
+        self._check_sums()
+        self.epoch, self.step, self.sums = self.epoch + 1, 0, torch.zeros(2)
+        self.history.append({"epoch": self.epoch, "depth loss": depth, "mask loss": mask})
+        return self.history[-1]
+
+    def save_if_due(self, began: float, at_once: bool = False) -> None:
+        """Write the checkpoint if a minute has passed since the last one."""
+        now = time.perf_counter()
+        if now - self.saved < CHECKPOINT_SECONDS and not at_once:
+            return
+        self._check_sums()
+        self.saved, self.seconds = now, now - began
+        state = {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
+        state |= {name: getattr(self, name) for name in ("recipe", "epoch", "step", "sums", "history", "seconds")}
+        partial = self.path.with_suffix(".tmp")
+        try:
+            torch.save(state, partial)
+            partial.replace(self.path)
+        except (OSError, RuntimeError) as error:
+            raise TrainingError(f"cannot write {self.path}: {error}", "free some space and train again") from error
+
+    def _check_sums(self) -> None:
+        if not torch.isfinite(self.sums).all():
+            raise TrainingError(
+                f"the loss of epoch {self.epoch + 1} is not a number", "lower the step size: -o learning_rate=3e-4"
+            )
+
+
+class _Progress:
+    """A line of progress with the time left, at most every 20 seconds and after the last epoch."""
+
+    def __init__(self, epochs: int, first: int, log: Callable[[str], None]) -> None:
+        self.epochs, self.first, self.log = epochs, first, log
+        self.began = self.shown = time.perf_counter()
+
+    def show(self, epoch: int, row: Mapping[str, float]) -> None:
+        """Show the losses after an epoch."""
+        now = time.perf_counter()
+        if now - self.shown < 20 and epoch not in (self.first + 1, self.epochs):
+            return
+        self.shown = now
+        left = (now - self.began) / (epoch - self.first) * (self.epochs - epoch)
+        values = "  ".join(f"{name} {value:.5f}" for name, value in row.items() if name != "epoch")
+        bar = "#" * round(20 * epoch / self.epochs)
+        self.log(f"[{bar:20}] epoch {epoch}/{self.epochs}  {values}  {left:.0f} s left")
+
+
+def _keep_freed_memory() -> None:
+    """Make the C library of Linux keep the memory of freed tensors, which saves up to a quarter of the time."""
+    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
+        for parameter, value in ((-4, 0), (-1, -1)):  # M_MMAP_MAX and M_TRIM_THRESHOLD, see mallopt(3)
+            library.mallopt(parameter, value)

@@ -1,0 +1,166 @@
+"""Models on disk: a card that says what was trained, weights that are those of the card, anything else refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load as tensors_in
+from safetensors.torch import save
+
+from benchmark.api.learning import CARD, WEIGHTS, digest_of
+from benchmark.errors import ConfigurationError, TrainingError
+from learned.fitting import train
+from learned.models import HISTORY, load
+from tests.learned.toy import OPTIONS, TINY, edit_card, files, quiet, replace_weights, toy_data
+
+IMAGE = torch.linspace(0, 1, 32 * 32, dtype=torch.float64).reshape(1, 1, 32, 32)
+
+
+@pytest.fixture
+def copied(trained: Path, tmp_path: Path) -> Path:
+    """A model that may be damaged."""
+    return Path(shutil.copytree(trained, tmp_path / "model"))
+
+
+def again(folder: Path, options: Mapping[str, Any] = OPTIONS, **changes: Any) -> list[str]:
+    """Ask for the same training, or for another; returns what it says."""
+    messages: list[str] = []
+    train(TINY.name, 0, replace(toy_data(), **changes), folder, options, messages.append)
+    return messages
+
+
+def test_the_folder_of_a_model_tells_what_was_trained(trained: Path) -> None:
+    pictures = {"history.png", "samples-training.png", "samples-validation.png"}
+    assert files(trained) == {WEIGHTS, CARD, HISTORY, *pictures}
+    card = json.loads((trained / CARD).read_text())
+    settings = {name: value for name, value in OPTIONS.items() if name not in ("device", "threads")}
+    assert settings.items() <= card["schedule"].items()
+    assert card["schedule_in_words"].startswith("32 x 32 pixels, 30 epochs, early_epochs 5, batch 2")
+    assert (card["subjects"], card["tested"]) == (list(toy_data().subjects), digest_of(["plump"]))
+    with (trained / HISTORY).open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["epoch"]) for row in rows] == list(range(1, 31))
+    assert float(rows[-1]["mask loss"]) < 0.3 * float(rows[0]["mask loss"])
+    assert card["training_measures"]["mask overlap"] > 0.8
+    assert 0 < card["validation_measures"]["mask overlap"] <= 1
+
+
+def test_predictions_are_those_of_the_weights_on_disk(trained: Path) -> None:
+    stored = tensors_in((trained / WEIGHTS).read_bytes())
+    assert {tensor.dtype for tensor in stored.values()} == {torch.float16}
+    network = TINY.build(seed=7)
+    network.load_state_dict({name: tensor.float() for name, tensor in stored.items()})
+    with torch.no_grad():
+        torch.testing.assert_close(load(trained)[0](IMAGE), network.double()(IMAGE), rtol=0, atol=1e-12)
+
+
+def test_a_folder_whose_model_was_replaced_is_read_again(copied: Path) -> None:
+    before = load(copied)[0]
+    replace_weights(copied, save({name: tensor.half() for name, tensor in TINY.build(seed=5).state_dict().items()}))
+    with torch.no_grad():
+        assert not torch.equal(load(copied)[0](IMAGE), before(IMAGE))
+
+
+def test_one_wrong_bit_of_the_weights_is_found(copied: Path) -> None:
+    content = bytearray((copied / WEIGHTS).read_bytes())
+    content[-1] ^= 1
+    (copied / WEIGHTS).write_bytes(content)
+    with pytest.raises(ConfigurationError, match="its card says .*; fetch the file again or train the model again"):
+        load(copied)
+
+
+@pytest.mark.parametrize("name", [WEIGHTS, CARD])
+def test_a_missing_file_is_named(copied: Path, name: str) -> None:
+    (copied / name).unlink()
+    with pytest.raises(ConfigurationError, match=f"{name} cannot be read.*; train the model again"):
+        load(copied)
+
+
+@pytest.mark.parametrize("text", ["{", "", "[]", "{}", '{"digest": 3}', "\u00e9"])
+def test_a_card_that_is_none(copied: Path, text: str) -> None:
+    (copied / CARD).write_text(text, encoding="latin-1")
+    with pytest.raises(ConfigurationError, match=f"{CARD} .*; train the model again"):
+        load(copied)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("width", "16"), ("width", 0), ("width", 10**9), ("architecture", "attentive"), ("short_range", 1), ("name", 3)],
+)
+def test_a_network_that_nobody_could_build_is_refused(copied: Path, field: str, value: object) -> None:
+    edit_card(copied, lambda card: card["configuration"].update({field: value}))
+    with pytest.raises(ConfigurationError, match=rf"at `\$\.configuration\.{field}`; train the model again"):
+        load(copied)
+
+
+@pytest.mark.parametrize("field", ["digest", "data", "subjects", "identifiers", "configuration"])
+def test_a_card_without_a_field_names_it(copied: Path, field: str) -> None:
+    edit_card(copied, lambda card: card.pop(field))
+    with pytest.raises(ConfigurationError, match=f"missing required field `{field}`; train the model again"):
+        load(copied)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"), [("width", "belong to another network than 'tiny'"), ("noise", "is damaged: .*; train it")]
+)
+def test_weights_that_do_not_fit_are_refused(copied: Path, change: str, message: str) -> None:
+    if change == "width":
+        edit_card(copied, lambda card: card["configuration"].update(width=16))
+    else:
+        replace_weights(copied, b"PK\x03\x04 a pickle in a zip")
+    with pytest.raises(ConfigurationError, match=message):
+        load(copied)
+
+
+def test_a_finished_model_is_left_alone(trained: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in trained.iterdir()}
+    # Where it is computed is not part of what determines the model.
+    assert again(trained, {**OPTIONS, "threads": 2}) == [f"{trained} holds this model already"]
+    for changes in ({"epochs": 31}, {"learning_rate": "1e-3"}, {"masked_depth": "true"}):
+        with pytest.raises(ConfigurationError, match="holds a finished model of another training .*delete the folder"):
+            again(trained, {**OPTIONS, **changes})
+    assert {path: path.stat().st_mtime_ns for path in trained.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"epoch": 3}, "unknown parameter of the schedule 'epoch'; did you mean epochs"),
+        ({"threads": "many"}, "'many' does not fit threads of the training; write a whole number of at least 1"),
+        ({"device": "tpu"}, "unknown device of the training 'tpu'; did you mean"),
+        ({"learning_rate": "nan"}, "'nan' does not fit learning_rate of the schedule"),
+        ({"resolution": 16}, "the network has no resolution 16; pass --resolution 32 to 2048"),
+        ({"init": "nowhere"}, "nowhere/card.json cannot be read"),
+    ],
+)
+def test_an_option_that_does_not_fit_leaves_no_folder(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        again(tmp_path / "model", {**OPTIONS, **options})
+    assert files(tmp_path) == set()
+
+
+def test_no_pair_is_no_training(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="no pair to train on"):
+        again(tmp_path, pairs=lambda: iter(()))
+
+
+def test_a_training_begins_with_the_weights_of_a_model(trained: Path, tmp_path: Path) -> None:
+    options = {**OPTIONS, "epochs": 1, "early_epochs": 0, "learning_rate": 1e-9}
+    again(tmp_path / "model", {**options, "init": str(trained)})
+    ours, theirs = (tensors_in((folder / WEIGHTS).read_bytes()) for folder in (tmp_path / "model", trained))
+    assert all(torch.allclose(ours[name], theirs[name], atol=1e-3) for name in theirs)
+    assert f"from {trained}" in json.loads((tmp_path / "model" / CARD).read_text())["schedule_in_words"]
+
+
+def test_networks_of_generated_bodies_come_trained(tmp_path: Path) -> None:
+    for name in ("streamed-people", "field-plain"):
+        with pytest.raises(ConfigurationError, match=f"'{name}' comes trained; train it at commit 4868b8b9"):
+            train(name, 0, toy_data(), tmp_path, {}, quiet)

@@ -1,0 +1,67 @@
+"""Sizes and layers of the networks, against what the paper prints and what follows by hand."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from learned.models import CONFIGURATIONS, _in_stripes
+from learned.paper_network import PaperNetwork
+
+IMAGE_NETWORKS = [name for name, each in CONFIGURATIONS.items() if each.architecture != "field"]
+
+
+def images(count: int, height: int, width: int) -> Tensor:
+    return torch.rand(count, 1, height, width, generator=torch.Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize("parts", [(True, True), (False, True), (True, False)])
+@pytest.mark.parametrize(("height", "width"), [(128, 128), (63, 63), (125, 63), (32, 33)])
+def test_any_size_comes_out_as_it_went_in(parts: tuple[bool, bool], height: int, width: int) -> None:
+    with torch.no_grad():
+        output = PaperNetwork(16, *parts)(images(2, height, width))
+    assert output.shape == (2, 2, height, width)
+    assert output[:, 1].min() > 0 and output[:, 1].max() < 1
+
+
+@pytest.mark.parametrize("name", IMAGE_NETWORKS)
+def test_an_image_does_not_depend_on_its_batch(name: str) -> None:
+    network, batch = CONFIGURATIONS[name].build().eval(), images(3, 128, 128)
+    with torch.no_grad():
+        torch.testing.assert_close(network(batch)[1:2], network(batch[1:2]), atol=1e-5, rtol=1e-5)
+
+
+def test_weights_depend_on_the_seed_alone() -> None:
+    first, other = PaperNetwork(seed=3).state_dict(), PaperNetwork(seed=4).state_dict()
+    torch.manual_seed(11)
+    before = torch.random.get_rng_state()
+    again = PaperNetwork(seed=3).state_dict()
+    assert torch.equal(torch.random.get_rng_state(), before)
+    assert all(torch.equal(first[name], again[name]) for name in first)
+    assert not torch.equal(first["short_range.0.0.weight"], other["short_range.0.0.weight"])
+
+
+def reach(network: torch.nn.Module, side: int) -> int:
+    """Columns of the input that the middle pixel of the output depends on."""
+    image = images(1, side, side).requires_grad_()
+    network(image)[0, :, side // 2, side // 2].sum().backward()
+    assert image.grad is not None
+    return int((image.grad[0, 0] != 0).any(dim=0).sum())
+
+
+def test_a_pixel_of_the_features_sees_what_their_kernels_cover() -> None:
+    network = PaperNetwork(4)
+    assert network.short_range is not None
+    # Nine kernels of three pixels.
+    assert reach(network.short_range, 64) == 1 + 2 * 9
+    assert sum(parameter.numel() for parameter in PaperNetwork().parameters()) == 1_128_804
+
+
+@pytest.mark.parametrize("dilation", [1, 4])
+def test_stripes_of_a_convolution_are_the_whole(dilation: int) -> None:
+    module = torch.nn.Conv2d(3, 5, 3, padding=dilation, dilation=dilation).double()
+    x = torch.rand(2, 3, 18, 13, dtype=torch.float64)
+    with torch.no_grad():
+        striped = _in_stripes(module, x, module.weight, module.bias)
+        torch.testing.assert_close(striped, module(x), rtol=0, atol=1e-12)

@@ -1,0 +1,172 @@
+"""The loop: the paper's schedule, losses by hand, and the same weights however often a training is killed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from benchmark.api.learning import CARD, WEIGHTS
+from benchmark.errors import ConfigurationError, TrainingError
+from learned import training
+from learned.fitting import train
+from learned.pairs import Pairs, gather
+from learned.training import CHECKPOINT, History, Schedule, device_named, fit, losses, measures, resolved
+from tests.learned.toy import BUILDS, OPTIONS, TINY, quiet, toy_data, toy_pairs
+
+CPU = torch.device("cpu")
+PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, precision="float32")
+PREDICTED = torch.tensor([[[0.5, 0.25], [0.0, 1.0]], [[1.0, 0.5], [0.0, 0.5]]])
+TARGET = torch.tensor([[[1.0, 0.25], [0.0, 0.0]], [[1.0, 1.0], [0.0, 0.0]]])
+
+
+@pytest.fixture(scope="module")
+def pairs() -> Pairs:
+    return gather(toy_pairs(BUILDS), 6, 32)
+
+
+def run(pairs: Pairs, folder: Path, plan: Schedule = PLAN, seed: int = 0) -> tuple[torch.nn.Module, History]:
+    folder.mkdir(exist_ok=True)
+    network = TINY.build(seed)
+    return network, fit(network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet)
+
+
+def equal(first: torch.nn.Module, second: torch.nn.Module) -> bool:
+    ours, others = first.state_dict(), second.state_dict()
+    return all(torch.equal(ours[name], others[name]) for name in ours)
+
+
+@pytest.mark.parametrize(("epochs", "early"), [(500, 100), (60, 12), (5, 1), (1, 0)])
+def test_the_defaults_are_the_papers_and_its_share_of_early_epochs_is_kept(epochs: int, early: int) -> None:
+    paper = Schedule()
+    assert (paper.resolution, paper.epochs, paper.batch, paper.learning_rate) == (500, 500, 8, 1e-3)
+    weights = [Schedule(epochs=epochs).depth_weight(epoch) for epoch in range(epochs)]
+    assert weights == [0.01] * early + [1.0] * (epochs - early)
+    assert Schedule(epochs=epochs, early_epochs=0).depth_weight(0) == 1
+    assert paper.in_words() == "500 x 500 pixels, 500 epochs"
+    assert replace(paper, cosine=True, early_epochs=0).in_words().endswith("epochs, early_epochs 0, cosine True")
+
+
+def test_the_step_size_is_constant_or_falls_along_a_cosine() -> None:
+    assert {Schedule().step_size(epoch) for epoch in (0, 250, 499)} == {1e-3}
+    assert [Schedule(cosine=True).step_size(epoch) for epoch in (0, 250)] == pytest.approx([1e-3, 5e-4])
+
+
+@pytest.mark.parametrize(
+    ("target", "masked", "of_depth", "of_mask"),
+    [
+        (TARGET, False, (0.25 + 0 + 0 + 1) / 4, (0 + 0.25 + 0 + 0.25) / 4),
+        (TARGET, True, (0.25 + 0) / 2, (0 + 0.25 + 0 + 0.25) / 4),
+        (torch.zeros(2, 2, 2), True, 0, (1 + 0.25 + 0.25) / 4),
+    ],
+    ids=["all pixels", "inside the mask", "an empty mask"],
+)
+def test_losses_by_hand(target: torch.Tensor, masked: bool, of_depth: float, of_mask: float) -> None:
+    depth, mask = losses(PREDICTED[None], target[None], masked)
+    assert (float(depth), float(mask)) == (of_depth, of_mask)
+
+
+def test_measures_by_hand() -> None:
+    target = torch.tensor([[[0.5, 0.5], [0.0, 0.0]], [[1.0, 1.0], [0.0, 0.0]]])
+    prediction = torch.tensor([[[0.25, 0.5], [0.0, 0.9]], [[0.9, 0.5], [0.2, 0.6]]])
+    # Of the mask one pixel is hit, one is missed (a half is not above a half), and one is wrong.
+    single = measures(prediction[None], target[None])
+    assert single == {"mask overlap": pytest.approx(1 / 3), "depth error": pytest.approx(0.25)}
+    assert measures(prediction[None] * 0, target[None]) == {"mask overlap": 0}
+
+
+def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Six pairs in batches of four and two, whose losses are made to be 1 and 4.
+    made = lambda prediction, *_: (0 * prediction.sum() + (1 if len(prediction) == 4 else 4),) * 2  # noqa: E731
+    monkeypatch.setattr(training, "losses", made)
+    (row,) = run(pairs, tmp_path, replace(PLAN, epochs=1, batch=4))[1]
+    assert row["depth loss"] == row["mask loss"] == pytest.approx((4 * 1 + 2 * 4) / 6)
+
+
+def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected, history = run(pairs, tmp_path / "undisturbed")
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    inner, calls = training.losses, 0
+
+    def interrupted(*arguments: object) -> tuple[torch.Tensor, torch.Tensor]:
+        nonlocal calls
+        calls += 1
+        if calls in (2, 6, 11):  # within the first epoch, at the start of the second and within the third
+            raise KeyboardInterrupt
+        return inner(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(training, "losses", interrupted)
+    for _ in range(3):
+        with pytest.raises(KeyboardInterrupt):
+            run(pairs, tmp_path / "stopped", seed=0)
+    network, again = run(pairs, tmp_path / "stopped", seed=0)
+    assert equal(network, expected)
+    assert again == history
+
+
+@pytest.mark.parametrize(
+    ("changes", "seed", "named"),
+    [({"learning_rate": 1e-3}, 0, "learning_rate"), ({"precision": "bfloat16"}, 0, "precision"), ({}, 1, "seed")],
+)
+def test_a_checkpoint_of_another_training_is_refused_by_name(
+    pairs: Pairs, tmp_path: Path, changes: dict[str, float], seed: int, named: str
+) -> None:
+    run(pairs, tmp_path, replace(PLAN, epochs=4))
+    with pytest.raises(TrainingError, match=f"was made with another {named}; train with the same options"):
+        run(pairs, tmp_path, replace(PLAN, **changes), seed)
+    other = Pairs(pairs.names, pairs.images + 1e-6, pairs.targets, pairs.target_of)
+    with pytest.raises(TrainingError, match="was made with another data"):
+        run(other, tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"noise", b"PK\x03\x04", "half"])
+def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: bytes | str) -> None:
+    run(pairs, tmp_path)
+    path = tmp_path / CHECKPOINT
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2] if isinstance(content, str) else content)
+    with pytest.raises(TrainingError, match="is damaged; delete it and train again"):
+        run(pairs, tmp_path)
+
+
+def test_a_loss_that_is_no_number_leaves_the_last_checkpoint(pairs: Pairs, tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match=r"loss of epoch 1 is not a number; .*learning_rate"):
+        run(pairs, tmp_path, replace(PLAN, learning_rate=1e30))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_device_that_is_not_here_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(ConfigurationError, match="has no device 'cuda' here; pass --device cpu or auto"):
+        device_named("cuda")
+    assert device_named("cpu") == CPU
+    assert resolved(Schedule(), CPU).precision in ("float32", "bfloat16")
+
+
+@pytest.mark.slow
+def test_a_training_that_is_killed_twice_ends_with_the_same_weights(trained: Path, tmp_path: Path) -> None:
+    program = (
+        "from tests.learned.conftest import *; from learned import training; training.CHECKPOINT_SECONDS = 0.0\n"
+        "from pathlib import Path; import sys\n"
+        "with tiny_on_one_thread(): train(TINY.name, 0, toy_data(), Path(sys.argv[1]), OPTIONS, quiet)"
+    )
+    folder = tmp_path / "killed"
+    for _ in range(2):
+        process = subprocess.Popen([sys.executable, "-c", program, str(folder)])
+        before = (folder / CHECKPOINT).stat().st_mtime_ns if (folder / CHECKPOINT).exists() else 0
+        while not (folder / CHECKPOINT).exists() or (folder / CHECKPOINT).stat().st_mtime_ns == before:
+            time.sleep(0.01)
+        process.kill()
+        process.wait()
+    assert not (folder / CARD).exists()
+    train(TINY.name, 0, toy_data(), folder, OPTIONS, quiet)
+    assert (folder / WEIGHTS).read_bytes() == (trained / WEIGHTS).read_bytes()
