@@ -158,7 +158,7 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
     DatasetError
         If the folder has no shapes.
     """
-    subjects = list(dict.fromkeys(entry.subject for entry in open_dataset(str(folder)).entries))
+    subjects = list(dict.fromkeys(entry.subject for entry in open_dataset(str(folder), None).entries))
     for name in hold_out:
         if name not in subjects:
             raise did_you_mean(f"subject of {folder}", name, subjects)
