@@ -40,7 +40,7 @@ from benchmark.text import DATA_VARIABLE, say
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from benchmark.datasets.base import Entry
+    from benchmark.api.datasets import Entry
     from benchmark.geometry.mesh import Mesh
     from benchmark.report.artefact_reader import ArtefactReader
 
@@ -206,7 +206,7 @@ class ResultsFolder:
 
     def _of_shapes(self, record: Record, what: str, read: Callable[[Entry], T | None]) -> dict[str, T]:
         """Return the stored content of each shape with a result, by name; raise ``StorageError`` if any is missing."""
-        entries = {entry.identifier: entry for entry in self._artefacts.dataset(record).entries}
+        entries = {entry.identifier: entry for entry in self._artefacts.dataset(record).shapes}
         names = [name for name in answered_shapes(record) if name in entries]
         stored = {name: content for name in names if (content := read(entries[name])) is not None}
         if len(stored) < len(answered_shapes(record)):

@@ -1,7 +1,7 @@
 """Interface for authors of data sets, which list shapes and return their meshes.
 
-A data set is a :class:`ShapeSet`: a list of shapes, and functions that say more about one of them. That of a plugin file
-is a variable of its module.
+A data set is a :class:`ShapeSet`: a list of shapes, and functions that say more about one of them. A plugin file has it
+as a variable.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from benchmark.api.contracts import Input
 from benchmark.errors import UnreadableMesh
@@ -17,9 +17,6 @@ from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
-
-if TYPE_CHECKING:
-    from benchmark.depth.frame import ObservedObject
 
 __all__ = ["FRONT", "SIDE", "Camera", "DatasetInfo", "Entry", "ListsShapes", "Mesh", "ShapeSet"]
 
@@ -100,7 +97,7 @@ class ShapeSet:
     sensor
         Function that returns the errors of the depth sensor for a shape, or None for exact depth images.
     observe
-        Function that returns the object in the depth frame of a shape; None for a set of meshes.
+        Function that returns the :class:`~benchmark.depth.frame.ObservedObject` of a shape; None for a set of meshes.
     half_width
         Half the width of the depth camera's frame in units of the meshes; None fits it to the whole data set.
     canonical_poses
@@ -130,7 +127,7 @@ class ShapeSet:
     summary: str = ""
     camera: Callable[[Entry], Camera] = front
     sensor: Callable[[Entry], DepthSensor | None] = no_sensor
-    observe: Callable[[Entry], ObservedObject] | None = None
+    observe: Callable[[Entry], Any] | None = None
     half_width: float | None = None
     canonical_poses: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[Input, ...] = ("mesh", "view")

@@ -19,8 +19,7 @@ from benchmark.cli.methods import trained_on_people
 from benchmark.cli.options import Selection, explained
 from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import open_dataset, sources
-from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.datasets.folder import folder_dataset
+from benchmark.datasets.folder import folder_set
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
@@ -245,10 +244,10 @@ def _is_pattern(path: Path) -> bool:
 def frames_under(source: Path) -> list[Path]:
     """Return the depth images of a file, folder or pattern; raise ``ConfigurationError`` if there is none."""
     if source.is_dir():
-        dataset = folder_dataset(source)
-        if not isinstance(dataset, DepthFolder):
+        dataset = folder_set(source)
+        if dataset.observe is None:
             raise ConfigurationError(f"{source} holds meshes", "name one of them, or make all forms with 'run -d'")
-        return [entry.path for entry in dataset.entries if entry.path]
+        return [entry.path for entry in dataset.shapes if entry.path]
     if not _is_pattern(source):
         return [source]
     matches = [Path(name) for name in sorted(glob.glob(str(source), recursive=True))]  # noqa: PTH207
@@ -333,7 +332,7 @@ def _retrieved(
     start = time.perf_counter()
     spec, dataset = variant(request.method, methods(options.plugins)), open_dataset(source, options.data_root)
     store = Store.open(options.results)
-    gallery = Gallery(own_table(dataset.name), source, dataset, dataset.entries, data_root=options.data_root)
+    gallery = Gallery(own_table(dataset.name), source, dataset, dataset.shapes, data_root=options.data_root)
     models = find_models(spec, gallery, store.models)
     preparation = Preparation(dataset, input_for(query, dataset, spec), store)
     run = MethodRun(preparation, store, spec, options.seed, models, scorer_spec(options))

@@ -77,7 +77,7 @@ def _scorers(options: Selection) -> Rows:
 def _datasets(options: Selection) -> Rows:
     """Return the data sets, official or generated, present or absent; those of plugin files come last."""
     from benchmark.datasets.catalogue import CATALOGUE, is_present
-    from benchmark.datasets.own import data_sets_of, open_own
+    from benchmark.datasets.own import open_own, own_sets
 
     rows = [
         {
@@ -94,10 +94,10 @@ def _datasets(options: Selection) -> Rows:
         }
         for name, known in CATALOGUE.items()
     ]
-    for own in map(open_own, data_sets_of(options.plugins).values()):
-        classes = {entry.subject for entry in own.entries}
-        facts = {"name": own.name, "kind": "plugin", "state": "present", "shapes": str(len(own.entries))}
-        facts |= {"classes": str(len(classes)), "source": own.code, "summary": own.spec.info.summary}
+    for own in map(open_own, own_sets(options.plugins).values()):
+        classes = {entry.subject for entry in own.shapes}
+        facts = {"name": own.name, "kind": "plugin", "state": "present", "shapes": str(len(own.shapes))}
+        facts |= {"classes": str(len(classes)), "source": own.code[-1], "summary": own.summary}
         rows.append({**facts, "url": "", "terms": "", "use": "retrieval"})
     return rows
 

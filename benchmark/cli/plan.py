@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from benchmark.cli.options import EVERY, Selection, name_skipped, name_unusable
 from benchmark.datasets.catalogue import sources
-from benchmark.datasets.own import data_sets_of
+from benchmark.datasets.own import own_sets
 from benchmark.errors import ConfigurationError
 from benchmark.execution.estimates import estimate
 from benchmark.execution.job_specs import Job
@@ -44,7 +44,7 @@ def planned_jobs(options: Selection, store: Store, retry: tuple[str, ...] = ()) 
         name_unusable()
     data_root = options.require_data_root()
     named = bool(options.datasets or options.tables or options.everything)
-    datasets = sources(options.datasets if named else tuple(data_sets_of(options.plugins)), options.plugins)
+    datasets = sources(options.datasets if named else tuple(own_sets(options.plugins)), options.plugins)
     chosen = galleries(options.tables, datasets, data_root, options.quick)
     for gallery in chosen:
         if options.input:

@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmark.cli.options import Selection, name_skipped
 from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import is_known, is_path
-from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.datasets.changes import last_change
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.pipeline.storage.records import EXTERNAL, Record
 from benchmark.pipeline.storage.store import Store
@@ -113,15 +113,15 @@ def _check_names(options: Selection, results: list[Result]) -> None:
     places = set().union(*(_names(result.record["data"]) for result in results))
     for name in options.datasets:
         if results and not {name, os.path.realpath(name)} & places and not (is_known(name) or is_path(name)):
-            raise did_you_mean("data set", name, {known for known in recorded_sets if not parsed(known)})
+            raise did_you_mean("data set", name, {known for known in recorded_sets if not last_change(known)})
     tables = {table.identifier for table in TABLES} | recorded_sets
     for name in options.tables:
         if name not in tables:
-            raise did_you_mean("table", name, {known for known in tables if not parsed(known)})
+            raise did_you_mean("table", name, {known for known in tables if not last_change(known)})
 
 
 def _names(data: Mapping[str, str]) -> set[str]:
     """Return what a data set may be called; under a perturbation, also what the clean set may be."""
     names = {data["name"], data["source"]}
-    names |= {parts[0] for name in names if (parts := parsed(name))}
+    names |= {parts[0] for name in names if (parts := last_change(name))}
     return names | set(map(os.path.realpath, names))

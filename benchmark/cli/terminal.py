@@ -14,7 +14,7 @@ from rich.progress import track
 from rich.table import Table
 from rich.text import Text
 
-from benchmark.datasets.base import Entry
+from benchmark.api.datasets import Entry
 from benchmark.report.content import TableContent
 from benchmark.report.formats import markdown
 from benchmark.report.frame import Style, figures, lines

@@ -1,40 +1,38 @@
-"""Names and sources of data sets."""
+"""Data sets by name."""
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset, Entry, Part, printable
-from benchmark.datasets.jittered import Jittered, clean_name, parsed_jitter
-from benchmark.datasets.official import tosca
-from benchmark.datasets.official.sets import SETS
-from benchmark.datasets.own import data_sets_of, is_own, open_own
-from benchmark.datasets.perturbations.dataset import parsed, perturbed_name
+from benchmark.api.datasets import ShapeSet
+from benchmark.datasets.base import canonical_entry, canonical_shapes, printable
+from benchmark.datasets.changes import changed, changed_name, split_name
+from benchmark.datasets.folder import folder_set, mesh_files
+from benchmark.datasets.official import SETS, OfficialSet
+from benchmark.datasets.own import is_own, open_own, own_sets
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.plugins.modules import unknown
 
-Loader = Callable[[Path], Dataset]
-
-#: The parametrised humans; see :mod:`benchmark.datasets.humans_gallery`.
-PATTERN = re.compile(r"\s*humans\s*\[([^\[\]]*)\]\s*")
+__all__ = [
+    "CATALOGUE", "Source", "canonical_entry", "canonical_shapes", "catalogued", "check_ranked", "has_official_sets",
+    "is_known", "is_path", "is_present", "open_dataset", "sources", "split_name", "table_name",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
-class DatasetSource:
+class Source:
     """A data set with a name on the command line.
 
     Parameters
     ----------
     summary
         One-line summary for ``list datasets``.
-    load
-        Function that returns the data set for a data root; generated sets ignore the root.
+    open
+        Function that returns the data set, given the folder of an official set.
     n_shapes, n_classes
         Size of the set; ``n_shapes`` is None if no source states it.
     folder
@@ -46,7 +44,7 @@ class DatasetSource:
     """
 
     summary: str
-    load: Loader
+    open: Callable[[Path], ShapeSet]
     n_shapes: int | None
     n_classes: int
     folder: str = ""
@@ -55,21 +53,15 @@ class DatasetSource:
     terms: str = ""
     other_use: str = ""
 
-    @property
-    def is_shared(self) -> bool:
-        """Whether forms of the shapes may be redistributed: only of generated sets; no other terms permit it."""
-        return not self.folder
 
-
-def _official(name: str) -> DatasetSource:
-    known = SETS[name]
-    layout = known.layout
-    size = f"{layout.n_shapes} shapes in" if layout.n_shapes else "shapes in"
-    return DatasetSource(
-        f"{known.title}, {size} {layout.n_classes} {'class' if layout.n_classes == 1 else 'classes'}",
-        lambda root: SETS[name].open(name, root),
-        layout.n_shapes,
-        layout.n_classes,
+def _official(name: str, known: OfficialSet) -> Source:
+    n_classes = len(known.subjects)
+    size = f"{known.n_shapes} shapes in" if known.n_shapes else "shapes in"
+    return Source(
+        f"{known.title}, {size} {n_classes} {'class' if n_classes == 1 else 'classes'}",
+        lambda folder: SETS[name].open(name, folder),
+        known.n_shapes,
+        n_classes,
         known.folder,
         known.origin,
         known.url,
@@ -78,111 +70,62 @@ def _official(name: str) -> DatasetSource:
     )
 
 
-def _humans(_: Path) -> Dataset:
-    from benchmark.datasets.humans import Humans
+def _generated(module: str, function: str, *arguments: int) -> Callable[[Path], ShapeSet]:
+    def load(_: Path) -> ShapeSet:
+        from importlib import import_module
 
-    return Humans()
-
-
-def _humans_scanlike(_: Path) -> Dataset:
-    from benchmark.datasets.humans_scanlike import HumansScanlike
-
-    return HumansScanlike()
-
-
-def _people(draw: int) -> Loader:
-    def load(_: Path) -> Dataset:
-        from benchmark.datasets.people import People
-
-        return People(draw)
+        made: ShapeSet = getattr(import_module(f"benchmark.datasets.{module}"), function)(*arguments)
+        return made
 
     return load
 
 
-def _animals(_: Path) -> Dataset:
-    from benchmark.datasets.animals import Animals
+_PAPER = ("shrec14-synthetic", "shrec14-real", "tosca")
 
-    return Animals()
-
-
-def _animals_few(root: Path) -> Dataset:
-    from benchmark.datasets.perturbations.dataset import Some
-
-    # The classes with at least seven shapes.
-    few = Part(subjects=("cat", "david", "dog", "horse", "michael", "victoria"), poses=(0, 2, 4))
-    return Some(_animals(root), few, "animals-few", "animals-few (generated, 6 classes x 3 poses)")
-
-
-CATALOGUE: dict[str, DatasetSource] = {
-    "shrec14-synthetic": _official("shrec14-synthetic"),
-    "shrec14-real": _official("shrec14-real"),
-    "tosca": DatasetSource(
-        "TOSCA high resolution, 80 shapes in 9 classes",
-        tosca.tosca,
-        sum(tosca.CLASS_SIZES.values()),
-        len(tosca.CLASS_SIZES),
-        "tosca",
-        "Technion",
-        "http://tosca.cs.technion.ac.il/book/resources_data.html",
-        "academic research; cite",
+CATALOGUE: dict[str, Source] = {
+    **{name: _official(name, SETS[name]) for name in _PAPER},
+    "humans": Source(
+        "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic",
+        *(_generated("people", "humans"), 300, 15),
     ),
-    "humans": DatasetSource(
-        "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", _humans, 300, 15
+    "humans-scanlike": Source(
+        "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real",
+        *(_generated("humans_scanlike", "humans_scanlike"), 400, 40),
     ),
-    "humans-scanlike": DatasetSource(
-        "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real", _humans_scanlike, 400, 40
-    ),
-    "people": DatasetSource(
-        "generated humans drawn at random, 15 subjects x 20 poses: the first draw of three", _people(0), 300, 15
+    "people": Source(
+        "generated humans drawn at random, 15 subjects x 20 poses: the first draw of three",
+        *(_generated("people", "people"), 300, 15),
     ),
     **{
-        f"people[draw={draw}]": DatasetSource(
-            f"generated humans drawn at random, 15 subjects x 20 poses, draw {draw}", _people(draw), 300, 15
+        f"people[draw={draw}]": Source(
+            f"generated humans drawn at random, 15 subjects x 20 poses, draw {draw}",
+            *(_generated("people", "people", draw), 300, 15),
         )
         for draw in range(3)
     },
-    "animals": DatasetSource(
-        "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", _animals, 80, 9
+    "animals": Source(
+        "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA",
+        *(_generated("animals", "animals"), 80, 9),
     ),
-    "animals-few": DatasetSource(
+    "animals-few": Source(
         "generated animals and people, 6 classes x 3 poses of the set animals, for the table of robustness",
-        _animals_few,
-        18,
-        6,
+        *(_generated("animals", "animals_few"), 18, 6),
     ),
-    **{name: _official(name) for name in SETS if not name.startswith("shrec14")},
+    **{name: _official(name, known) for name, known in SETS.items() if name not in _PAPER},
 }
 
-
-def is_known(name: str) -> bool:
-    """Return whether a name on the command line is a data set, with or without parameters, rather than a folder."""
-    return name in CATALOGUE or PATTERN.fullmatch(name) is not None
+_MANY = re.compile(r"people\[n=0*([0-9]{1,9})\]")
+_POSES = 20
 
 
-def is_present(name: str, data_root: Path | None) -> bool:
-    """Return whether a data set is available: generated sets always, official sets if their folder exists."""
-    if (clean := clean_name(name)) != name:
-        return is_path(clean) or is_present(clean, data_root)
-    if parts := parsed(name):
-        return is_path(parts[0]) or is_present(parts[0], data_root)
-    source = _source(name)
-    return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
-
-
-def has_official_sets(data_root: Path) -> bool:
-    """Return whether a folder contains an official set."""
-    return any((data_root / source.folder).is_dir() for source in CATALOGUE.values() if source.folder)
-
-
-def open_dataset(name: str, data_root: Path | None) -> Dataset:
-    """Open a data set by name or folder path, optionally perturbed or jittered.
+def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
+    """Open a data set by name or folder path, with its changes.
 
     Parameters
     ----------
     name
-        A key of :data:`CATALOGUE`, the path of a folder of meshes, or the name of a plugin data set returned by
-        :func:`sources`; optionally followed by a perturbation with its strength, ``[noise=3]``, and by the number of a
-        jitter, ``[jitter=1]``.
+        A key of :data:`CATALOGUE`, ``people[n=500]``, the path of a folder of meshes, or the name of a plugin data set
+        returned by :func:`sources`; followed by any number of changes, such as ``[noise=3][jitter=1]``.
     data_root
         The folder of the official sets; None if there is none.
 
@@ -193,47 +136,94 @@ def open_dataset(name: str, data_root: Path | None) -> Dataset:
     DatasetError
         If the set is missing or unreadable.
     """
-    if jitter := parsed_jitter(name):
-        return Jittered(open_dataset(jitter[0], data_root), jitter[1])
-    if parts := parsed(name):
-        from benchmark.datasets.perturbations.dataset import perturbed
+    base, changes = split_name(name)
+    shapes = _open(base, data_root)
+    for change, level in changes:
+        shapes = changed(shapes, change, level)
+    return shapes
 
-        return perturbed(open_dataset(parts[0], data_root), *parts[1:])
+
+def _open(name: str, data_root: Path | None) -> ShapeSet:
     if is_own(name):
         return open_own(name)
-    if not is_known(name) and is_path(name):
+    source = _source(name)
+    if source is None:
+        if not is_path(name):
+            raise did_you_mean("data set", name, CATALOGUE)
         folder = Path(name)
         if not folder.is_dir():
-            hint = "name a data set or the folder that holds the meshes"
-            beside = [path.name for path in folder.parent.glob("*") if path.is_dir()]
-            if folder.is_file():
-                hint = f"name the folder that holds it: {folder.parent}"
-            elif near := difflib.get_close_matches(folder.name, beside, 1):
-                hint = f"did you mean {folder.parent / near[0]}?"
-            raise ConfigurationError(f"{folder} is not a folder", hint)
-        from benchmark.datasets.folder import folder_dataset
-
-        return dataclasses.replace(folder_dataset(folder), name=folder_name(folder))
-    source = _source(name)
-    if not is_present(name, data_root):
+            raise _no_folder(folder)
+        return folder_set(folder, folder_name(folder))
+    if source.folder and not _is_there(source, data_root):
         where = data_root / source.folder if data_root else f"DATA_ROOT/{source.folder}"
-        raise DatasetError(
-            f"data set '{name}' is not at {where}",
-            f"put it there and pass --data-root; it comes from {source.url}",
-        )
-    return source.load(data_root or Path())
+        raise DatasetError(f"data set '{name}' is not at {where}", _where_instead(name, source, data_root))
+    return source.open((data_root or Path()) / source.folder)
+
+
+def _source(name: str) -> Source | None:
+    if match := _MANY.fullmatch(name):
+        n = int(match[1])
+        return Source(f"{n} people drawn at random", _generated("people", "many_people", n), _POSES * n, n)
+    return CATALOGUE.get(name)
+
+
+def _no_folder(folder: Path) -> ConfigurationError:
+    hint = "name a data set or the folder that holds the meshes"
+    beside = [path.name for path in folder.parent.glob("*") if path.is_dir()]
+    if folder.is_file():
+        hint = f"name the folder that holds it: {folder.parent}"
+    elif near := difflib.get_close_matches(folder.name, beside, 1):
+        hint = f"did you mean {folder.parent / near[0]}?"
+    return ConfigurationError(f"{folder} is not a folder", hint)
+
+
+def _where_instead(name: str, source: Source, data_root: Path | None) -> str:
+    """Return where a set lies that is not under the data root, or where it can be had."""
+    if data_root is not None:
+        for root in (data_root.parent, *(path for path in data_root.glob("*") if path.is_dir())):
+            if (root / source.folder).is_dir():
+                return f"it is at {root / source.folder}: pass --data-root {root}"
+        if data_root.is_dir() and mesh_files(data_root):
+            return f"{data_root} itself holds meshes: move them to {data_root / source.folder}, or pass -d {data_root}"
+    return f"put it there and pass --data-root; it comes from {source.url}"
+
+
+def is_known(name: str) -> bool:
+    """Return whether a name on the command line is a data set of the suite, with or without changes."""
+    return _source(split_name(name)[0]) is not None
+
+
+def is_present(name: str, data_root: Path | None) -> bool:
+    """Return whether a data set is available: generated sets always, official sets if their folder exists."""
+    base = split_name(name)[0]
+    source = _source(base)
+    if source is None:
+        return is_path(base) or is_own(base)
+    return not source.folder or _is_there(source, data_root)
+
+
+def _is_there(source: Source, data_root: Path | None) -> bool:
+    return data_root is not None and (data_root / source.folder).is_dir()
+
+
+def has_official_sets(data_root: Path) -> bool:
+    """Return whether a folder contains an official set."""
+    return any(_is_there(source, data_root) for source in CATALOGUE.values() if source.folder)
+
+
+def is_path(name: str) -> bool:
+    """Return whether a name on the command line is a path, with or without changes."""
+    base = split_name(name)[0]
+    return "/" in base or base.startswith(".") or Path(base).is_dir()
 
 
 def catalogued(name: str) -> str | None:
-    """Return the catalogue name of the underlying data set, ignoring changes to its shapes; None if there is none.
-
-    A set with parameters keeps its parameters.
-    """
-    clean = clean_name(name)
-    parts = parsed(clean)
-    if parts:
-        return catalogued(parts[0])
-    return clean if is_known(clean) else None
+    """Return the name of a data set of the suite without its changes; None for any other set."""
+    try:
+        base = split_name(name)[0]
+    except ConfigurationError:
+        return None
+    return base if _source(base) else None
 
 
 def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
@@ -246,80 +236,42 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
     DatasetError
         If a plugin data set has the name of another set.
     """
-    own = data_sets_of(plugins)
+    own = own_sets(plugins)
     for name in own:
         if name in CATALOGUE:
             raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")
-    return [_meant(name, own) for name in names]
-
-
-def _meant(name: str, own: Mapping[str, str]) -> str:
-    """Resolve a name to an argument of :func:`open_dataset`; ``own`` maps names of plugin data sets to sources."""
-    if parts := parsed(name):
-        return perturbed_name(_meant(parts[0], own), *parts[1:])
-    if name not in own and not is_known(name) and not is_path(name):
-        folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
-        near = difflib.get_close_matches(name, folders, 1)
-        raise unknown("data set", name, [*CATALOGUE, *own, *near])
-    return own.get(name, name)
+    resolved = []
+    for name in names:
+        base, changes = split_name(name)
+        if base not in own and _source(base) is None and not is_path(base):
+            folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
+            raise did_you_mean("data set", base, [*CATALOGUE, *own, *difflib.get_close_matches(base, folders, 1)])
+        source = own.get(base, base)
+        for change, level in changes:
+            source = changed_name(source, change, level)
+        resolved.append(source)
+    return resolved
 
 
 def table_name(source: str) -> str:
-    """Return the table name of a data set that no table of the paper uses."""
-    if source in CATALOGUE:
-        return source
-    return open_own(source).name if is_own(source) else folder_name(Path(source))
+    """Return the name of the table of a data set that no table of the paper uses: its name, also for a path."""
+    base, changes = split_name(source)
+    name = open_dataset(base).name if is_own(base) else base if _source(base) else folder_name(Path(base))
+    for change, level in changes:
+        name = changed_name(name, change, level)
+    return name
 
 
-def check_ranked(dataset: Dataset) -> None:
+def check_ranked(dataset: ShapeSet) -> None:
     """Raise ``DatasetError`` for an official set with a single subject, which has another purpose."""
-    if dataset.name in CATALOGUE and (use := CATALOGUE[dataset.name].other_use):
-        raise DatasetError(f"data set '{dataset.name}' shows one subject, so nothing can be retrieved", use)
+    source = CATALOGUE.get(dataset.name)
+    if source and source.other_use:
+        raise DatasetError(
+            f"data set '{dataset.name}' shows one subject, so nothing can be retrieved", source.other_use
+        )
 
 
 def folder_name(folder: Path) -> str:
     """Return the data set name of a folder: its own name, with a suffix if the catalogue uses that name."""
     name = printable(Path(os.path.realpath(folder)).name)  # also names circular links, which are rejected later
     return f"{name}-folder" if name in CATALOGUE else name
-
-
-def is_path(name: str) -> bool:
-    """Return whether a name on the command line is a path."""
-    return "/" in name or name.startswith(".") or Path(name).is_dir()
-
-
-def _source(name: str) -> DatasetSource:
-    if PATTERN.fullmatch(name):
-        from benchmark.datasets.humans_gallery import HumansGallery
-
-        gallery = HumansGallery.parse(name)
-        n_shapes = gallery.subjects * gallery.poses
-        return DatasetSource(gallery.title, lambda _: gallery, n_shapes, gallery.subjects)
-    if name not in CATALOGUE:
-        raise did_you_mean("data set", name, CATALOGUE)
-    return CATALOGUE[name]
-
-
-def canonical_entry(dataset: Dataset, subject: str) -> Entry:
-    """Return the shape of a subject in the canonical pose.
-
-    The canonical pose is set in the folder's ``dataset.toml``; otherwise, it is the null pose of the official set or
-    the first pose in the order of the data set.
-
-    Parameters
-    ----------
-    dataset
-        The data set.
-    subject
-        One of its subjects.
-
-    Raises
-    ------
-    ConfigurationError
-        If the data set has no such subject.
-    """
-    shapes = [entry for entry in dataset.entries if entry.subject == subject]
-    if not shapes:
-        raise did_you_mean(f"subject of data set '{dataset.name}'", subject, {e.subject for e in dataset.entries})
-    pose = getattr(dataset, "canonical_poses", {}).get(subject)
-    return next((entry for entry in shapes if entry.pose == pose), shapes[0])

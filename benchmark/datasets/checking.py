@@ -10,22 +10,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from benchmark.datasets.base import Dataset, Entry, Watched, check_retrievable
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
-from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.datasets.files import FolderDataset
-from benchmark.datasets.folder import EXTENSIONS, all_mesh_files, sub_folders, unread_files
+from benchmark.datasets.folder import all_mesh_files, mesh_stem, sub_folders, unread_files
 from benchmark.datasets.inspection import Inspection, flaws, inspect
-from benchmark.datasets.official.sets import SETS
-from benchmark.datasets.official.tosca import CLASS_SIZES
+from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
 from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, common_half_width
+from benchmark.geometry.io import READABLE, mesh_suffix
 
 Severity = Literal["error", "warning"]
-
-#: Class sizes of official sets that can be opened while incomplete, by name of the set.
-OFFICIAL_SIZES: dict[str, dict[str, int]] = {"tosca": CLASS_SIZES}
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,7 @@ class Report:
     Parameters
     ----------
     name, stand_in_for
-        As in :class:`~benchmark.datasets.base.Dataset`.
+        As in :class:`~benchmark.api.datasets.ShapeSet`.
     n_shapes
         Number of shapes.
     class_sizes
@@ -126,7 +122,7 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
         return _check_unopened(name if name in CATALOGUE else folder.resolve().name, folder, error, watched)
 
 
-def check(dataset: Dataset, watched: Watched = iter) -> Report:
+def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh.
 
     Parameters
@@ -137,13 +133,13 @@ def check(dataset: Dataset, watched: Watched = iter) -> Report:
         Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
     """
     anomalies = list(_of_classes(dataset))
-    folder = dataset.folder if isinstance(dataset, FolderDataset) else None
+    folder = dataset.folder
     if folder is not None:
-        anomalies += _of_files(folder, dataset.entries, numbers_known=dataset.name in SETS)
+        anomalies += _of_files(folder, dataset.shapes, numbers_known=dataset.name in SETS)
     inspections, of_shapes = _inspect_all(dataset, folder, watched)
-    sizes = dict(Counter(entry.subject for entry in dataset.entries))
+    sizes = dict(Counter(entry.subject for entry in dataset.shapes))
     anomalies += of_shapes
-    return Report(dataset.name, dataset.stand_in_for, len(dataset.entries), sizes, inspections, tuple(anomalies))
+    return Report(dataset.name, dataset.stand_in_for, len(dataset.shapes), sizes, inspections, tuple(anomalies))
 
 
 def _folder_of(name: str, data_root: Path | None) -> Path | None:
@@ -159,11 +155,11 @@ def _check_unopened(name: str, folder: Path, error: BenchmarkError, watched: Wat
     paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
     entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
     anomalies += _of_files(folder, entries)
-    inspections, of_shapes = _inspect_all(FolderDataset(name, name, entries, folder=folder), folder, watched)
+    inspections, of_shapes = _inspect_all(ShapeSet(name=name, shapes=entries, folder=folder), folder, watched)
     return Report(name, "", len(entries), {}, inspections, (*anomalies, *of_shapes))
 
 
-def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
+def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     try:
         check_ranked(dataset)
     except DatasetError as error:
@@ -173,9 +169,9 @@ def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
         check_retrievable(dataset)
     except DatasetError as error:
         yield Anomaly("error", dataset.name, error.problem, error.hint)
-    sizes = Counter(entry.subject for entry in dataset.entries)
-    official = OFFICIAL_SIZES.get(dataset.name, {})
-    if not official or not isinstance(dataset, FolderDataset):
+    sizes = Counter(entry.subject for entry in dataset.shapes)
+    official = SETS[dataset.name].sizes if dataset.name in SETS else {}
+    if not official:
         return
     for subject in dict.fromkeys([*official, *sizes]):
         if sizes[subject] != official.get(subject, 0):
@@ -190,19 +186,19 @@ def _of_classes(dataset: Dataset) -> Iterator[Anomaly]:
 def _of_files(folder: Path, entries: Sequence[Entry], *, numbers_known: bool = False) -> Iterator[Anomaly]:
     used = {entry.path for entry in entries}
     for path in unread_files(folder):
-        hint = f"convert it to one of {', '.join(EXTENSIONS)}"
+        hint = f"convert it to one of {', '.join(READABLE)}"
         yield Anomaly("warning", _relative(path, folder), "is skipped: this format is not read", hint)
     places = dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)])
     for place in places:
         files = all_mesh_files(place)
         by_stem: dict[str, list[Path]] = {}
         for path in files:
-            by_stem.setdefault(path.stem, []).append(path)
+            by_stem.setdefault(mesh_stem(path), []).append(path)
         for path, *others in by_stem.values():
             for other in others:
                 what = f"the same name as {path.name} in another format"
                 yield Anomaly("warning", _relative(other, folder), what, "keep one of the two; this one is not read")
-        extensions = Counter(files_of_stem[0].suffix.lower() for files_of_stem in by_stem.values())
+        extensions = Counter(mesh_suffix(files_of_stem[0]) for files_of_stem in by_stem.values())
         if len(extensions) > 1:
             what = "mixes " + ", ".join(f"{count} {suffix}" for suffix, count in extensions.most_common())
             yield Anomaly("warning", _relative(place, folder), what, "check that no mesh is left from another copy")
@@ -232,13 +228,13 @@ def _of_numbers(place: Path, stems: Iterable[str], folder: Path) -> Iterator[Ano
 
 
 def _inspect_all(
-    dataset: Dataset, folder: Path | None, watched: Watched
+    dataset: ShapeSet, folder: Path | None, watched: Watched
 ) -> tuple[dict[str, Inspection], list[Anomaly]]:
     inspections: dict[str, Inspection] = {}
     anomalies: list[Anomaly] = []
     first_with: dict[str, str] = {}
     extents: dict[str, float] = {}
-    for entry in watched(dataset.entries):
+    for entry in watched(dataset.shapes):
         file = _relative(entry.path, folder) if entry.path and folder else entry.identifier
         try:
             inspection = inspect(dataset.load(entry), dataset.camera(entry))
@@ -248,7 +244,7 @@ def _inspect_all(
         inspections[entry.identifier] = inspection
         if not inspection.faces_left:
             anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
-        if not isinstance(dataset, DepthFolder):  # views are open and possibly disconnected
+        if dataset.observe is None:  # views are open and possibly disconnected
             anomalies += [Anomaly("warning", file, what, hint) for what, hint in flaws(inspection)]
         twin = first_with.setdefault(inspection.digest, file)
         if twin != file:
@@ -258,7 +254,7 @@ def _inspect_all(
     return inspections, [*anomalies, *_of_frame(dataset, extents)]
 
 
-def _of_frame(dataset: Dataset, extents: Mapping[str, float]) -> Iterator[Anomaly]:
+def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:
     """Yield shapes that exceed the camera's frame or cover too few pixels."""
     if not extents:
         return

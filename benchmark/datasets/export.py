@@ -10,16 +10,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from benchmark.datasets.base import Dataset, Entry, Watched
-from benchmark.datasets.catalogue import canonical_entry
-from benchmark.datasets.files import FolderDataset
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import Watched, canonical_shapes
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
 
 
-def export(dataset: Dataset, folder: Path, *, force: bool = False, watched: Watched = iter) -> tuple[str, ...]:
+def export(dataset: ShapeSet, folder: Path, *, force: bool = False, watched: Watched = iter) -> tuple[str, ...]:
     """Write all shapes of a data set as ``CLASS/POSE.off``, with cameras and canonical poses in ``dataset.toml``.
 
     Coordinates are exact. Files are written to a temporary sibling folder and moved at the end, so a failure while
@@ -50,12 +49,12 @@ def export(dataset: Dataset, folder: Path, *, force: bool = False, watched: Watc
     ShapeError
         If a mesh is unreadable.
     """
-    names = _file_names(dataset.entries)
+    names = _file_names(dataset.shapes)
     settings = _settings(dataset)
     _check_target(dataset, folder, force)
     written = (*names, SETTINGS_FILE)
     with _filled(folder, written) as target:
-        for entry, file in zip(watched(dataset.entries), names, strict=True):
+        for entry, file in zip(watched(dataset.shapes), names, strict=True):
             (target / file).parent.mkdir(exist_ok=True)
             write_mesh(target / file, dataset.load(entry))
         (target / SETTINGS_FILE).write_bytes(settings.encode())
@@ -90,9 +89,9 @@ def _filled(folder: Path, files: Sequence[str]) -> Iterator[Path]:
         raise ConfigurationError(f"cannot write to {folder}: {error.strerror}", "choose another folder") from error
 
 
-def _check_target(dataset: Dataset, folder: Path, force: bool) -> None:
-    sources = {entry.path.resolve().parent for entry in dataset.entries if entry.path}
-    if isinstance(dataset, FolderDataset):
+def _check_target(dataset: ShapeSet, folder: Path, force: bool) -> None:
+    sources = {entry.path.resolve().parent for entry in dataset.shapes if entry.path}
+    if dataset.folder:
         sources.add(dataset.folder.resolve())
     if folder.resolve() in sources:
         raise ConfigurationError(f"{folder} holds the data set itself", "choose another folder")
@@ -102,7 +101,7 @@ def _check_target(dataset: Dataset, folder: Path, force: bool) -> None:
         raise ConfigurationError(f"{folder} is not empty", "choose another folder, or pass --force to write into it")
 
 
-def _settings(dataset: Dataset) -> str:
+def _settings(dataset: ShapeSet) -> str:
     """Return the ``dataset.toml`` that reproduces the depth images and canonical poses of the data set."""
     lines = [f"# Written from the data set {_quoted(dataset.name)}."]
     if dataset.stand_in_for:
@@ -115,16 +114,16 @@ def _settings(dataset: Dataset) -> str:
         lines.append(f"camera = {next(iter(views.values()))}")
         views = {}
     first: dict[str, str] = {}
-    for entry in dataset.entries:
+    for entry in dataset.shapes:
         first.setdefault(entry.subject, entry.pose)
-    canonical = {subject: canonical_entry(dataset, subject).pose for subject in first}
+    canonical = {subject: entry.pose for subject, entry in canonical_shapes(dataset).items()}
     poses = {subject: _quoted(pose) for subject, pose in canonical.items() if pose != first[subject]}
     return "\n".join(lines) + "\n" + _table("camera", views) + _table("canonical_pose", poses)
 
 
-def _cameras(dataset: Dataset) -> dict[str, Camera]:
+def _cameras(dataset: ShapeSet) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
-    for entry in dataset.entries:
+    for entry in dataset.shapes:
         camera = dataset.camera(entry)
         if cameras.setdefault(entry.subject, camera) != camera:
             raise DatasetError(

@@ -1,4 +1,4 @@
-"""Folders of meshes or depth images: classes from a PSB ``.cla`` file, sub-folders, or file names."""
+"""Folders of meshes or depth images: classes from a PSB ``.cla`` file, file names, or sub-folders."""
 
 from __future__ import annotations
 
@@ -7,32 +7,31 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from benchmark.datasets.base import Entry, natural_key, printable
-from benchmark.datasets.depth_folder import DepthFolder, with_depth_settings
-from benchmark.datasets.files import FolderDataset, text_of
-from benchmark.datasets.settings import SETTINGS_FILE, with_settings
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import natural_key, printable
+from benchmark.datasets.frames import depth_frames
+from benchmark.datasets.settings import text_of, with_settings
 from benchmark.depth.reading import MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
-
-#: Extensions in order of preference if a shape exists in several formats.
-EXTENSIONS = (".off", ".obj", ".ply", ".stl", ".mat", ".vert")
+from benchmark.geometry.io import READABLE, mesh_suffix
 
 #: Extensions of unsupported meshes and point clouds, which are reported as skipped.
-UNREAD = frozenset({".3ds", ".3mf", ".dae", ".fbx", ".glb", ".gltf", ".pcd", ".pts", ".vtk", ".vtp", ".wrl", ".xyz"})
+UNREAD = frozenset({".3ds", ".3mf", ".dae", ".fbx", ".pcd", ".pts", ".vtk", ".vtp", ".wrl", ".xyz"})
 
 
-def folder_dataset(folder: Path) -> FolderDataset:
+def folder_set(folder: Path, name: str = "") -> ShapeSet:
     """Read the list of shapes of a folder.
 
-    Classes come from the first available source: a ``.cla`` file, the names
-    of mesh files in the folder without trailing number (``cat10.off`` has class ``cat``), or sub-folders. A
-    ``dataset.toml`` sets canonical poses and cameras, see :func:`~benchmark.datasets.settings.with_settings`. A folder
-    without meshes may contain depth images, classified by sub-folder or file name, see :func:`depth_files`.
+    Classes come from the first available source: a ``.cla`` file, the names of mesh files in the folder without
+    trailing number (``cat10.off`` has class ``cat``), or sub-folders. A ``dataset.toml`` sets canonical poses and
+    cameras. A folder without meshes may contain depth images, classified by sub-folder or file name.
 
     Parameters
     ----------
     folder
-        The folder; its name becomes the name of the data set.
+        The folder.
+    name
+        Name of the data set; by default that of the folder.
 
     Raises
     ------
@@ -41,71 +40,58 @@ def folder_dataset(folder: Path) -> FolderDataset:
     ConfigurationError
         If ``dataset.toml`` has an unknown key.
     """
-    files = mesh_files(folder)
-    cla = cla_file(folder)
+    name = name or printable(folder.resolve().name)
+    files, cla = mesh_files(folder), cla_file(folder)
     if cla:
         entries = _from_cla(cla, files)
     elif files:
         entries = _from_names(files)
     else:
         entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
-    depth_entries = [] if entries else _from_depth_images(folder)
-    if not entries and not depth_entries:
+    frames = [] if entries else _from_depth_images(folder)
+    if not entries and not frames:
         unread = ", ".join(sorted({path.suffix for path in unread_files(folder)}))
         raise DatasetError(
             f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}",
-            f"expected files ending in {', '.join(EXTENSIONS)}, depth images of 16 bits, or sub-folders of such files",
+            f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files",
         )
-    entries = entries or depth_entries
-    twice = [name for name, count in Counter(entry.identifier for entry in entries).items() if count > 1]
-    if twice:
+    counts = Counter(entry.identifier for entry in entries or frames)
+    if twice := [identifier for identifier, count in counts.items() if count > 1]:
         raise DatasetError(f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them")
-    name = printable(folder.resolve().name)
-    if depth_entries:
-        images = DepthFolder(name=name, title=name, entries=tuple(entries), folder=folder)
-        return with_depth_settings(images, folder / SETTINGS_FILE)
-    return with_settings(FolderDataset(name=name, title=name, entries=tuple(entries), folder=folder))
+    if frames:
+        return depth_frames(name, folder, tuple(frames))
+    return with_settings(ShapeSet(name=name, shapes=tuple(entries), folder=folder, code=("benchmark.geometry.io",)))
 
 
 def depth_files(folder: Path) -> list[Path]:
-    """Return the depth images of a folder in natural order: 16 bits or more, floats or arrays; no colours or masks.
-
-    Raises
-    ------
-    DatasetError
-        If the folder does not exist or cannot be listed.
-    """
+    """Return the depth images of a folder in natural order: 16 bits or more, floats or arrays; no colours or masks."""
     files = _listed(folder, lambda path: path.is_file() and is_depth_file(path))
     return sorted(files, key=lambda path: natural_key(path.name))
 
 
-def _from_depth_images(folder: Path) -> list[Entry]:
-    if flat := depth_files(folder):
-        return _from_names(flat)
-    entries: list[Entry] = []
-    for sub in sub_folders(folder):
-        if sub.name not in MASK_FOLDERS:
-            inner = sub / "depth"
-            entries += _from_sub_folder(sub, depth_files(sub) or (depth_files(inner) if inner.is_dir() else []))
-    return entries
+def mesh_stem(path: Path) -> str:
+    """Return the name of a mesh file without its extension, also before ``.gz``."""
+    return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 
-def _from_names(files: Iterable[Path]) -> list[Entry]:
-    stems = [(printable(path.stem), path) for path in files]
-    return [Entry(stem, subject_of_stem(stem), _pose_of_stem(stem), path) for stem, path in stems]
+def mesh_files(folder: Path) -> list[Path]:
+    """Return the mesh files of a folder in natural order, one per stem; raise ``DatasetError`` if it is unreadable."""
+    by_stem: dict[str, Path] = {}
+    for path in all_mesh_files(folder):
+        by_stem.setdefault(mesh_stem(path), path)
+    return sorted(by_stem.values(), key=lambda path: natural_key(mesh_stem(path)))
 
 
-def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
-    subject = printable(folder.name)
-    return [Entry(printable(f"{folder.name}/{path.stem}"), subject, printable(path.stem), path) for path in files]
+def all_mesh_files(folder: Path) -> list[Path]:
+    """Return all mesh files of a folder, preferred extensions first, including several per stem.
 
+    Broken links are included, so that missing shapes are reported.
+    """
 
-def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
-    """Return paths in a folder, sorted by name; raises ``DatasetError`` if it cannot be listed."""
-    try:
-        return [path for path in sorted(folder.iterdir()) if is_wanted(path)]
-    except OSError as error:
-        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
+    def is_mesh(path: Path) -> bool:
+        return mesh_suffix(path) in READABLE and (path.is_file() or (path.is_symlink() and not path.exists()))
+
+    return sorted(_listed(folder, is_mesh), key=lambda path: READABLE.index(mesh_suffix(path)))
 
 
 def sub_folders(folder: Path) -> list[Path]:
@@ -120,35 +106,38 @@ def unread_files(folder: Path) -> list[Path]:
     return [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in UNREAD)]
 
 
-def mesh_files(folder: Path) -> list[Path]:
-    """Return the mesh files of a folder in natural order, one per stem.
-
-    Raises
-    ------
-    DatasetError
-        If the folder does not exist or cannot be listed.
-    """
-    by_stem: dict[str, Path] = {}
-    for path in all_mesh_files(folder):
-        by_stem.setdefault(path.stem, path)
-    return sorted(by_stem.values(), key=lambda path: natural_key(path.stem))
+def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
+    """Return paths in a folder, sorted by name; raises ``DatasetError`` if it cannot be listed."""
+    try:
+        return [path for path in sorted(folder.iterdir()) if is_wanted(path)]
+    except OSError as error:
+        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
 
 
-def all_mesh_files(folder: Path) -> list[Path]:
-    """Return all mesh files of a folder, preferred extensions first, including several per stem.
+def _from_depth_images(folder: Path) -> list[Entry]:
+    if flat := depth_files(folder):
+        return _from_names(flat)
+    entries: list[Entry] = []
+    for sub in sub_folders(folder):
+        if sub.name not in MASK_FOLDERS:
+            inner = sub / "depth"
+            entries += _from_sub_folder(sub, depth_files(sub) or (depth_files(inner) if inner.is_dir() else []))
+    return entries
 
-    Broken links are included, so that missing shapes are reported.
 
-    Raises
-    ------
-    DatasetError
-        If the folder does not exist or cannot be listed.
-    """
+def _from_names(files: Iterable[Path]) -> list[Entry]:
+    entries = []
+    for path in files:
+        stem = printable(mesh_stem(path))
+        subject = re.sub(r"[-_ ]*[0-9]+$", "", stem) or stem
+        entries.append(Entry(stem, subject, stem[len(subject) :].lstrip("-_ "), path))
+    return entries
 
-    def is_mesh(path: Path) -> bool:
-        return path.suffix.lower() in EXTENSIONS and (path.is_file() or (path.is_symlink() and not path.exists()))
 
-    return sorted(_listed(folder, is_mesh), key=lambda path: EXTENSIONS.index(path.suffix.lower()))
+def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
+    subject = printable(folder.name)
+    poses = [(printable(mesh_stem(path)), path) for path in files]
+    return [Entry(f"{subject}/{pose}", subject, pose, path) for pose, path in poses]
 
 
 def cla_file(folder: Path) -> Path | None:
@@ -182,31 +171,30 @@ def read_cla(path: Path) -> dict[int, str]:
         raise DatasetError(
             f"{path} does not start with 'PSB 1'", "use the classification format of the Princeton Shape Benchmark"
         )
+    subjects: dict[int, str] = {}
+    n_read = 0
     try:
         n_classes, n_models = _whole(words[2]), _whole(words[3])
-        subjects: dict[int, str] = {}
-        position, classes = 4, 0
+        position = 4
         while position < len(words):
             name, count = printable(words[position]), _whole(words[position + 2])
             numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]
             if len(numbers) != count:
-                raise DatasetError(
-                    f"{path}: class '{name}' announces {count} models but lists {len(numbers)}", "complete the file"
-                )
+                problem = f"{path}: class '{name}' announces {count} models but lists {len(numbers)}"
+                raise DatasetError(problem, "complete the file")
             for number in numbers:
                 if number in subjects:
                     raise DatasetError(f"{path}: model {number} stands in two classes", "list each model once")
                 subjects[number] = name
-            classes += 1
+            n_read += 1
             position += 3 + count
     except (IndexError, ValueError) as error:
+        hint = "expected '<name> <parent> <count>' followed by that many model numbers"
+        raise DatasetError(f"{path}: {error}", hint) from error
+    if (n_read, len(subjects)) != (n_classes, n_models):
+        announced = f"{path} announces {n_classes} classes and {n_models} models"
         raise DatasetError(
-            f"{path}: {error}", "expected '<name> <parent> <count>' followed by that many model numbers"
-        ) from error
-    if (classes, len(subjects)) != (n_classes, n_models):
-        raise DatasetError(
-            f"{path} announces {n_classes} classes and {n_models} models but lists {classes} and {len(subjects)}",
-            "correct the second line or complete the lists",
+            f"{announced} but lists {n_read} and {len(subjects)}", "correct the second line or complete the lists"
         )
     return subjects
 
@@ -217,24 +205,13 @@ def _whole(word: str) -> int:
     return int(word)
 
 
-def subject_of_stem(stem: str) -> str:
-    """Return the class in a file name: the stem without trailing number."""
-    return re.sub(r"[-_ ]*[0-9]+$", "", stem) or stem
-
-
-def _pose_of_stem(stem: str) -> str:
-    return stem[len(subject_of_stem(stem)) :].lstrip("-_ ")
-
-
 def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
     by_number: dict[int, list[Path]] = {}
     for path in files:
-        match = re.search(r"[0-9]+\Z", path.stem)
-        if match:
+        if match := re.search(r"[0-9]+\Z", mesh_stem(path)):
             by_number.setdefault(int(match.group()), []).append(path)
     subjects = read_cla(cla)
-    missing = sorted(set(subjects) - set(by_number))
-    if missing:
+    if missing := sorted(set(subjects) - set(by_number)):
         from_one = {number - 1 for number in subjects} == set(by_number)
         raise DatasetError(
             f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number",
@@ -246,39 +223,11 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
     for number, subject in sorted(subjects.items()):
         path, *others = by_number[number]
         if others:
-            raise DatasetError(
-                f"{cla} lists model {number}, which may be {path.name} or {others[0].name}", "keep one of them"
-            )
-        _inside(cla.parent, path.name, cla)
-        stem = printable(path.stem)
+            problem = f"{cla} lists model {number}, which may be {path.name} or {others[0].name}"
+            raise DatasetError(problem, "keep one of them")
+        if not path.resolve().is_relative_to(cla.parent.resolve()):
+            problem = f"{cla} names '{path.name}', which lies outside its folder"
+            raise DatasetError(problem, "copy the mesh into the folder")
+        stem = printable(mesh_stem(path))
         entries.append(Entry(stem, subject, stem, path))
     return entries
-
-
-def _inside(folder: Path, name: str, source: Path) -> Path:
-    """Return the path of a listed file, which must be inside the folder after resolving links.
-
-    Parameters
-    ----------
-    folder
-        The folder of the data set.
-    name
-        Path relative to the folder.
-    source
-        The list, for the error message.
-
-    Raises
-    ------
-    DatasetError
-        If the path is invalid or outside the folder.
-    """
-    path = folder / name
-    try:
-        is_inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError) as error:  # NUL, name too long, circular links
-        raise DatasetError(f"{source} names {name[:80]!r}, which is no path: {error}", "correct the name") from error
-    if not is_inside:
-        raise DatasetError(
-            f"{source} names '{name}', which lies outside its folder", "copy the mesh into the folder and name it there"
-        )
-    return path

@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, bone_rotations, perturbed_pose
-from benchmark.datasets.human_subjects import SUBJECTS, Subject, new_subject
+from benchmark.datasets.human_subjects import Subject, new_subject
 from benchmark.errors import DatasetError
-from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.mesh import Faces, Mesh
 
@@ -41,42 +39,6 @@ class _Body:
     keep: NDArray[np.bool_]
     faces: Faces
     bones: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Humans:
-    """Data set of 15 subjects in 20 poses.
-
-    Entries are ordered by subject, then by pose, like the files of SHREC'14.
-    """
-
-    name: str = "humans"
-    title: str = "humans (stand-in for SHREC'14 synthetic)"
-    stand_in_for: str = "shrec14-synthetic"
-    half_width: float = 1.285
-
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """All 300 shapes."""
-        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in SUBJECTS for pose in POSES)
-
-    def load(self, entry: Entry) -> Mesh:
-        """Generate the mesh of a shape, in metres, z up, facing -y.
-
-        Raises
-        ------
-        DatasetError
-            If the packages for generating bodies are missing.
-        """
-        return human_mesh(SUBJECTS[entry.subject], POSES[entry.pose])
-
-    def recipe(self, entry: Entry) -> str:
-        """Return the body parameters and joint angles."""
-        return recipe(SUBJECTS[entry.subject], POSES[entry.pose])
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the front view."""
-        return FRONT
 
 
 def human_mesh(subject: Subject, pose: Pose) -> Mesh:

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets import humans
-from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES, Pose, jittered
 from benchmark.datasets.human_subjects import adults
-from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
 
 N_VERTICES = 15_000
@@ -51,47 +49,30 @@ _FUSED = (
 )
 
 
-@dataclass(frozen=True)
-class HumansScanlike:
-    """Data set of 40 subjects in 10 poses.
+def humans_scanlike() -> ShapeSet:
+    """Return 40 subjects x 10 poses, ordered by subject, then by pose, like the files of SHREC'14."""
+    return ShapeSet(
+        name="humans-scanlike",
+        title="humans, scan-like (stand-in for SHREC'14 real)",
+        stand_in_for="shrec14-real",
+        shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults() for pose in POSE_NAMES),
+        load=_scan,
+        key=lambda entry: f"scan of {entry.identifier}: {humans.recipe(adults()[entry.subject], _pose(entry))}",
+        half_width=1.345,
+        code=(__name__,),
+    )
 
-    Entries are ordered by subject, then by pose, like the files of SHREC'14.
-    """
 
-    name: str = "humans-scanlike"
-    title: str = "humans, scan-like (stand-in for SHREC'14 real)"
-    stand_in_for: str = "shrec14-real"
-    half_width: float = 1.345
+def _scan(entry: Entry) -> Mesh:
+    """Generate a scan: about 15 000 vertices, closed, in metres, z up, facing -y."""
+    from benchmark.datasets.scanning import membrane, scan, vertex_normals  # imports numba
 
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """All 400 shapes."""
-        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults() for pose in POSE_NAMES)
-
-    def load(self, entry: Entry) -> Mesh:
-        """Generate the mesh of a shape: about 15 000 vertices, closed, in metres, z up, facing -y.
-
-        Raises
-        ------
-        DatasetError
-            If the packages for generating bodies are missing.
-        """
-        from benchmark.datasets.scanning import membrane, scan, vertex_normals  # imports numba
-
-        # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
-        body = membrane(humans.human_mesh(adults()[entry.subject], _pose(entry)), _cavities())
-        heights = _asymmetry(_random(entry.subject, "asymmetry"))
-        body = body.with_vertices(body.vertices + heights[:, np.newaxis] * vertex_normals(body))
-        fused = [humans.vertices_of(bones, side) for bones, side in _FUSED]
-        return scan(body, fused, N_VERTICES, _random(entry.identifier, "scan"))
-
-    def recipe(self, entry: Entry) -> str:
-        """Return the name of the scan, which seeds its random parts, and the recipe of the posed body."""
-        return f"scan of {entry.identifier}: {humans.recipe(adults()[entry.subject], _pose(entry))}"
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the front view."""
-        return FRONT
+    # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
+    body = membrane(humans.human_mesh(adults()[entry.subject], _pose(entry)), _cavities())
+    heights = _asymmetry(_random(entry.subject, "asymmetry"))
+    body = body.with_vertices(body.vertices + heights[:, np.newaxis] * vertex_normals(body))
+    fused = [humans.vertices_of(bones, side) for bones, side in _FUSED]
+    return scan(body, fused, N_VERTICES, _random(entry.identifier, "scan"))
 
 
 def _pose(entry: Entry) -> Pose:

@@ -1,119 +1,113 @@
-"""Adapter from data sets of plugin files to the interface of the harness."""
+"""Data sets of plugin files: each :class:`~benchmark.api.datasets.ShapeSet` among the variables of the module."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from benchmark.datasets.base import Entry
-from benchmark.datasets.files import file_digest
-from benchmark.errors import DatasetError, UnreadableMesh
-from benchmark.geometry.camera import FRONT, Camera
-from benchmark.geometry.io import read_mesh
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, locate
 from benchmark.geometry.mesh import Mesh
-from benchmark.plugins.inspection import plugins_of
-from benchmark.plugins.specs import DatasetSpec
+from benchmark.text import is_name
 
-__all__ = ["OwnDataset", "data_sets_of", "is_own", "open_own", "sources_in"]
-
-#: Separator between the path of a plugin file and a class name in a data set source.
 _MARK = ".py:"
 
 
-class OwnDataset:
-    """A data set of a plugin file; see :class:`~benchmark.datasets.base.Dataset`."""
-
-    stand_in_for = ""
-
-    def __init__(self, spec: DatasetSpec) -> None:
-        self.spec, self.code = spec, spec.module
-        self.name, self.title, self.half_width = spec.info.name, spec.info.title, spec.info.half_width
-        self.entries = spec.entries
-
-    @property
-    def sources(self) -> dict[str, str]:
-        """Parts of the plugin."""
-        return self.spec.sources
-
-    @property
-    def files(self) -> dict[str, str]:
-        """Digests of the files that the plugin has read so far."""
-        return self.spec.remote.files
-
-    def load(self, entry: Entry) -> Mesh:
-        """Generate or read the mesh; raises ``UnreadableMesh`` if there is none, also if the plugin fails."""
-        if "load" in self.spec.offers:
-            arrays = self.spec.ask("load", entry.identifier)[1]
-            return Mesh(arrays["vertices"], arrays["faces"])
-        if entry.path is None:
-            raise UnreadableMesh(
-                f"data set '{self.name}', shape '{entry.identifier}': has no file",
-                "give the entry a path, or the class a 'load'",
-            )
-        return read_mesh(entry.path)
-
-    def recipe(self, entry: Entry) -> str:
-        """Return the names of set and shape, the parameters, and the plugin's recipe or the digest of the file."""
-        if "recipe" in self.spec.offers:
-            outside = str(self.spec.ask("recipe", entry.identifier)[0]["recipe"])
-        else:
-            outside = file_digest(entry.path) if entry.path else ""
-        return " ".join(filter(None, (self.name, entry.identifier, self.spec.parameters_text, outside)))
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the depth camera of a shape."""
-        if "camera" not in self.spec.offers:
-            return FRONT
-        facts, _ = self.spec.ask("camera", entry.identifier)
-        camera = Camera(tuple(facts["direction"]), tuple(facts["up"]))
-        object.__setattr__(camera, "up", tuple(facts["up"]))  # normalising again may change the last bits
-        return camera
-
-
 def is_own(source: str) -> bool:
-    """Return whether a source is a class in a plugin file."""
+    """Return whether a source is a data set of a plugin file."""
     return _MARK in source
 
 
-def open_own(source: str) -> OwnDataset:
+def open_own(source: str) -> ShapeSet:
     """Open the data set of a plugin file.
 
     Parameters
     ----------
     source
-        Source from :func:`data_sets_of`: ``"/path/to/file.py:ClassName"``.
+        Path and name of the variable, ``"/path/to/file.py:RODS"``.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be imported, or has no such class.
+        If the file cannot be imported.
     DatasetError
-        If the list of shapes is invalid.
+        If it has no such data set, or a shape has an invalid name.
     """
-    return OwnDataset(DatasetSpec(source.rpartition(":")[2], source))
+    path, _, attribute = source.rpartition(":")
+    found = _module_sets(Path(path)).get(attribute)
+    if found is None:
+        raise DatasetError(f"{path} has no data set '{attribute}'", "give the file a variable that is a ShapeSet")
+    for problem, hint in _problems(found):
+        raise DatasetError(f"data set '{found.name}' of {path}: {problem}", hint)
+    return replace(
+        found,
+        load=_guarded(found.load, found.name, Mesh),
+        key=lambda entry: f"{found.name} {entry.identifier} {found.key(entry)}",
+        code=tuple(dict.fromkeys([*found.code, path])),
+    )
 
 
-def data_sets_of(paths: Iterable[Path]) -> dict[str, str]:
+def own_sets(plugins: Iterable[Path]) -> dict[str, str]:
     """Return the data sets of plugin files, as sources for :func:`open_own` by name.
 
     Raises
     ------
     ConfigurationError
-        If a file cannot be imported, or a data set has invalid metadata.
+        If a file cannot be imported.
     DatasetError
         If two data sets have the same name.
     """
-    targets: dict[str, str] = {}
-    for path in paths:
-        for spec in plugins_of(DatasetSpec, path):
-            if spec.base_name in targets:
-                raise DatasetError(
-                    f"two data sets are called '{spec.base_name}': {targets[spec.base_name]} and {path}", "rename one"
-                )
-            targets[spec.base_name] = spec.target
-    return targets
+    found: dict[str, str] = {}
+    for path in plugins:
+        for attribute, shapes in _module_sets(path).items():
+            if shapes.name in found:
+                other = found[shapes.name].rpartition(":")[0]
+                raise DatasetError(f"two data sets are called '{shapes.name}': {other} and {path}", "rename one")
+            found[shapes.name] = f"{path.resolve()}:{attribute}"
+    return found
 
 
-def sources_in(path: str) -> dict[str, str]:
-    """Return the parts of a plugin file with a data set, given its absolute path."""
-    return plugins_of(DatasetSpec, Path(path))[0].sources
+def _module_sets(path: Path) -> dict[str, ShapeSet]:
+    from benchmark.registry.modules import load_module  # imports numba
+
+    module = load_module(str(path.resolve()))
+    return {name: value for name, value in vars(module).items() if isinstance(value, ShapeSet)}
+
+
+def _problems(shapes: ShapeSet) -> Iterator[tuple[str, str]]:
+    if not is_name(shapes.name):
+        yield f"name {shapes.name!r} is not lower-case words joined by hyphens", "rename it"
+    if not shapes.shapes:
+        yield "it lists no shapes", "list at least one Entry"
+    taken: set[str] = set()
+    for entry in shapes.shapes:
+        if type(entry) is not Entry:
+            yield f"'shapes' lists {type(entry).__name__}", "list Entry"
+            return
+        for field in ("identifier", "subject", "pose"):
+            value = getattr(entry, field)
+            if not isinstance(value, str) or not value.isprintable() or (not value and field != "pose"):
+                yield f"{field} {value!r} is not a text of one line", "rename the shape"
+        if entry.identifier in taken:
+            yield f"two shapes are called '{entry.identifier}'", "rename one of them"
+        taken.add(entry.identifier)
+
+
+def _guarded(call: Callable[[Entry], Any], name: str, kind: type) -> Callable[[Entry], Any]:
+    """Return a function that raises ``UnreadableMesh`` where the given one fails or returns something else."""
+
+    def guarded(entry: Entry) -> Any:
+        where = f"data set '{name}', shape '{entry.identifier}'"
+        try:
+            result = call(entry)
+        except BenchmarkError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise UnreadableMesh(f"{where}: {locate(error)}", "correct the file") from error
+        if not isinstance(result, kind):
+            raise UnreadableMesh(f"{where}: it returned {type(result).__name__}", f"return {kind.__name__}")
+        return result
+
+    return guarded

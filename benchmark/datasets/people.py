@@ -1,62 +1,76 @@
-"""Three draws of fifteen random humans, to assess the effect of the choice of subjects in ``humans``.
+"""Generated people: ``humans``, ``people[draw=0]`` to ``people[draw=2]``, and any number of bodies, ``people[n=500]``.
 
-The subjects of ``humans`` were selected for large differences in geodesic distances, which the methods measure. These
-subjects follow from a rule and a seed (:func:`benchmark.datasets.human_subjects.random_subjects`) that were committed
-before any run. Everything else, including the poses, is as in :mod:`benchmark.datasets.humans`.
+All sets have the same 20 poses. The fifteen subjects of ``humans`` were selected for large differences in geodesic
+distances, which the methods measure. Those of ``people`` follow from a rule and a seed that were committed before any
+run (:func:`benchmark.datasets.human_subjects.random_subjects`). The bodies of ``people[n=N]`` keep a distance from all
+tested subjects; a larger set begins with the bodies of the smaller one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
+from collections.abc import Callable
 
-from benchmark.datasets import humans
-from benchmark.datasets.base import Entry
+import numpy as np
+
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import PEOPLE, Subject
-from benchmark.geometry.camera import FRONT, Camera
-from benchmark.geometry.mesh import Mesh
+from benchmark.datasets.human_subjects import PEOPLE, SUBJECTS, Subject, new_subject
+from benchmark.datasets.humans import human_mesh, recipe
+from benchmark.errors import ConfigurationError
+
+HALF_WIDTH = 1.285
+"""Half the width of the depth camera's frame in metres."""
+
+_WIDER = 1.45
+"""The same for bodies drawn at random, some of which are taller."""
+
+_SEED, _FEWEST, _MOST = 1, 2, 100_000
 
 
-@dataclass(frozen=True)
-class People:
-    """Data set of 15 random subjects in 20 poses.
+def humans() -> ShapeSet:
+    """Return the stand-in for SHREC'14 synthetic: 15 subjects x 20 poses."""
+    title = "humans (stand-in for SHREC'14 synthetic)"
+    return _bodies("humans", title, list(SUBJECTS), SUBJECTS.__getitem__, HALF_WIDTH, "shrec14-synthetic")
 
-    Parameters
-    ----------
-    draw
-        Index of the draw.
-    """
 
-    draw: int = 0
-    stand_in_for: str = ""
-    half_width: float = humans.Humans.half_width
+def people(draw: int = 0) -> ShapeSet:
+    """Return 15 people drawn at random x 20 poses; no subject of another set has the same name."""
+    if draw not in range(len(PEOPLE)):
+        raise ConfigurationError(f"there is no draw {draw} of people", f"choose 0 to {len(PEOPLE) - 1}")
+    drawn = PEOPLE[draw]
+    return _bodies(f"people[draw={draw}]", "people drawn at random", list(drawn), drawn.__getitem__, HALF_WIDTH)
 
-    @property
-    def name(self) -> str:
-        """Name on the command line."""
-        return f"people[draw={self.draw}]"
 
-    @property
-    def title(self) -> str:
-        """Name in captions."""
-        return "humans drawn at random"
+def many_people(n: int) -> ShapeSet:
+    """Return ``n`` bodies drawn at random x 20 poses."""
+    if not _FEWEST <= n <= _MOST:
+        raise ConfigurationError(f"people[n={n}] has no such number of bodies", f"choose {_FEWEST} to {_MOST}")
+    names = [f"body-{number}" for number in range(n)]
+    return _bodies(f"people[n={n}]", f"{n} people drawn at random", names, _body, _WIDER)
 
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """All 300 shapes by subject, then by pose; no subject of another set has the same name."""
-        return tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in PEOPLE[self.draw] for pose in POSES)
 
-    def load(self, entry: Entry) -> Mesh:
-        """Generate the mesh of a shape; see :func:`benchmark.datasets.humans.human_meshes`."""
-        return humans.human_mesh(self._body(entry), POSES[entry.pose])
+@functools.lru_cache(maxsize=_MOST)
+def _body(subject: str) -> Subject:
+    number = int(subject.removeprefix("body-"))
+    return new_subject(np.random.default_rng([_SEED, number]), kind=number % 3)
 
-    def recipe(self, entry: Entry) -> str:
-        """Return the body parameters and joint angles."""
-        return humans.recipe(self._body(entry), POSES[entry.pose])
 
-    def _body(self, entry: Entry) -> Subject:
-        return PEOPLE[self.draw][entry.subject]
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the front view."""
-        return FRONT
+def _bodies(
+    name: str,
+    title: str,
+    subjects: list[str],
+    body: Callable[[str], Subject],
+    half_width: float,
+    stand_in_for: str = "",
+) -> ShapeSet:
+    return ShapeSet(
+        name=name,
+        title=title,
+        shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in subjects for pose in POSES),
+        load=lambda entry: human_mesh(body(entry.subject), POSES[entry.pose]),
+        key=lambda entry: recipe(body(entry.subject), POSES[entry.pose]),
+        half_width=half_width,
+        stand_in_for=stand_in_for,
+        code=("benchmark.datasets.humans",),
+    )

@@ -1,17 +1,18 @@
-"""Settings of a folder of meshes in ``dataset.toml``: canonical poses, depth cameras, frame."""
+"""Settings of a folder in ``dataset.toml``: canonical poses, depth cameras and their noise, frame."""
 
 from __future__ import annotations
 
-import dataclasses
-import sys
+import math
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmark.datasets.files import FolderDataset, is_there, text_of
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import by_subject
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.geometry.camera import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
 
 SETTINGS_FILE = "dataset.toml"
 
@@ -23,15 +24,16 @@ VIEWS: Mapping[str, Camera] = {
     "other-side": Camera((-1.0, 0.0, 0.0)),
 }
 
-_KEYS = ("camera", "canonical_pose", "half_width", "stand_in_for", "up")
+_KEYS = ("camera", "canonical_pose", "depth_noise", "half_width", "stand_in_for", "up")
 
 
-def with_settings(dataset: FolderDataset) -> FolderDataset:
-    """Apply the ``dataset.toml`` of the folder, if there is one.
+def with_settings(shapes: ShapeSet) -> ShapeSet:
+    """Apply the ``dataset.toml`` of the folder of a set of meshes, if there is one.
 
     All keys are optional: ``camera``, the name of a view, a table with ``direction`` and optionally ``up``, or a table
-    from class to either; ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views; ``canonical_pose``,
-    a pose or a table from class to pose; ``half_width``, half the width of the camera's frame in file units;
+    from class or shape to either; ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views;
+    ``canonical_pose``, a pose or a table from class to pose; ``half_width``, half the width of the camera's frame in
+    file units; ``depth_noise``, a table with ``deviation``, ``step`` and a seed for each shape in ``seeds``;
     ``stand_in_for``, the official set that generated shapes replace.
 
     Raises
@@ -41,33 +43,44 @@ def with_settings(dataset: FolderDataset) -> FolderDataset:
     DatasetError
         If the file is unreadable, or a value has the wrong type.
     """
-    path = dataset.folder / SETTINGS_FILE
-    if not is_there(path):
-        return dataset
+    path = (shapes.folder or Path()) / SETTINGS_FILE
     values = read_settings(path, _KEYS)
-    if values.get("up", "z") not in ("y", "z"):
-        raise DatasetError(f"{path}: up is {values['up']!r}", 'write up = "z" or up = "y"')
-    poses: dict[str, list[str]] = {}
-    for entry in dataset.entries:
-        poses.setdefault(entry.subject, []).append(entry.pose)
+    up = values.get("up", "z")
+    if up not in ("y", "z"):
+        raise DatasetError(f"{path}: up is {up!r}", 'write up = "z" or up = "y"')
     changes: dict[str, Any] = {}
     if "half_width" in values:
-        changes["half_width"] = _half_width(values["half_width"], path)
+        changes["half_width"] = positive(values["half_width"], "half_width", path)
     if "stand_in_for" in values:
         changes["stand_in_for"] = _stand_in_for(values["stand_in_for"], path)
     if "canonical_pose" in values:
-        chosen = _canonical_poses(values["canonical_pose"], poses, path)
-        changes["canonical_poses"] = {**dataset.canonical_poses, **chosen}
+        chosen = canonical_poses(values["canonical_pose"], shapes, path)
+        changes["canonical_poses"] = {**shapes.canonical_poses, **chosen}
     if "camera" in values:
-        cameras = _cameras(values["camera"], values.get("up", "z"), poses, path)
-        changes["camera_for"] = lambda entry: cameras.get(entry.subject) or dataset.camera(entry)
-    elif values.get("up", "z") == "y":
-        changes["camera_for"] = lambda entry: _y_up(dataset.camera(entry))
-    return dataclasses.replace(dataset, **changes)
+        cameras = _cameras(values["camera"], up, shapes, path)
+        changes["camera"] = lambda entry: (
+            cameras.get(entry.identifier) or cameras.get(entry.subject) or shapes.camera(entry)
+        )
+    elif up == "y":
+        changes["camera"] = lambda entry: _y_up(shapes.camera(entry))
+    if "depth_noise" in values:
+        sensors = _sensors(values["depth_noise"], shapes.shapes, path)
+        changes["sensor"] = lambda entry: sensors[entry.identifier]
+    return replace(shapes, **changes)
 
 
 def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str, Any]:
-    """Read a settings file; raises ``ConfigurationError`` for unknown keys, ``DatasetError`` if it is unreadable."""
+    """Read a settings file; empty if there is none.
+
+    Raises
+    ------
+    ConfigurationError
+        If a key is unknown.
+    DatasetError
+        If it is unreadable.
+    """
+    if not (path.is_symlink() or path.exists()):
+        return {}
     try:
         values = tomllib.loads(text_of(path))
     except (ValueError, RecursionError) as error:  # including huge numbers and deep nesting
@@ -78,22 +91,28 @@ def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str,
     return values
 
 
-def _half_width(value: Any, path: Path) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= sys.float_info.max:
-        raise DatasetError(f"{path}: half_width is {value!r}", "write a positive number in units of the files")
+def text_of(path: Path) -> str:
+    """Return the text of a list of shapes or a settings file; raise ``DatasetError`` if it is unreadable."""
+    try:
+        if not path.is_file():
+            raise DatasetError(f"{path} is no file, or a link that leads nowhere", "correct it or remove it")
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
+
+
+def positive(value: Any, key: str, path: Path) -> float:
+    """Return a positive number of a settings file; raise ``DatasetError`` if it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 10**300:
+        raise DatasetError(f"{path}: {key} is {value!r}", "write a positive number")
     return float(value)
 
 
-def _stand_in_for(value: Any, path: Path) -> str:
-    if not isinstance(value, str) or not value:
-        raise DatasetError(f"{path}: stand_in_for is {value!r}", "write the name of the official set in quotes")
-    return value
-
-
-def _canonical_poses(value: Any, poses: Mapping[str, list[str]], path: Path) -> dict[str, str]:
-    by_subject = value if isinstance(value, dict) else dict.fromkeys(poses, value)
+def canonical_poses(value: Any, shapes: ShapeSet, path: Path) -> dict[str, str]:
+    """Return the canonical pose of each class that a settings file names."""
+    poses = {subject: [entry.pose for entry in members] for subject, members in by_subject(shapes.shapes).items()}
     chosen = {}
-    for subject, pose in by_subject.items():
+    for subject, pose in (value if isinstance(value, dict) else dict.fromkeys(poses, value)).items():
         if subject not in poses:
             raise did_you_mean(f"class under canonical_pose in {path}", subject, poses)
         if isinstance(pose, bool) or not isinstance(pose, int | str):
@@ -104,14 +123,21 @@ def _canonical_poses(value: Any, poses: Mapping[str, list[str]], path: Path) -> 
     return chosen
 
 
-def _cameras(value: Any, up: str, subjects: Iterable[str], path: Path) -> dict[str, Camera]:
-    known = list(subjects)
+def _stand_in_for(value: Any, path: Path) -> str:
+    if not isinstance(value, str) or not value:
+        raise DatasetError(f"{path}: stand_in_for is {value!r}", "write the name of the official set in quotes")
+    return value
+
+
+def _cameras(value: Any, up: str, shapes: ShapeSet, path: Path) -> dict[str, Camera]:
+    subjects = by_subject(shapes.shapes)
     if not isinstance(value, dict) or "direction" in value:
-        return dict.fromkeys(known, _camera(value, up, path))
-    for subject in value:
-        if subject not in known:
-            raise did_you_mean(f"class under camera in {path}", subject, known)
-    return {subject: _camera(camera, up, path) for subject, camera in value.items()}
+        return dict.fromkeys(subjects, _camera(value, up, path))
+    known = {*subjects, *(entry.identifier for entry in shapes.shapes)}
+    for name in value:
+        if name not in known:
+            raise did_you_mean(f"class under camera in {path}", name, subjects)
+    return {name: _camera(camera, up, path) for name, camera in value.items()}
 
 
 def _camera(value: Any, up: str, path: Path) -> Camera:
@@ -147,3 +173,16 @@ def _y_up(camera: Camera) -> Camera:
         return camera
     (x, y, z), (a, b, c) = camera.direction, camera.up
     return Camera((x, z, -y), (a, c, -b))
+
+
+def _sensors(value: Any, entries: Iterable[Entry], path: Path) -> dict[str, DepthSensor]:
+    try:
+        deviation, step, seeds = float(value["deviation"]), float(value["step"]), value["seeds"]
+        sensors = {entry.identifier: DepthSensor(deviation, step, int(seeds[entry.identifier])) for entry in entries}
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise DatasetError(
+            f"{path}: depth_noise lacks {error}", "write deviation, step and seeds, a table from shape to number"
+        ) from error
+    if not (0 <= deviation < math.inf and 0 <= step < math.inf) or min(sensor.seed for sensor in sensors.values()) < 0:
+        raise DatasetError(f"{path}: a number of depth_noise is negative", "write positive numbers")
+    return sensors

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Entry
+from benchmark.api.datasets import Entry
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.execution.job_specs import LARGE_FILE, Job, State
 from benchmark.execution.processes.opened_files import changed_files
@@ -262,7 +262,7 @@ def data_recipe(gallery: Gallery, input_: Input, known: dict[tuple[str, str], st
         "gallery": recipes.gallery_digest(gallery.entries, data),
     }
     if input_ == "view":
-        frame = dataset.half_width or [(e.identifier, data(e), repr(dataset.camera(e))) for e in dataset.entries]
+        frame = dataset.half_width or [(e.identifier, data(e), repr(dataset.camera(e))) for e in dataset.shapes]
         cameras = [repr(dataset.camera(entry)) for entry in gallery.entries]
         sensors = [repr(sensor) for entry in gallery.entries if (sensor := recipes.sensor_of(dataset, entry))]
         recipe["view"] = keys.digest([frame, cameras, *([sensors] if sensors else [])])

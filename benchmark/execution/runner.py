@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError, message, one_line
 from benchmark.execution.job_specs import Job, Status, Task
@@ -103,7 +103,7 @@ def _treat(task: Task, tell: Callable[[Status], object]) -> None:
             runs[job.key] = _method_run(job, preparation, store)
     if preparation is None:
         return
-    entries = {entry.identifier: entry for entry in preparation.dataset.entries}
+    entries = {entry.identifier: entry for entry in preparation.dataset.shapes}
     shapes_of = {job.key: frozenset(job.identifiers) for job in task.jobs}
     for done, identifier in enumerate(task.identifiers):
         for job in task.jobs:
@@ -155,8 +155,8 @@ def _preparation(job: Job, store: Store) -> Preparation:
     return Preparation(open_dataset(job.dataset, job.data_root), job.input, store)
 
 
-def _entries(identifiers: Iterable[str], dataset: Dataset) -> list[Entry]:
-    by_identifier = {entry.identifier: entry for entry in dataset.entries}
+def _entries(identifiers: Iterable[str], dataset: ShapeSet) -> list[Entry]:
+    by_identifier = {entry.identifier: entry for entry in dataset.shapes}
     return [by_identifier[identifier] for identifier in identifiers]
 
 
@@ -175,7 +175,7 @@ class _CodeChanged(BenchmarkError):
     """Code or data changed during the run."""
 
 
-def _require_same_code(job: Job, dataset: Dataset) -> None:
+def _require_same_code(job: Job, dataset: ShapeSet) -> None:
     """Raise unless the code on disk is the code of the plan."""
     versions = recipes.job_versions(dataset, job.input, job.method, job.scorer)
     now = {"plugin": None, "versions": versions, **recipes.job_plugins(dataset, job.method, job.scorer)}

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from benchmark.arrays import LARGEST
 from benchmark.datasets.base import printable
-from benchmark.datasets.files import text_of
-from benchmark.datasets.folder import folder_dataset, read_cla
+from benchmark.datasets.folder import folder_set, read_cla
+from benchmark.datasets.settings import text_of
 from benchmark.errors import ConfigurationError, one_line
 
 _HINT = "write the matrix as text, CSV, .npy, .npz, .mat (-v7) or as PSB's .matrix"
@@ -101,7 +101,7 @@ def as_labels(labels: object) -> Labels:
 def read_labels(path: Path) -> Labels:
     """Read labels from a ``.cla`` file, a folder of shapes, or text lines ``label`` or ``name label``."""
     if path.is_dir():
-        entries = folder_dataset(path).entries
+        entries = folder_set(path).shapes
         return Labels(tuple((entry.subject,) for entry in entries), tuple(entry.identifier for entry in entries))
     if path.suffix.lower() == ".cla":
         numbers = sorted(read_cla(path).items())

@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.contracts import Input
+from benchmark.api.datasets import Entry
 from benchmark.arrays import Arrays, digest_of
-from benchmark.datasets.base import Entry, Watched
+from benchmark.datasets.base import Watched
 from benchmark.datasets.catalogue import is_known
-from benchmark.datasets.files import file_digest
-from benchmark.datasets.folder import EXTENSIONS
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.execution.plan import data_facts, data_recipe
 from benchmark.external.files import Labels
 from benchmark.external.scoring import Task
-from benchmark.geometry.io import read_mesh
+from benchmark.files import file_digest
+from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline import recipes
 from benchmark.pipeline.method_run import attempted, require_arrays
 from benchmark.pipeline.stages import measures
@@ -258,7 +258,7 @@ def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
     """Return the mesh file of each shape that has one, by name."""
     files = {}
     for entry in entries:
-        paths = (folder / f"{entry.identifier}{extension}" for extension in EXTENSIONS)
+        paths = (folder / f"{entry.identifier}{extension}" for extension in READABLE)
         if path := next((path for path in paths if path.is_file()), None):
             files[entry.identifier] = path
     if not files:

@@ -26,7 +26,7 @@ def compile_bodies() -> None:
     for name, source in CATALOGUE.items():
         if not source.folder:
             dataset = open_dataset(name, None)
-            dataset.load(dataset.entries[1])
+            dataset.load(dataset.shapes[1])
 
 
 def compile_scorer() -> None:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Method
+from benchmark.api.datasets import Entry
 from benchmark.arrays import ABOUT, Arrays
-from benchmark.datasets.base import Entry
 from benchmark.errors import ShapeError
 from benchmark.execution.processes.opened_files import with_files
 from benchmark.pipeline.method_run import MethodRun, ShapeResult, files_of, in_random_order

@@ -13,12 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from benchmark.api.contracts import Descriptor, Input, Mesh, Method, Shape
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.scoring import Scorer
 from benchmark.arrays import Arrays
-from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.changed import ChangedDataset
-from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.datasets.own import OwnDataset
 from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.execution.processes.opened_files import with_files
 from benchmark.pipeline import recipes
@@ -48,7 +45,7 @@ class Preparation:
         Store of the shapes; None to store nothing.
     """
 
-    def __init__(self, dataset: Dataset, input_: Input, store: Store | None = None) -> None:
+    def __init__(self, dataset: ShapeSet, input_: Input, store: Store | None = None) -> None:
         self.dataset = dataset
         self.input = input_
         self.store = store
@@ -72,7 +69,7 @@ class Preparation:
 
     def artefact(self, entry: Entry) -> Artefact:
         """Return the arrays of a prepared shape, or the reason why there are none; see :func:`require_arrays`."""
-        source = recipes.original_of(self.dataset)
+        source = self.dataset
         return self._stored(
             self.recipe(entry), lambda: attempted(lambda: self._compute(entry), source), f"prepare {self.input}"
         )
@@ -98,9 +95,6 @@ class Preparation:
 
     def mesh(self, entry: Entry) -> Mesh:
         """Return the mesh of a shape; generated meshes, which may take seconds, are stored during a run."""
-        if isinstance(self.dataset, ChangedDataset):  # reapplying the change is fast
-            clean = Preparation(self.dataset.clean, self.input, self.store)
-            return self.dataset.changed(clean.mesh(self.dataset.clean_entry(entry)), entry)
         if entry.path is not None:
             return self.dataset.load(entry)
 
@@ -115,8 +109,8 @@ class Preparation:
     def _compute(self, entry: Entry) -> Arrays:
         if self.input == "mesh":
             return shapes.complete(self.mesh(entry))
-        if isinstance(self.dataset, DepthFolder):
-            frame = self.dataset.observed(entry)
+        if self.dataset.observe:
+            frame = self.dataset.observe(entry)
             source, frame_notes = frame.surface, frame.notes
         else:
             source, frame_notes = self.mesh(entry), {}
@@ -129,7 +123,7 @@ class Preparation:
 
     def _fit_frame(self) -> Arrays:
         widths = []
-        for entry in self.dataset.entries:
+        for entry in self.dataset.shapes:
             with suppress(ShapeError):  # this shape is counted as unsupported when it is processed
                 widths.append(shapes.half_width_of(self.mesh(entry), self.dataset.camera(entry)))
         return {"half_width": np.asarray(shapes.frame_of(widths))}
@@ -142,7 +136,7 @@ class Preparation:
 
 def files_of(part: object) -> dict[str, str]:
     """Return the digests of the files that a data set, method or scorer of a plugin has read, by path."""
-    return part.files if isinstance(part, OwnDataset | Foreign) else {}
+    return part.files if isinstance(part, Foreign) else {}
 
 
 def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
@@ -282,7 +276,7 @@ class MethodRun:
         if self.describes:
             return ShapeResult(prepared, answer)
         shape = shapes.form_mesh(arrays, Mesh(surface["vertices"], surface["faces"]))
-        stays = isinstance(self.preparation.dataset, DepthFolder)  # 'retrieve' needs those of frames
+        stays = self.preparation.dataset.observe is not None  # 'retrieve' needs those of frames
         return ShapeResult(prepared, answer, self.signature(entry, lambda: shape, stays=stays))
 
     def result(self, entry: Entry, *, signed: bool) -> ShapeResult:
@@ -355,7 +349,7 @@ class MethodRun:
 
         def compute() -> Arrays:
             arrays = once()
-            if self.spec.is_foreign and entry == self.preparation.dataset.entries[0]:
+            if self.spec.is_foreign and entry == self.preparation.dataset.shapes[0]:
                 return {**arrays, **_difference_of_runs(arrays, once())}
             return arrays
 

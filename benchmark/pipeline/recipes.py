@@ -6,15 +6,12 @@ A recipe names the versions of all components that contribute to the result, inc
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.depth_folder import DepthFolder
-from benchmark.datasets.files import FolderDataset
-from benchmark.datasets.own import OwnDataset
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.changes import split_name
 from benchmark.errors import ShapeError
 from benchmark.geometry.camera import DepthSensor
 from benchmark.pipeline.storage import keys
@@ -28,34 +25,25 @@ Recipe = dict[str, Any]
 OFFERED = "api"
 
 
-def dataset_module(dataset: Dataset) -> str:
+def dataset_module(dataset: ShapeSet) -> str:
     """Return the module or plugin file that provides the meshes of a data set."""
-    return dataset.code if isinstance(dataset, OwnDataset) else type(dataset).__module__
+    return dataset.code[0]
 
 
-def source_components(dataset: Dataset) -> list[str]:
+def source_components(dataset: ShapeSet) -> list[str]:
     """Return the components that provide the meshes of a data set: readers or a generator, and changes in its name."""
-    known, original = read_lock().components, original_of(dataset)
-    changes = [f"change/{name}" for name in re.findall(r"\[([a-z-]+)=", dataset.name)]
-    if isinstance(original, OwnDataset):
+    known = read_lock().components
+    name, found = split_name(dataset.name)
+    base = "data/frames" if dataset.observe else f"data/{name.partition('[')[0]}"
+    if dataset.code[0].endswith(".py"):
         base = OFFERED
-    elif isinstance(original, FolderDataset):
-        base = "data/frames" if isinstance(original, DepthFolder) else "data/files"
-    else:
-        base = f"data/{original.name.partition('[')[0]}"
-    return [base if base in known else "data/files", *(name for name in changes if name in known)]
+    changes = [f"change/{change}" for change, _ in found]
+    return [base if base in known else "data/files", *(change for change in changes if change in known)]
 
 
-def original_of(dataset: Dataset) -> Dataset:
-    """Return the original of a changed data set; any other data set is returned as it is."""
-    while (clean := getattr(dataset, "clean", None)) is not None:
-        dataset = clean
-    return dataset
-
-
-def preparation_components(dataset: Dataset, input_: Input) -> list[str]:
+def preparation_components(dataset: ShapeSet, input_: Input) -> list[str]:
     """Return the components between the mesh or the depth frame and the prepared shape."""
-    frame = ["preparation/frame"] if isinstance(dataset, DepthFolder) else []
+    frame = ["preparation/frame"] if dataset.observe else []
     return [f"preparation/{input_}", *frame]
 
 
@@ -69,7 +57,7 @@ def scorer_components(spec: MethodSpec, scorer: ScorerSpec) -> list[str]:
     return [] if spec.describes else [OFFERED if scorer.is_foreign else f"scorer/{scorer.base_name}"]
 
 
-def job_versions(dataset: Dataset, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, str]:
+def job_versions(dataset: ShapeSet, input_: Input, spec: MethodSpec, scorer: ScorerSpec) -> dict[str, str]:
     """Return the versions of all components of a job by name."""
     return versions_of(
         [
@@ -82,9 +70,9 @@ def job_versions(dataset: Dataset, input_: Input, spec: MethodSpec, scorer: Scor
     )
 
 
-def job_plugins(dataset: Dataset, spec: MethodSpec, scorer: ScorerSpec) -> Recipe:
+def job_plugins(dataset: ShapeSet, spec: MethodSpec, scorer: ScorerSpec) -> Recipe:
     """Return the part of a recipe that names the sources of the plugins of a job; empty without plugins."""
-    return _plugins(original_of(dataset), spec, *([] if spec.describes else [scorer]))
+    return _plugins(dataset, spec, *([] if spec.describes else [scorer]))
 
 
 def _plugins(*plugins: Any) -> Recipe:
@@ -101,16 +89,16 @@ def _recipe(
     return {"stage": stage, **parts, "versions": versions | versions_of(components), **_plugins(*plugins)}
 
 
-def source_recipe(dataset: Dataset, entry: Entry) -> Recipe:
+def source_recipe(dataset: ShapeSet, entry: Entry) -> Recipe:
     """Return the recipe of the mesh of a shape; it names the kind of error if the mesh cannot be read."""
     data = source_data(dataset, entry)
-    return _recipe("source", source_components(dataset), [original_of(dataset)], data=data)
+    return _recipe("source", source_components(dataset), [dataset], data=data)
 
 
-def source_data(dataset: Dataset, entry: Entry) -> str:
+def source_data(dataset: ShapeSet, entry: Entry) -> str:
     """Return the data set's recipe for the data of a shape, or the kind of error if they cannot be read."""
     try:
-        return dataset.recipe(entry)
+        return dataset.key(entry)
     except ShapeError as error:
         return type(error).__name__
 
@@ -120,16 +108,16 @@ def gallery_digest(entries: Iterable[Entry], data: Callable[[Entry], str]) -> st
     return keys.digest([(entry.identifier, entry.subject, str(data(entry))) for entry in entries])
 
 
-def frame_recipe(dataset: Dataset) -> Recipe:
+def frame_recipe(dataset: ShapeSet) -> Recipe:
     """Return the recipe of the scale of depth images: a constant, or all shapes of the data set."""
     if dataset.half_width is not None:
         return _recipe("frame", (), half_width=dataset.half_width)
-    shapes = [(entry.identifier, source_data(dataset, entry), repr(dataset.camera(entry))) for entry in dataset.entries]
+    shapes = [(entry.identifier, source_data(dataset, entry), repr(dataset.camera(entry))) for entry in dataset.shapes]
     components = [*source_components(dataset), *preparation_components(dataset, "view")]
-    return _recipe("frame", components, [original_of(dataset)], shapes=keys.digest(shapes))
+    return _recipe("frame", components, [dataset], shapes=keys.digest(shapes))
 
 
-def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -> Recipe:
+def shape_recipe(dataset: ShapeSet, entry: Entry, input_: Input, frame: Recipe) -> Recipe:
     """Return the recipe of the prepared shape.
 
     Parameters
@@ -150,10 +138,9 @@ def shape_recipe(dataset: Dataset, entry: Entry, input_: Input, frame: Recipe) -
     return recipe | {"camera": repr(dataset.camera(entry)), "frame": frame} | perturbed
 
 
-def sensor_of(dataset: Dataset, entry: Entry) -> DepthSensor | None:
+def sensor_of(dataset: ShapeSet, entry: Entry) -> DepthSensor | None:
     """Return the sensor whose errors are added to the depth images of a data set; None if it has none."""
-    sensor = getattr(dataset, "sensor", None)
-    return sensor(entry) if sensor else None
+    return dataset.sensor(entry)
 
 
 def form_recipe(spec: MethodSpec, shape: Recipe, identifier: str, seed: int, model: str = "") -> Recipe:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input, Mesh, Shape
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.arrays import Arrays
-from benchmark.datasets.base import Dataset, Entry
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.reading import EXTENSIONS
 from benchmark.errors import ConfigurationError, ShapeError
@@ -75,7 +75,7 @@ class SearchResult:
         return 0.0 if other is None or not other.distance > 0 else 1 - first.distance / other.distance
 
 
-def input_for(query: Path, dataset: Dataset, spec: MethodSpec) -> Input:
+def input_for(query: Path, dataset: ShapeSet, spec: MethodSpec) -> Input:
     """Return the input for a query and a gallery: a view if either is a depth image, or the method's only input.
 
     Raises
@@ -162,7 +162,7 @@ def _signatures(run: MethodRun, query: Path) -> tuple[list[Entry], list[Arrays],
             return answer if run.describes else run.signature(entry, form, stays=True)
         return None
 
-    entries = run.preparation.dataset.entries
+    entries = run.preparation.dataset.shapes
     pairs = zip(entries, in_random_order(signature, entries), strict=True)
     known = [(entry, artefact) for entry, artefact in pairs if artefact]
     signatures = [artefact.arrays for _, artefact in known]

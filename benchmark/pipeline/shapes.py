@@ -7,12 +7,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from benchmark.api.contracts import Input, Mesh
-from benchmark.api.datasets import Entry, ShapeSet, no_sensor
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import InvalidForm, InvalidSignature, ShapeError, UnsupportedShape
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.keys import code_of_modules, digest
@@ -23,25 +22,6 @@ CODE = "benchmark.pipeline.preparation"
 
 #: Arrays that say why there is no result, and how many seconds the result took.
 REFUSED, SECONDS = "refused", "seconds"
-
-
-def as_shape_set(dataset: Any) -> ShapeSet:
-    """TEMPORARY until all data sets are shape sets."""
-    if isinstance(dataset, ShapeSet):
-        return dataset
-    return ShapeSet(
-        name=dataset.name,
-        title=dataset.title,
-        shapes=tuple(dataset.entries),
-        load=dataset.load,
-        key=dataset.recipe,
-        camera=dataset.camera,
-        sensor=getattr(dataset, "sensor", None) or no_sensor,
-        half_width=dataset.half_width,
-        stand_in_for=dataset.stand_in_for,
-        inputs=getattr(dataset, "inputs", ("mesh", "view")),
-        code=(type(dataset).__module__,),
-    )
 
 
 class SharedFailure(UnsupportedShape):

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Dataset, Entry, Part, check_retrievable, thinned
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import Part, check_retrievable, thinned
 from benchmark.datasets.catalogue import (
     CATALOGUE,
     check_ranked,
@@ -17,12 +18,11 @@ from benchmark.datasets.catalogue import (
     open_dataset,
     table_name,
 )
-from benchmark.datasets.jittered import clean_name
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed, perturbed_name
+from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, last_change
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.models import has_models
-from benchmark.protocols.tables import AVERAGED, INPUTS, TABLES, Rows, Table
+from benchmark.protocols.tables import AVERAGED, TABLES, Rows, Table
 
 #: Most poses of each subject with ``--quick``, which keeps every k-th pose.
 QUICK_POSES = 3
@@ -59,7 +59,7 @@ class Gallery:
 
     table: Table
     source: str
-    dataset: Dataset
+    dataset: ShapeSet
     entries: tuple[Entry, ...]
     quick: bool = False
     part: str = ""
@@ -73,19 +73,19 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is ranked: those of its table that its shapes and their perturbation support."""
-        offered = getattr(self.dataset, "inputs", INPUTS)
-        perturbation = parsed(clean_name(self.dataset.name))
-        if perturbation:
-            offered = tuple(input_ for input_ in offered if input_ in PERTURBATIONS[perturbation[1]].inputs)
+        """Inputs under which it is ranked: those of its table that its shapes support."""
+        offered = self.dataset.inputs
+        if self.table.robustness and (change := last_change(self.dataset.name)):
+            offered = tuple(input_ for input_ in offered if input_ in CHANGES[change[1]].inputs)
         return tuple(input_ for input_ in self.table.inputs if input_ in offered)
 
     def check_input(self, input_: str) -> None:
         """Raise ``ConfigurationError`` for a requested input that its shapes do not have."""
-        if input_ in getattr(self.dataset, "inputs", INPUTS):
+        if input_ in self.dataset.inputs:
             return
+        what = "holds depth images, which show" if self.dataset.observe else "is seen by a changed camera, which shows"
         raise ConfigurationError(
-            f"data set '{self.dataset.name}' holds depth images, which show one side of each shape",
+            f"data set '{self.dataset.name}' {what} one side of each shape",
             "drop --input mesh: there are no complete surfaces",
         )
 
@@ -115,7 +115,7 @@ class Gallery:
             yield spec
         if spec.named or spec.parameters:
             return
-        trainings = rows.trainings.get(clean_name(self.dataset.name), {}).get(spec.base_name, ())
+        trainings = rows.trainings.get(self.dataset.name, {}).get(spec.base_name, ())
         for parameters in (*rows.models.get(spec.base_name, ()), *({"training": name} for name in trainings)):
             variant = spec.with_parameters(dict(parameters))
             if has_models(variant, self, trained_here):
@@ -219,11 +219,11 @@ def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> 
 
 def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table]:
     """Return the tables that use a data set; if there are none, its own table on request."""
-    if not is_known(name) and not is_path(name) and not parsed(name):
+    if not is_known(name) and not is_path(name):
         raise did_you_mean("data set", name, CATALOGUE)
     if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
         return [table for table in selected if name in table.datasets]
-    own_name = _own_table_name(name)
+    own_name = table_name(name)
     if any(own_name == table.identifier for table in TABLES):
         own_name += "-folder"
     return [Table(own_name, f"Retrieval on {own_name}", name, all_unseen=False)]
@@ -246,13 +246,5 @@ def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> 
 
 def _conditions(name: str) -> list[str]:
     """Return a clean data set, and the same under each perturbation at each strength, by name or path."""
-    return [name, *(perturbed_name(name, kind, strength) for kind in PERTURBATIONS for strength in STRENGTHS)]
-
-
-def _own_table_name(name: str) -> str:
-    """Return the name of a data set's own table: the name of the data set, even if it is given by a path."""
-    if perturbation := parsed(name):
-        return perturbed_name(_own_table_name(perturbation[0]), *perturbation[1:])
-    if is_known(name) and name not in CATALOGUE:
-        return open_dataset(name, None).name
-    return table_name(name)
+    shown = [change for change in CHANGES if change not in ("jitter", "perspective")]
+    return [name, *(changed_name(name, change, level) for change in shown for level in LEVELS)]

@@ -10,10 +10,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from benchmark.api.datasets import Entry
 from benchmark.api.learning import CARD, Card, Learner, read_card
-from benchmark.datasets.base import Entry
 from benchmark.datasets.human_subjects import CLEARANCE, TESTED
-from benchmark.datasets.jittered import clean_dataset
 from benchmark.errors import ConfigurationError
 from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape
@@ -78,11 +77,11 @@ class Model:
 
         The card states the smallest distance between the training bodies and the subjects of each generated data set of
         people. A card without an entry for a data set passes, unless the bodies were sampled. Cards do not state the
-        distances to the people of ``animals`` and ``humans[subjects=N]``.
+        distances to the people of ``animals`` and ``people[n=N]``.
         """
         shown, training = set_of_subjects(dataset) or "", find_training(self.training)
         has_other_bodies = training.is_sampled or (training.dataset != "humans" and self.card.clearance)
-        if (shown.startswith("humans[") and has_other_bodies) or (shown == "animals" and training.is_sampled):
+        if (shown.startswith("people[n=") and has_other_bodies) or (shown == "animals" and training.is_sampled):
             problem = f"training '{self.training}' may have bodies similar to subjects of {shown}"
             raise TooNear(problem, _INSTEAD)
         distance = self.card.clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE)
@@ -128,7 +127,7 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     method = spec.create() if spec.learns else None
     if not isinstance(method, Learner):
         return {}
-    of_shape = trainings_by_shape(method, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)
+    of_shape = trainings_by_shape(method, gallery.dataset, gallery.entries, gallery.data_root)
     names = dict.fromkeys(training.name for training in of_shape.values())
     folders = {name: _finished(method, name, trained_here) for name in names}
     missing = [name for name in names if not folders[name]]
@@ -149,7 +148,7 @@ def has_models(spec: MethodSpec, gallery: Gallery, trained_here: Path | None) ->
     if not isinstance(learner, Learner):
         return False
     try:
-        of_shape = trainings_by_shape(learner, clean_dataset(gallery.dataset), gallery.entries, gallery.data_root)
+        of_shape = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
     except ConfigurationError:
         return False  # the row of the method without parameters says why
     return all(_finished(learner, name, trained_here) for name in {training.name for training in of_shape.values()})

@@ -10,9 +10,9 @@ from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import TrainingData, TrainingPair, digest_of
 from benchmark.datasets.animals.dataset import BODIES
-from benchmark.datasets.base import Dataset, Entry
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
 from benchmark.datasets.human_subjects import PEOPLE, SUBJECTS, clearances
 from benchmark.errors import ConfigurationError, ShapeError
@@ -69,12 +69,12 @@ def training_data(training: Training, data_root: Path | None, say: Callable[[str
     return data
 
 
-def _with_targets(entries: Iterable[Entry], dataset: Dataset) -> Shapes:
+def _with_targets(entries: Iterable[Entry], dataset: ShapeSet) -> Shapes:
     target = cache(lambda subject: canonical_entry(dataset, subject))
     return [(entry, target(entry.subject)) for entry in entries]
 
 
-def _rendered(shapes: Shapes, dataset: Dataset, say: Callable[[str], None]) -> Iterator[TrainingPair]:
+def _rendered(shapes: Shapes, dataset: ShapeSet, say: Callable[[str], None]) -> Iterator[TrainingPair]:
     """Yield the pairs, without those that cannot be rendered."""
     half_width = dataset.half_width or _fitted_half_width(dataset)
 
@@ -97,9 +97,9 @@ def _rendered(shapes: Shapes, dataset: Dataset, say: Callable[[str], None]) -> I
         )
 
 
-def _fitted_half_width(dataset: Dataset) -> float:
+def _fitted_half_width(dataset: ShapeSet) -> float:
     widths = []
-    for entry in dataset.entries:
+    for entry in dataset.shapes:
         with suppress(ShapeError):
             widths.append(half_width_of(dataset.load(entry), dataset.camera(entry)))
     return frame_of(widths)

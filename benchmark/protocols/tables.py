@@ -10,7 +10,7 @@ from typing import Literal
 from benchmark.api.contracts import Input
 from benchmark.api.learning import Learner
 from benchmark.datasets.catalogue import is_present
-from benchmark.datasets.official.sets import EXTENDED
+from benchmark.datasets.official import EXTENDED
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TRAININGS, Training, only_training, trainings_on

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import Learner
-from benchmark.datasets.base import Dataset, Entry, Part
+from benchmark.datasets.base import Part
 from benchmark.datasets.catalogue import catalogued, is_present, open_dataset
 from benchmark.errors import ConfigurationError, did_you_mean
 
@@ -158,7 +159,7 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
     DatasetError
         If the folder has no shapes.
     """
-    subjects = list(dict.fromkeys(entry.subject for entry in open_dataset(str(folder), None).entries))
+    subjects = list(dict.fromkeys(entry.subject for entry in open_dataset(str(folder), None).shapes))
     for name in hold_out:
         if name not in subjects:
             raise did_you_mean(f"subject of {folder}", name, subjects)
@@ -221,7 +222,7 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
 
 
 def trainings_by_shape(
-    learner: Learner, dataset: Dataset, entries: Iterable[Entry], data_root: Path | None
+    learner: Learner, dataset: ShapeSet, entries: Iterable[Entry], data_root: Path | None
 ) -> dict[str, Training]:
     """Return the training whose model is used for each shape, by identifier; of several, the one without its subject.
 
@@ -239,7 +240,7 @@ def trainings_by_shape(
     # Indices of poses refer to the training data set, of which another data set may show only some.
     if dataset.name != trainings[0].dataset:
         dataset = open_dataset(trainings[0].dataset, data_root)
-    shapes = tuple((entry.identifier, entry.subject) for entry in dataset.entries)
+    shapes = tuple((entry.identifier, entry.subject) for entry in dataset.shapes)
     place = shapes, *(training.name for training in trainings)
     if place not in _OF_SHAPE:
         _OF_SHAPE[place] = {e.identifier: training for training in trainings for e in training.tested.of(dataset)}

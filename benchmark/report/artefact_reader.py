@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.own import is_own
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, ShapeError, one_line
@@ -52,7 +52,7 @@ class ArtefactReader:
     known: Mapping[str, MethodSpec]
     data_root: Path | None = None
     models: Path | None = None
-    _datasets: dict[str, Dataset | BenchmarkError] = field(default_factory=dict, repr=False, compare=False)
+    _datasets: dict[str, ShapeSet | BenchmarkError] = field(default_factory=dict, repr=False, compare=False)
     _preparations: dict[tuple[str, Input], Preparation] = field(default_factory=dict, repr=False, compare=False)
     _method_runs: dict[str, MethodRun] = field(default_factory=dict, repr=False, compare=False)
 
@@ -60,7 +60,7 @@ class ArtefactReader:
         """Yield the distance matrices of a record, shape (N, N), one for each codebook; none if freed."""
         return (matrix for _, matrix in matrices_of(record, self.store))
 
-    def dataset(self, record: Record) -> Dataset:
+    def dataset(self, record: Record) -> ShapeSet:
         """Return the data set of a record; raise ``BenchmarkError`` if it is missing."""
         source = record["data"]["source"]
         if source not in self._datasets:
@@ -94,7 +94,7 @@ class ArtefactReader:
             preparation, spec = self.preparation(record), variant(record["method"], self.known)
             dataset, source = preparation.dataset, record["data"]["source"]
             shapes = set(record["shapes"])
-            entries = tuple(entry for entry in dataset.entries if entry.identifier in shapes)
+            entries = tuple(entry for entry in dataset.shapes if entry.identifier in shapes)
             gallery = Gallery(own_table(dataset.name), source, dataset, entries, data_root=self.data_root)
             models = find_models(spec, gallery, self.models or self.store.models)
             self._method_runs[key] = MethodRun(preparation, self.store, spec, place(record).seed, models)

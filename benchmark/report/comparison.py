@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.datasets.changes import last_change
 from benchmark.pipeline.storage.records import DEFAULT_SCORER, Place, Record, by_place, scorer_name
 from benchmark.report.escaping import number
 from benchmark.report.significance import (
@@ -117,7 +117,7 @@ def _difference(where: str, first: Record, second: Record) -> Difference:
     columns = {"first": [first["scores"][name] for name in PRINTED], "low": low, "high": high}
     columns |= {"second": [second["scores"][name] for name in PRINTED], "poses": permutation_test(gains)}
     columns["subjects"] = class_permutation_test(gains, labels)
-    is_perturbed = parsed(first["data"]["name"]) is not None
+    is_perturbed = last_change(first["data"]["name"]) is not None
     return Difference(where, DataFrame(columns, PRINTED), gains, len(set(labels)), is_perturbed)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.datasets.changes import last_change
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import EXTERNAL, chance_of
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
@@ -228,7 +228,7 @@ def contents(
     for result in results:
         dataset, quick = result.record["data"]["name"], bool(result.record["data"]["quick"])
         for identifier in tables_of(result.record["gallery"], dataset, quick=quick):
-            if identifier in with_parts or not (with_parts or parsed(dataset)):  # summarised in the table of robustness
+            if identifier in with_parts or not (with_parts or last_change(dataset)):  # summarised under robustness
                 table = _known_table(identifier, dataset) or own_table(dataset)
                 name = table.dataset if table.mean_over_sets else dataset
                 grouped.setdefault((table, name, quick), []).append(result)

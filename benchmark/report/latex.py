@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from itertools import chain, pairwise
 from typing import Any, Literal, TypeVar
 
-from benchmark.datasets.official.sets import SETS
-from benchmark.datasets.perturbations.dataset import parsed
+from benchmark.datasets.changes import last_change
+from benchmark.datasets.official import SETS
 from benchmark.pipeline.storage.keys import digest
 from benchmark.plugins.registry import BUILT_IN, MethodSpec
 from benchmark.plugins.scorers import DEFAULT, scorers
@@ -258,7 +258,7 @@ def _caption(table: TableContent) -> str:
 def data_source(table: TableContent) -> str:
     """Return the citation of the data set of a table; "" if it has none."""
     name = str(table.data["name"])
-    return _cited(_SOURCES.get((parsed(name) or (name,))[0], ""))
+    return _cited(_SOURCES.get((last_change(name) or (name,))[0], ""))
 
 
 def scorer_cited(table: TableContent) -> str:

@@ -241,7 +241,7 @@ def poses_of(cells: Sequence[RankedCell]) -> list[str]:
 def _poses(record: Record, artefacts: ArtefactReader) -> dict[str, str]:
     """Return the pose of each shape; empty if the data set is missing or its classes have different poses."""
     try:
-        entries = artefacts.dataset(record).entries
+        entries = artefacts.dataset(record).shapes
     except BenchmarkError:
         return {}
     return {entry.identifier: entry.pose for entry in entries} if have_same_poses(entries) else {}

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.datasets.catalogue import CATALOGUE, is_present
-from benchmark.datasets.own import sources_in
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.execution.plan import data_recipe, difference
 from benchmark.pipeline.storage import keys
@@ -168,10 +167,8 @@ class Results:
         """Return the sources of the plugins of a record; raise ``ConfigurationError`` if one was not passed."""
         module, compared_by = str(record["data"]["module"]), scorer_name(record)
         sources: dict[str, str] = {}
-        if module.endswith(".py"):
-            if not is_passed(module):
-                raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
-            sources |= sources_in(module)
+        if module.endswith(".py") and not is_passed(module):
+            raise ConfigurationError(f"the plugin {module} was not passed", "pass it with --plugin")
         sources |= variant(record["method"], self.known).sources
         return sources | (scorer_of(compared_by, self.known_scorers).sources if compared_by else {})
 

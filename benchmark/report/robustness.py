@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, parsed
+from benchmark.datasets.changes import CHANGES, LEVELS, last_change
 from benchmark.pipeline.storage.records import Record, chance_of, coverage_of
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.content import OUTDATED, stem, usual_place
@@ -88,7 +88,7 @@ def robustness(results: Iterable[Result]) -> list[DataFrame]:
     perturbed: dict[tuple[str, str, str, str], dict[int, Result]] = {}
     for result in results:
         record = result.record
-        if place := parsed(record["data"]["name"]):
+        if place := last_change(record["data"]["name"]):
             base = f"{place[0]} (quick)" if record["data"]["quick"] else place[0]
             by_strength = perturbed.setdefault((base, record["input"], place[1], record["method"]), {})
             by_strength[place[2]] = result
@@ -96,14 +96,14 @@ def robustness(results: Iterable[Result]) -> list[DataFrame]:
             clean[record["gallery"], record["input"], record["method"]] = result
 
     def order(place: tuple[str, str, str, str]) -> tuple[Any, ...]:
-        return place[0], INPUTS.index(place[1]), [*PERTURBATIONS].index(place[2]), usual_place(place[3])
+        return place[0], INPUTS.index(place[1]), [*CHANGES].index(place[2]), usual_place(place[3])
 
     rows = []
     for base, input_, perturbation, method in sorted(perturbed, key=order):
         if whole := clean.get((base, input_, method)):
-            curve = [perturbed[base, input_, perturbation, method].get(strength) for strength in STRENGTHS]
+            curve = [perturbed[base, input_, perturbation, method].get(strength) for strength in LEVELS]
             same = {"dataset": base, "input": input_, "method": method, "perturbation": perturbation}
-            rows += [same | row for row in _curve(whole, curve, PERTURBATIONS[perturbation].amounts)]
+            rows += [same | row for row in _curve(whole, curve, CHANGES[perturbation].amounts)]
     if not rows:
         return []
     frames = [frame for _, frame in DataFrame(rows, dtype=object).groupby(["dataset", "input"], sort=False)]
@@ -128,7 +128,7 @@ def _curve(whole: Result, results: Sequence[Result | None], amounts: Sequence[fl
         "outdated": "; ".join(outdated) or None,
     }
     refused = [len(record.get("unsupported", ())) if record else None for record in records]
-    columns = zip(STRENGTHS, amounts, values, refused, strict=True)
+    columns = zip(LEVELS, amounts, values, refused, strict=True)
     return [same | dict(zip(("strength", "amount", "NN", "unsupported"), row, strict=True)) for row in columns]
 
 
@@ -176,7 +176,7 @@ def markdown(frame: DataFrame) -> str:
     rows = zip(map(markdown_text, titled.values()), *halves.values(), strict=True)
     parts = []
     for perturbation, part in frame.groupby("perturbation", sort=False):
-        known = PERTURBATIONS[str(perturbation)]
+        known = CHANGES[str(perturbation)]
         body = [
             [markdown_text(titled[method]), *map(number, (curve["clean_NN"].iloc[0], *curve["NN"]))]
             for method, curve in part.groupby("method", sort=False)
@@ -218,7 +218,7 @@ def _halves(frame: DataFrame) -> dict[str, list[str]]:
     columns = {"clean NN": [number(value) for value in by_method.loc[names, "clean_NN"]]}
     for perturbation, part in frame.groupby("perturbation", sort=False):
         half = dict(zip(part["method"], part["half"], strict=True))
-        columns[PERTURBATIONS[str(perturbation)].title] = [half.get(name, BLANK) for name in names]
+        columns[CHANGES[str(perturbation)].title] = [half.get(name, BLANK) for name in names]
     return columns
 
 

@@ -19,7 +19,7 @@ from benchmark.pipeline.keys import code_of_modules, digest
 from benchmark.pipeline.ranking import CODE as MEASURES
 from benchmark.pipeline.ranking import Keys
 from benchmark.pipeline.records import Place, Record, describe_change, read_records
-from benchmark.pipeline.shapes import Preparation, as_shape_set
+from benchmark.pipeline.shapes import Preparation
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
@@ -217,7 +217,7 @@ class _Planning:
     def _preparation(self, gallery: Gallery, input_: Input) -> Preparation:
         place = (gallery.source, input_)
         if place not in self._preparations:
-            self._preparations[place] = Preparation(as_shape_set(gallery.dataset), input_)
+            self._preparations[place] = Preparation(gallery.dataset, input_)
         return self._preparations[place]
 
     def _job(self, gallery: Gallery, input_: Input, method: Component, key: str, code: str) -> Job:
@@ -248,7 +248,7 @@ class _Planning:
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     """Return the fields of a record that describe the shapes of a gallery."""
-    shapes = as_shape_set(gallery.dataset)
+    shapes = gallery.dataset
     content = [(entry.identifier, entry.subject, _key_of(shapes, entry)) for entry in gallery.entries]
     return {
         "gallery": gallery.name,

@@ -18,7 +18,7 @@ from benchmark.pipeline.keys import digest
 from benchmark.pipeline.preparation import Arrays
 from benchmark.pipeline.ranking import CODE as MEASURES
 from benchmark.pipeline.ranking import Ranking
-from benchmark.pipeline.shapes import Preparation, SharedFailure, Unprepared, as_shape_set, require_result
+from benchmark.pipeline.shapes import Preparation, SharedFailure, Unprepared, require_result
 from benchmark.registry.components import Component
 from benchmark.runs.jobs import Job, Outcome, Step, Task
 
@@ -170,7 +170,7 @@ def load_preparation(
     """Open a data set, once in a process."""
     from benchmark.datasets.catalogue import open_dataset
 
-    return Preparation(as_shape_set(open_dataset(source, data_root)), input_, Cache(results))
+    return Preparation(open_dataset(source, data_root), input_, Cache(results))
 
 
 @cache

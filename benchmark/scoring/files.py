@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.folder import folder_dataset, read_cla
+from benchmark.datasets.folder import folder_set, read_cla
 from benchmark.errors import ConfigurationError, one_line
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv or .mat (-v7)"
@@ -63,7 +63,7 @@ def as_labels(labels: object) -> dict[str, str] | list[str]:
 
 def _read_labels(path: Path) -> dict[str, str] | list[str]:
     if path.is_dir():
-        return {entry.identifier: entry.subject for entry in folder_dataset(path).entries}
+        return {entry.identifier: entry.subject for entry in folder_set(path).shapes}
     if path.suffix.lower() == ".cla":
         return {str(number): label for number, label in sorted(read_cla(path).items())}
     rows = [re.split(r"[,\s]+", line.strip()) for line in _lines(path)]

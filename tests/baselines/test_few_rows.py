@@ -10,7 +10,7 @@ from baselines.classic_mds import ClassicMDS
 from baselines.fast_classical_scaling import FastClassicalScaling
 from baselines.fast_mds import FastMDS
 from benchmark.api.contracts import Shape
-from benchmark.datasets.official.tosca import tosca
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry.preparation import prepare
 from tests.baselines.embedding import (
     PointShape,
@@ -24,7 +24,7 @@ from tests.baselines.embedding import (
 
 def prepared(data_root, step: slice | str) -> list[Shape]:
     """Prepared shapes of TOSCA: every few, or one by name."""
-    data = tosca(data_root)
+    data = open_dataset("tosca", data_root)
     entries = data.entries[step] if isinstance(step, slice) else [e for e in data.entries if e.identifier == step]
     return [Shape(identifier=entry.identifier, mesh=prepare(data.load(entry)).mesh) for entry in entries]
 

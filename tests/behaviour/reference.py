@@ -19,7 +19,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
-from benchmark.datasets.base import Entry, thinned
+from benchmark.api.datasets import Entry
+from benchmark.datasets.base import thinned
 from benchmark.protocols import galleries
 from benchmark.results import open_results
 from tests.behaviour.suite import HERE, MEASURES, call

@@ -15,7 +15,7 @@ from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.storage.store import Store
-from tests.datasets.test_depth_folder import write_frames
+from tests.datasets.test_frames import write_frames
 from tests.depth.scenes import frame, in_millimetres
 
 pytestmark = pytest.mark.usefixtures("forked_workers")

@@ -1,15 +1,15 @@
 import tomllib
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmark.datasets.base import Entry
-from benchmark.datasets.catalogue import canonical_entry
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import canonical_entry
 from benchmark.datasets.export import export
-from benchmark.datasets.folder import folder_dataset
+from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import render_depth
@@ -20,40 +20,33 @@ SUBJECTS = ("man-2", "cat", "man-1")
 POSES = ("stand", "sit", "7")
 
 
-@dataclass(frozen=True)
-class Beasts:
+def beasts(**changes):
     """Generated shapes with awkward names; classes lie between each other."""
-
-    name: str = "beasts"
-    title: str = "Beasts"
-    stand_in_for: str = "tosca"
-    half_width: float | None = 1.3
-    entries: tuple = tuple(Entry(f"{s}_{p}", s, p) for p in POSES for s in SUBJECTS)
-
-    def load(self, entry):
-        return rod(0.05 + 0.03 * SUBJECTS.index(entry.subject), 0.7 * POSES.index(entry.pose))
-
-    def recipe(self, entry):
-        return entry.identifier
-
-    def camera(self, entry):
-        return SIDE if entry.subject == "cat" else FRONT
+    known = ShapeSet(
+        name="beasts",
+        stand_in_for="tosca",
+        half_width=1.3,
+        shapes=tuple(Entry(f"{s}_{p}", s, p) for p in POSES for s in SUBJECTS),
+        load=lambda entry: rod(0.05 + 0.03 * SUBJECTS.index(entry.subject), 0.7 * POSES.index(entry.pose)),
+        camera=lambda entry: SIDE if entry.subject == "cat" else FRONT,
+    )
+    return replace(known, **changes)
 
 
 def facts(dataset):
-    return [(e.subject, e.pose, dataset.camera(e)) for e in dataset.entries]
+    return [(e.subject, e.pose, dataset.camera(e)) for e in dataset.shapes]
 
 
 def test_the_same_shapes_come_back(tmp_path):
-    source = Beasts()
+    source = beasts()
     written = export(source, tmp_path / "out")
-    back = folder_dataset(tmp_path / "out")
+    back = folder_set(tmp_path / "out")
     names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
     assert sorted(written) == sorted(names)
     assert sorted(facts(back), key=str) == sorted(facts(source), key=str)
     assert (back.half_width, back.stand_in_for) == (1.3, "tosca")
-    exported = {(entry.subject, entry.pose): entry for entry in back.entries}
-    for before in source.entries:
+    exported = {(entry.subject, entry.pose): entry for entry in back.shapes}
+    for before in source.shapes:
         after = exported[before.subject, before.pose]
         first, second = source.load(before), back.load(after)
         assert first.vertices.tobytes() == second.vertices.tobytes()
@@ -83,13 +76,13 @@ def test_the_canonical_pose_and_a_camera_of_its_own_are_kept(tmp_path):
     (tmp_path / "in" / "dataset.toml").write_text(
         'camera = { direction = [1, 2, 3] }\n[canonical_pose]\nthick = "2"\n', encoding="utf-8"
     )
-    source = folder_dataset(tmp_path / "in")
+    source = folder_set(tmp_path / "in")
     export(source, tmp_path / "out")
-    back = folder_dataset(tmp_path / "out")
+    back = folder_set(tmp_path / "out")
     assert canonical_entry(back, "thick").pose == "2"
     assert canonical_entry(back, "thin").pose == "0"
     # A unit vector may change in its last bit when it is normalised again.
-    camera = back.camera(back.entries[0])
+    camera = back.camera(back.shapes[0])
     assert camera.direction == pytest.approx(Camera((1, 2, 3)).direction, abs=1e-15)
     values = tomllib.loads((tmp_path / "out" / "dataset.toml").read_text())
     assert values["canonical_pose"] == {"thick": "2"}
@@ -101,12 +94,12 @@ def test_a_folder_with_files_is_left_alone_unless_forced(tmp_path):
     (tmp_path / "elsewhere.off").write_text("precious")
     (tmp_path / "out" / "cat" / "sit.off").symlink_to(tmp_path / "elsewhere.off")
     with pytest.raises(ConfigurationError, match="out is not empty; .*--force"):
-        export(Beasts(), tmp_path / "out")
+        export(beasts(), tmp_path / "out")
     assert (tmp_path / "out" / "cat" / "sit.off").is_symlink()
-    export(Beasts(), tmp_path / "out", force=True)
+    export(beasts(), tmp_path / "out", force=True)
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert (tmp_path / "elsewhere.off").read_text() == "precious"
-    assert len(folder_dataset(tmp_path / "out").entries) == 9
+    assert len(folder_set(tmp_path / "out").shapes) == 9
     assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere.off", "out"]
 
 
@@ -114,7 +107,7 @@ def test_a_set_is_never_written_over_itself(tmp_path):
     write_rods(tmp_path / "in")
     before = {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
     with pytest.raises(ConfigurationError, match="in holds the data set itself"):
-        export(folder_dataset(tmp_path / "in"), tmp_path / "in", force=True)
+        export(folder_set(tmp_path / "in"), tmp_path / "in", force=True)
     assert before == {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
 
 
@@ -128,13 +121,10 @@ def test_a_set_is_never_written_over_itself(tmp_path):
 def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, message):
     entries = (Entry("x", subject, pose), Entry("y", subject, "1"))
     with pytest.raises(ConfigurationError, match=message):
-        export(Beasts(entries=entries), tmp_path / "out")
+        export(beasts(shapes=entries), tmp_path / "out")
 
 
 def test_cameras_that_differ_in_a_class_are_named(tmp_path):
-    class Turning(Beasts):
-        def camera(self, entry):
-            return SIDE if entry.pose == "sit" else FRONT
-
+    turning = beasts(camera=lambda entry: SIDE if entry.pose == "sit" else FRONT)
     with pytest.raises(DatasetError, match="class 'man-2' have different cameras"):
-        export(Turning(), tmp_path / "out")
+        export(turning, tmp_path / "out")

@@ -1,12 +1,12 @@
-"""Files of a data set: digests that are made once, and generated sets that need no reader."""
+"""Files of a data set: digests that are made once."""
 
 import os
 from pathlib import Path
 
 import pytest
 
-from benchmark.datasets import files
-from benchmark.datasets.folder import folder_dataset
+from benchmark import files
+from benchmark.datasets.folder import folder_set
 from tests.toy import write_rods
 
 
@@ -26,19 +26,19 @@ def opened(monkeypatch):
 
 
 def test_a_file_is_read_once_until_it_changes(tmp_path, opened):
-    dataset = folder_dataset(write_rods(tmp_path / "rods"))
+    dataset = folder_set(write_rods(tmp_path / "rods"))
     opened.clear()
-    first = [dataset.recipe(entry) for entry in dataset.entries]
-    again = [folder_dataset(dataset.folder).recipe(entry) for entry in dataset.entries]
+    first = [dataset.key(entry) for entry in dataset.shapes]
+    again = [folder_set(dataset.folder).key(entry) for entry in dataset.shapes]
     assert first == again
-    assert opened == [entry.path.name for entry in dataset.entries]
-    changed = dataset.entries[2].path
+    assert opened == [entry.path.name for entry in dataset.shapes]
+    changed = dataset.shapes[2].path
     text = changed.read_text()
     changed.write_text(text.replace("0.1", "0.2"))
     assert len(text) == changed.stat().st_size
     os.utime(changed, ns=(0, 0))
     opened.clear()
-    assert [dataset.recipe(e) == r for e, r in zip(dataset.entries, first, strict=True)] == [True] * 2 + [False] + [
+    assert [dataset.key(e) == r for e, r in zip(dataset.shapes, first, strict=True)] == [True] * 2 + [False] + [
         True
     ] * 3
     assert opened == [changed.name]

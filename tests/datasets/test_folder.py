@@ -4,7 +4,7 @@ import pytest
 
 from benchmark.datasets.base import check_retrievable
 from benchmark.datasets.catalogue import canonical_entry, open_dataset
-from benchmark.datasets.folder import folder_dataset
+from benchmark.datasets.folder import folder_set
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from tests.toy import rod, write_off, write_rods
@@ -19,16 +19,16 @@ def numbered(folder, count=4):
 
 
 def listed(folder):
-    return [(entry.identifier, entry.subject) for entry in folder_dataset(folder).entries]
+    return [(entry.identifier, entry.subject) for entry in folder_set(folder).shapes]
 
 
 def test_classes_come_from_the_file_names(tmp_path):
-    dataset = folder_dataset(write_rods(tmp_path / "rods"))
-    assert [(e.identifier, e.subject, e.pose) for e in dataset.entries[1:4:2]] == [
+    dataset = folder_set(write_rods(tmp_path / "rods"))
+    assert [(e.identifier, e.subject, e.pose) for e in dataset.shapes[1:4:2]] == [
         *(("thick1", "thick", "1"), ("thin0", "thin", "0"))
     ]
     assert dataset.name == "rods"
-    assert dataset.load(dataset.entries[0]).n_faces == rod(0.1, 0).n_faces
+    assert dataset.load(dataset.shapes[0]).n_faces == rod(0.1, 0).n_faces
 
 
 def test_classes_come_from_sub_folders(tmp_path):
@@ -59,41 +59,41 @@ def test_a_wrong_cla_file_is_named(tmp_path, text, message):
     numbered(tmp_path)
     (tmp_path / "test.cla").write_text(text)
     with pytest.raises(DatasetError, match=message):
-        folder_dataset(tmp_path)
+        folder_set(tmp_path)
 
 
 def test_one_class_or_classes_of_one_shape_cannot_be_ranked(tmp_path):
     for number in range(3):
         write_off(tmp_path / "one" / f"cat{number}.off", rod(0.1, number))
     with pytest.raises(DatasetError, match="has one class \\('cat'\\).*sub-folder per class"):
-        check_retrievable(folder_dataset(tmp_path / "one"))
+        check_retrievable(folder_set(tmp_path / "one"))
     for name in ("cat", "dog"):
         write_off(tmp_path / "single" / f"{name}.off", rod(0.1, 1))
     with pytest.raises(DatasetError, match="each class of data set 'single' has one shape"):
-        check_retrievable(folder_dataset(tmp_path / "single"))
+        check_retrievable(folder_set(tmp_path / "single"))
 
 
 def test_one_shape_in_several_formats_counts_once(tmp_path):
     numbered(tmp_path, 2)
     (tmp_path / "0.obj").write_text("v 0 0 0\n")
-    assert [e.path.name for e in folder_dataset(tmp_path).entries] == ["0.off", "1.off"]
+    assert [e.path.name for e in folder_set(tmp_path).shapes] == ["0.off", "1.off"]
 
 
 def test_the_recipe_follows_the_bytes_not_the_place(tmp_path):
     for name in ("a", "b"):
         write_rods(tmp_path / name)
-    first, second = (folder_dataset(tmp_path / name) for name in ("a", "b"))
-    assert [first.recipe(e) for e in first.entries] == [second.recipe(e) for e in second.entries]
+    first, second = (folder_set(tmp_path / name) for name in ("a", "b"))
+    assert [first.key(e) for e in first.shapes] == [second.key(e) for e in second.shapes]
     write_off(tmp_path / "b" / "thin0.off", rod(0.07, 0))
-    changed = folder_dataset(tmp_path / "b")
-    assert sum(first.recipe(a) != changed.recipe(b) for a, b in zip(first.entries, changed.entries, strict=True)) == 1
+    changed = folder_set(tmp_path / "b")
+    assert sum(first.key(a) != changed.key(b) for a, b in zip(first.shapes, changed.shapes, strict=True)) == 1
 
 
 def test_a_cla_file_that_counts_from_1_is_told_so(tmp_path):
     numbered(tmp_path)
     (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n1\n2\n\nwoman 0 2\n3\n4\n")
     with pytest.raises(DatasetError, match="lists model 4, .*counts from 1, the meshes from 0: subtract 1"):
-        folder_dataset(tmp_path)
+        folder_set(tmp_path)
 
 
 def test_a_number_that_two_files_bear_is_named(tmp_path):
@@ -101,7 +101,7 @@ def test_a_number_that_two_files_bear_is_named(tmp_path):
     write_off(tmp_path / "03.off", rod(0.1, 1.0))
     (tmp_path / "test.cla").write_text(CLA)
     with pytest.raises(DatasetError, match="lists model 3, which may be 3.off or 03.off|03.off or 3.off"):
-        folder_dataset(tmp_path)
+        folder_set(tmp_path)
 
 
 def test_a_cla_file_cannot_lead_out_of_its_folder(tmp_path):
@@ -110,7 +110,7 @@ def test_a_cla_file_cannot_lead_out_of_its_folder(tmp_path):
     (tmp_path / "set" / "1.off").rename(tmp_path / "secret.off")
     (tmp_path / "set" / "1.off").symlink_to(tmp_path / "secret.off")
     with pytest.raises(DatasetError, match="names '1.off', which lies outside its folder; copy the mesh"):
-        folder_dataset(tmp_path / "set")
+        folder_set(tmp_path / "set")
 
 
 # Settings
@@ -119,11 +119,11 @@ def test_a_cla_file_cannot_lead_out_of_its_folder(tmp_path):
 def settled(tmp_path, text):
     write_rods(tmp_path / "rods")
     (tmp_path / "rods" / "dataset.toml").write_text(text, encoding="utf-8")
-    return folder_dataset(tmp_path / "rods")
+    return folder_set(tmp_path / "rods")
 
 
 def cameras(dataset):
-    return {e.subject: dataset.camera(e) for e in dataset.entries}
+    return {e.subject: dataset.camera(e) for e in dataset.shapes}
 
 
 def test_without_settings_the_first_pose_is_canonical_and_the_camera_looks_at_the_front(tmp_path):

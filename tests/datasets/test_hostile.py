@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.datasets.checking import check, check_source
-from benchmark.datasets.folder import folder_dataset
+from benchmark.datasets.folder import folder_set
 from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
 from tests.pipeline.test_bad_shapes import BAD
 from tests.toy import rod, write_off, write_rods
@@ -23,7 +23,7 @@ def rods(tmp_path):
 def refused(folder, message):
     """The same problem is named by the loader, the check, the plan and the run, and nothing else comes out."""
     with pytest.raises(BenchmarkError, match=message) as caught:
-        folder_dataset(folder)
+        folder_set(folder)
     assert caught.value.hint
     report = check_source(str(folder), None)
     assert not report.usable
@@ -65,13 +65,13 @@ def test_a_number_in_a_cla_file_is_of_ascii_digits(tmp_path, word):
     write_off(tmp_path / "0.off", rod(0.1, 0.0))
     (tmp_path / "x.cla").write_text(f"PSB 1\n1 1\n\na 0 {word}\n0\n")
     with pytest.raises(DatasetError, match="is not a whole number; expected '<name>"):
-        folder_dataset(tmp_path)
+        folder_set(tmp_path)
 
 
 def test_a_link_that_leads_nowhere_costs_its_shape(rods):
     (rods / "thin9.off").symlink_to("nowhere.off")
-    dataset = folder_dataset(rods)
-    (lost,) = (entry for entry in dataset.entries if entry.identifier == "thin9")
+    dataset = folder_set(rods)
+    (lost,) = (entry for entry in dataset.shapes if entry.identifier == "thin9")
     with pytest.raises(UnreadableMesh, match=r"thin9\.off: No such file"):
         dataset.load(lost)
     (anomaly,) = check(dataset).anomalies
@@ -84,17 +84,17 @@ def test_names_that_cannot_be_printed_are_written_so_that_they_can(rods):
     (rods / "thin0.off").rename(rods / "thin\n0.off")
     (rods / "thin1.off").rename(rods / "thin\x1b[31m1.off")
     os.rename(raw + b"/thin2.off", raw + b"/thin\xff2.off")  # noqa: PTH104
-    entries = {entry.identifier: entry for entry in folder_dataset(rods).entries}
+    entries = {entry.identifier: entry for entry in folder_set(rods).shapes}
     assert {r"thin\n0", r"thin\x1b[31m1", r"thin\udcff2"} <= entries.keys()
     assert entries[r"thin\n0"].subject == r"thin\n"
     for entry in entries.values():
         for text in (entry.identifier, entry.subject, entry.pose):
             assert text.isprintable()
             text.encode("utf-8")
-        assert folder_dataset(rods).load(entry).n_vertices == 290
+        assert folder_set(rods).load(entry).n_vertices == 290
     (rods / r"thin\n0.off").write_bytes((rods / "thin\n0.off").read_bytes())
     with pytest.raises(DatasetError, match="two shapes that are both written"):
-        folder_dataset(rods)
+        folder_set(rods)
 
 
 # Shapes out of scale

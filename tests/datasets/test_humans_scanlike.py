@@ -9,7 +9,6 @@ import trimesh
 
 from benchmark.datasets import humans, humans_scanlike
 from benchmark.datasets.human_subjects import adults
-from benchmark.datasets.humans_scanlike import HumansScanlike
 from benchmark.geometry.mesh import Mesh
 
 pytestmark = pytest.mark.kernels
@@ -21,8 +20,8 @@ def solid(mesh: Mesh) -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def pair() -> tuple[Mesh, Mesh]:
-    data = HumansScanlike()
-    first, second = (entry for entry in data.entries if entry.identifier in ("man-3_waving", "woman-5_waving"))
+    data = humans_scanlike.humans_scanlike()
+    first, second = (entry for entry in data.shapes if entry.identifier in ("man-3_waving", "woman-5_waving"))
     return data.load(first), data.load(second)
 
 
@@ -40,7 +39,7 @@ def test_a_scan_is_one_closed_skin_of_the_body(pair: tuple[Mesh, Mesh]) -> None:
 
 
 def test_a_scan_lies_on_the_body_but_for_cavities_and_fingers(pair: tuple[Mesh, Mesh]) -> None:
-    entry = next(entry for entry in HumansScanlike().entries if entry.identifier == "man-3_waving")
+    entry = next(entry for entry in humans_scanlike.humans_scanlike().shapes if entry.identifier == "man-3_waving")
     body = humans.human_mesh(adults()["man-3"], humans_scanlike._pose(entry))
     gap = np.sqrt(igl.point_mesh_squared_distance(pair[0].vertices, body.vertices, body.faces)[0])
     assert 0.001 < np.median(gap) < 0.005  # asymmetry, noise and sampling

@@ -2,134 +2,114 @@
 
 import pytest
 
-from benchmark.datasets.catalogue import open_dataset, sources
-from benchmark.datasets.own import data_sets_of, open_own
+from benchmark.datasets.catalogue import open_dataset, sources, table_name
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
-from benchmark.plugins import remote
-from benchmark.plugins.inspection import inspect
+from benchmark.geometry.camera import SIDE
 from tests.toy import write_rods
 
-pytestmark = pytest.mark.usefixtures("forked_workers")
-
 PLUGIN = """
-import os, random, time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
-from benchmark.api.datasets import SIDE, Camera, DatasetInfo, Entry, Mesh
+from benchmark.api import SIDE, Camera, Entry, Mesh, ShapeSet
 from tests.toy import rod
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rods:
-    info: ClassVar[DatasetInfo] = DatasetInfo({info})
-    bends: tuple[float, ...] = (0.5, 1.5)
+def load(entry):
+    {load}
 
-    def entries(self):
-        {entries}
 
-    def load(self, entry):
-        {load}
-{more}
+RODS = ShapeSet(
+    name={name!r},
+    shapes={shapes},
+    load=load,
+    {more}
+)
 """
 
-ENTRIES = "return [Entry(f'{s}{n}', s, str(n)) for s in ('thin', 'thick') for n in range(len(self.bends))]"
-LOAD = "return rod(0.1 if entry.subject == 'thin' else 0.3, self.bends[int(entry.pose)], 12, 8)"
+SHAPES = "tuple(Entry(f'{s}{n}', s, str(n)) for s in ('thin', 'thick') for n in range(2))"
+LOAD = "return rod(0.1 if entry.subject == 'thin' else 0.3, 0.5 + int(entry.pose), 12, 8)"
 
 
 @pytest.fixture
 def plugin(tmp_path):
-    def write(info="name='rods', title='Rods'", entries=ENTRIES, load=LOAD, more="", file="rods.py"):
+    def write(name="rods", shapes=SHAPES, load=LOAD, more="", file="rods.py"):
         path = tmp_path / file
-        path.write_text(PLUGIN.format(info=info, entries=entries, load=load, more=more))
+        path.write_text(PLUGIN.format(name=name, shapes=shapes, load=load, more=more))
         return path
 
     return write
 
 
-def opened(path):
-    (source,) = data_sets_of([path]).values()
-    return open_own(source)
+def opened(path, name="rods"):
+    return open_dataset(sources([name], [path])[0])
 
 
-def test_a_data_set_is_what_its_class_lists_and_loads(plugin):
-    path = plugin()
-    (source,) = sources(["rods"], [path])
-    dataset = open_dataset(source, None)
-    assert (dataset.name, dataset.title, dataset.stand_in_for) == ("rods", "Rods", "")
-    assert [entry.identifier for entry in dataset.entries] == ["thin0", "thin1", "thick0", "thick1"]
-    thin, thick = dataset.load(dataset.entries[0]), dataset.load(dataset.entries[2])
+def test_a_data_set_is_a_variable_of_its_file(plugin):
+    path = plugin(more="camera=lambda entry: SIDE, key=lambda entry: 'made in spring',")
+    dataset = opened(path)
+    assert (dataset.name, dataset.title, dataset.code) == ("rods", "rods", (str(path),))
+    assert [entry.identifier for entry in dataset.shapes] == ["thin0", "thin1", "thick0", "thick1"]
+    thin, _, thick, _ = map(dataset.load, dataset.shapes)
     assert thick.area > thin.area
-    assert dataset.recipe(dataset.entries[0]) == "rods thin0 {'bends': (0.5, 1.5)}"
+    assert dataset.camera(dataset.shapes[0]) == SIDE
+    assert dataset.key(dataset.shapes[0]) == "rods thin0 made in spring"
 
 
-def test_optional_methods_are_asked(plugin):
-    more = "    def camera(self, entry): return SIDE\n    def recipe(self, entry): return 'made in spring'"
-    dataset = opened(plugin(more=more))
-    assert dataset.camera(dataset.entries[0]).direction == (1.0, 0.0, 0.0)
-    assert dataset.recipe(dataset.entries[0]).endswith("made in spring")
+def test_its_shapes_can_be_changed_as_those_of_any_set(plugin):
+    path = plugin()
+    changed = opened(path, "rods[noise=2][view-angle=1]")
+    assert changed.name == table_name(f"{path}:RODS[noise=2][view-angle=1]") == "rods[noise=2][view-angle=1]"
+    assert changed.code == (str(path), "benchmark.datasets.changes")
+    assert changed.load(changed.shapes[0]).n_vertices == opened(path).load(changed.shapes[0]).n_vertices
 
 
 def test_meshes_of_files_need_no_load_and_are_known_by_their_content(plugin, tmp_path):
     write_rods(tmp_path / "files")
-    entries = "return [Entry(p.stem, p.stem[:-1], p.stem[-1], p) for p in sorted(Path(FOLDER).iterdir())]"
-    path = plugin(entries=entries.replace("FOLDER", repr(str(tmp_path / "files"))))
-    path.write_text(path.read_text().replace("def load", "def unused"))
+    shapes = "tuple(Entry(p.stem, p.stem[:-1], p.stem[-1], p) for p in sorted(Path(FOLDER).iterdir()))"
+    path = plugin(shapes=shapes.replace("FOLDER", repr(str(tmp_path / "files"))))
+    path.write_text(path.read_text().replace("    load=load,\n", ""))
     dataset = opened(path)
-    assert dataset.load(dataset.entries[0]).n_vertices > 100
-    before = [dataset.recipe(entry) for entry in dataset.entries]
+    assert dataset.load(dataset.shapes[0]).n_vertices > 100
+    before = [dataset.key(entry) for entry in dataset.shapes]
     (tmp_path / "files" / "thin0.off").write_bytes((tmp_path / "files" / "thin1.off").read_bytes())
-    after = [dataset.recipe(entry) for entry in dataset.entries]
+    after = [dataset.key(entry) for entry in dataset.shapes]
     assert [a == b for a, b in zip(before, after, strict=True)].count(False) == 1
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"entries": "return []"}, "it lists no shapes"),
-        ({"entries": "return ['thin0']"}, "'entries' lists str; list Entry"),
-        ({"entries": "return [Entry('a', 'b', 'c'), Entry('a', 'b', 'd')]"}, "two shapes are called 'a'"),
-        ({"entries": "return [Entry('a', '', 'c')]"}, "subject '' is not a text of one line"),
-        ({"entries": "return [Entry('a\\nb', 'b', 'c')]"}, "identifier .* is not a text of one line"),
-        ({"entries": "return [Entry('a', 'b', 'c', '/x.off')]"}, "path of 'a' is str; pass a pathlib.Path"),
-        ({"entries": "return 1 / 0"}, "Rods cannot be opened: ZeroDivisionError: .*correct the file"),
-        ({"info": "name='My Rods', title='Rods'"}, "name 'My Rods' is not lower-case words"),
-        ({"info": "name='rods', title=''"}, "title is empty; write the text for the tables"),
-        ({"info": "name='rods', title='Rods', half_width=-1"}, "half_width is -1; write a positive number"),
-        ({"info": "name='humans', title='Humans'"}, "there is a data set 'humans' already; rename"),
+        ({"shapes": "()"}, "it lists no shapes"),
+        ({"shapes": "('thin0',)"}, "'shapes' lists str; list Entry"),
+        ({"shapes": "(Entry('a', 'b', 'c'), Entry('a', 'b', 'd'))"}, "two shapes are called 'a'"),
+        ({"shapes": "(Entry('a', '', 'c'),)"}, "subject '' is not a text of one line"),
+        ({"shapes": "(Entry('a\\nb', 'b', 'c'),)"}, "identifier .* is not a text of one line"),
+        ({"shapes": "1 / 0"}, "rods.py cannot be imported: rods.py:14: ZeroDivisionError"),
+        ({"name": "My Rods"}, "name 'My Rods' is not lower-case words"),
+        ({"name": "humans"}, "there is a data set 'humans' already; rename"),
     ],
 )
 def test_what_a_data_set_cannot_be_is_named(plugin, changes, message):
     path = plugin(**changes)
-    with pytest.raises(DatasetError, match=message):
-        open_dataset(sources(data_sets_of([path]), [path])[0], None)
+    with pytest.raises((DatasetError, ConfigurationError), match=message):
+        opened(path, changes.get("name", "rods"))
 
 
 @pytest.mark.parametrize(
     ("load", "message"),
     [
-        ("return None", "shape 'thin0': 'load' returned NoneType; return Mesh"),
+        ("return None", "shape 'thin0': it returned NoneType; return Mesh"),
         ("return Mesh([[0, 0, float('nan')]], [])", "NaN or infinite"),
-        ("raise KeyError('thin')", "shape 'thin0': 'load' raises KeyError: 'thin'; correct the file"),
+        ("raise KeyError('thin')", "shape 'thin0': rods.py:9: KeyError: 'thin'; correct the file"),
     ],
 )
 def test_a_mesh_that_cannot_be_made_costs_its_shape(plugin, load, message):
     dataset = opened(plugin(load=load))
     with pytest.raises(BenchmarkError, match=message) as caught:
-        dataset.load(dataset.entries[0])
+        dataset.load(dataset.shapes[0])
     assert isinstance(caught.value, UnreadableMesh) or "NaN" in message
 
 
 def test_an_unknown_name_is_answered_with_those_of_the_file(plugin):
     with pytest.raises(ConfigurationError, match="unknown data set 'rodds'; did you mean rods"):
         sources(["rodds"], [plugin()])
-
-
-def test_a_file_that_hangs_while_it_lists_its_shapes_is_refused_from_outside(plugin, monkeypatch):
-    monkeypatch.setattr(remote, "LIMIT", 1.0)
-    with pytest.raises(ConfigurationError, match="does not end: stopped after 1 s"):
-        inspect([plugin(entries="time.sleep(3600)")])
-
-
-# The checks ----------------------------------------------------------------------------------------------------------

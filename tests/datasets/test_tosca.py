@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from benchmark.datasets.catalogue import canonical_entry
-from benchmark.datasets.official.tosca import tosca
+from benchmark.datasets.base import canonical_entry
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE
 from tests.geometry.mutations import valid_files
@@ -17,27 +17,27 @@ def test_tosca_reads_its_three_layouts(tmp_path):
         (tmp_path / "tosca" / name).write_bytes(files[content])
     write_off(tmp_path / "tosca" / "david12.off", mesh)
     (tmp_path / "tosca" / "readme.txt").write_text("")
-    dataset = tosca(tmp_path)
-    assert [(e.identifier, e.subject) for e in dataset.entries] == [
+    dataset = open_dataset("tosca", tmp_path)
+    assert [(e.identifier, e.subject) for e in dataset.shapes] == [
         ("cat0", "cat"),
         ("cat1", "cat"),
         ("david12", "david"),
         ("dog0", "dog"),
     ]
-    for entry in dataset.entries:
+    for entry in dataset.shapes:
         read = dataset.load(entry)
         np.testing.assert_allclose(read.vertices, mesh.vertices, rtol=1e-12)
         np.testing.assert_array_equal(read.faces, mesh.faces)
-    assert [dataset.camera(e) for e in dataset.entries] == [SIDE, SIDE, FRONT, SIDE]
+    assert [dataset.camera(e) for e in dataset.shapes] == [SIDE, SIDE, FRONT, SIDE]
 
 
 def test_tosca_may_stay_as_its_archive_unpacks(tmp_path):
     for name in ("nonrigid/cats/cat0", "nonrigid/dog0", "david0"):
         write_off(tmp_path / "tosca" / f"{name}.off", rod(0.1, 1.0))
-    assert [entry.identifier for entry in tosca(tmp_path).entries] == ["cat0", "david0", "dog0"]
+    assert [entry.identifier for entry in open_dataset("tosca", tmp_path).shapes] == ["cat0", "david0", "dog0"]
     write_off(tmp_path / "tosca" / "cat0.off", rod(0.1, 1.0))
     with pytest.raises(DatasetError, match="holds one shape as .*cat0.off and .*cats/cat0.off; keep one"):
-        tosca(tmp_path)
+        open_dataset("tosca", tmp_path)
 
 
 def test_tosca_takes_the_null_pose_or_what_its_folder_says(tmp_path):
@@ -45,19 +45,19 @@ def test_tosca_takes_the_null_pose_or_what_its_folder_says(tmp_path):
         write_off(tmp_path / "tosca" / f"{name}.off", rod(0.1, 1.0))
 
     def canonical():
-        dataset = tosca(tmp_path)
+        dataset = open_dataset("tosca", tmp_path)
         return [canonical_entry(dataset, subject).identifier for subject in ("cat", "gorilla", "wolf")]
 
     assert canonical() == ["cat0", "gorilla1", "wolf1"]
     toml = tmp_path / "tosca" / "dataset.toml"
     toml.write_text('[canonical_pose]\ncat = "1"\n[camera]\ncat = "other-side"\n')
     assert canonical() == ["cat1", "gorilla1", "wolf1"]
-    dataset = tosca(tmp_path)
-    assert {e.subject: dataset.camera(e).direction for e in dataset.entries} == {
+    dataset = open_dataset("tosca", tmp_path)
+    assert {e.subject: dataset.camera(e).direction for e in dataset.shapes} == {
         "cat": (-1, 0, 0),
         "gorilla": FRONT.direction,
         "wolf": SIDE.direction,
     }
     toml.write_text('canonical_pose = "0"')
     with pytest.raises(ConfigurationError, match="unknown pose of class 'wolf' .*; choose one of 1, 2"):
-        tosca(tmp_path)
+        open_dataset("tosca", tmp_path)

@@ -7,8 +7,8 @@ from functools import cache, partial
 from typing import Any, NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.datasets.folder import folder_dataset
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS
+from benchmark.datasets.changes import CHANGES, LEVELS
+from benchmark.datasets.folder import folder_set
 from benchmark.geometry.camera import DepthSensor
 from benchmark.geometry.geodesics import SOLVERS
 from benchmark.registry import BUILT_IN as METHODS
@@ -57,7 +57,7 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
 }
 
 #: Additional parts of sets: properties that two or three shapes do not show.
-WHOLE = {"humans-scanlike": "bodies", "people": "subjects", "animals": "skeletons", "humans": "gallery"}
+WHOLE = {"humans-scanlike": "bodies", "people": "subjects", "animals": "skeletons"}
 
 
 class Part(NamedTuple):
@@ -100,10 +100,8 @@ def _components() -> Iterator[tuple[str, Component]]:
     yield "sampler/people", Component(partial(_called, stages.sampled, {"bodies": ()}), SINGLES)
     for name in ("files", "frames"):
         yield f"data/{name}", Component(partial(_read, name))
-    for name in PERTURBATIONS:
+    for name in sorted(CHANGES.keys() - {"perspective"}):
         yield f"change/{name}", Component(partial(_changed, name), FORMS)
-    jitters = {"1": ("jitter", 1, 0), "2": ("jitter", 2, 0)}
-    yield "change/jitter", Component(partial(_called, stages.changed, jitters))
     yield "measures", Component(_measures)
     galleries = {"whole": (SIGNED, [*"aaba"], ()), "refused": (SIGNED, [*"aaba"], SIGNED[1:2])}
     yield "ranking", Component(partial(_called, stages.ranked, galleries))
@@ -154,7 +152,7 @@ def _api() -> Iterator[Part]:
 def _generated(name: str) -> Iterator[Part]:
     dataset = open_dataset(name, None)
     yield Part("all", stages.entries_of, (dataset,))
-    for entry in (dataset.entries[place] for place in GENERATED[name]):
+    for entry in (dataset.shapes[place] for place in GENERATED[name]):
         yield Part(entry.identifier, stages.mesh_of, (dataset, entry))
     if name in WHOLE:
         yield Part(WHOLE[name], getattr(stages, WHOLE[name]))
@@ -164,14 +162,14 @@ def _read(folder: str) -> Iterator[Part]:
     for path in sorted((inputs.INPUTS / folder).iterdir()):
         yield Part(path.name, stages.file_of, (path,))
     if folder == "files":
-        yield Part("folder", stages.entries_of, (folder_dataset(inputs.INPUTS / folder),))
+        yield Part("folder", stages.entries_of, (folder_set(inputs.INPUTS / folder),))
     else:
         yield Part("object", stages.frame_of, (inputs.INPUTS / folder / "millimetres.png",))
 
 
 def _changed(name: str) -> Iterator[Part]:
-    on_mesh = PERTURBATIONS[name].on_mesh
-    for strength in STRENGTHS:
+    on_mesh = CHANGES[name].of_mesh if name != "jitter" else None
+    for strength in LEVELS[: 2 if name == "jitter" else None]:
         yield Part(f"{strength}", stages.changed, (name, strength, 0))
     if on_mesh:
         yield Part("scan", stages.changed, (name, 3, 1))

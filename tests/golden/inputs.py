@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -15,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.datasets.base import Entry
-from benchmark.geometry.camera import FRONT
+from benchmark.api.datasets import Entry, ShapeSet
 
 #: Log-odds of masks by network: nearly all pixels are so far from 0.5 that rounding does not change the mask.
 MASKS = {
@@ -61,11 +59,10 @@ def depth_shape(name: str) -> Shape:
 
 def committed_meshes() -> Any:
     """Return a data set of raw meshes, to be changed."""
-    return SimpleNamespace(
+    return ShapeSet(
         name="committed",
-        entries=(Entry("dog", "dog", "3"), Entry("scan", "scan", "0")),
+        shapes=(Entry("dog", "dog", "3"), Entry("scan", "scan", "0")),
         load=lambda entry: mesh("raw", entry.identifier),
-        camera=lambda _: FRONT,
     )
 
 

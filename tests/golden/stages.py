@@ -13,13 +13,13 @@ import numpy as np
 import pandas
 
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.datasets import catalogue, human_poses, human_subjects, humans, jittered
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets import human_poses, human_subjects, humans
 from benchmark.datasets import humans_scanlike as scanlike
 from benchmark.datasets.animals.generate import SPECIES
 from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
 from benchmark.datasets.animals.skeleton import Skeleton
-from benchmark.datasets.base import Dataset, Entry
-from benchmark.datasets.perturbations.dataset import perturbed
+from benchmark.datasets.changes import changed as changed_set
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
@@ -152,25 +152,19 @@ def draws() -> Arrays:
     return {"draws": inputs.shape("small").random("golden").standard_normal(9)}
 
 
-def entries_of(dataset: Dataset) -> Arrays:
+def entries_of(dataset: ShapeSet) -> Arrays:
     """Return the description of the shapes of a data set."""
-    sensor = getattr(dataset, "sensor", lambda _: "")
+    sensor = dataset.sensor
     lines = [
-        f"{e.identifier} {e.subject} {e.pose} {dataset.camera(e)} {sensor(e) or ''}".strip() for e in dataset.entries
+        f"{e.identifier} {e.subject} {e.pose} {dataset.camera(e)} {sensor(e) or ''}".strip() for e in dataset.shapes
     ]
     return {"entries": lines, "about": f"{dataset.name} {dataset.half_width} {dataset.stand_in_for}"}
 
 
-def mesh_of(dataset: Dataset, entry: Entry, step: int = 100) -> Arrays:
+def mesh_of(dataset: ShapeSet, entry: Entry, step: int = 100) -> Arrays:
     """Return some vertices, and all faces, of a shape of a data set."""
     mesh = dataset.load(entry)
     return {"vertices": mesh.vertices[::step], "faces": mesh.faces, "count": mesh.n_vertices}
-
-
-def gallery() -> Arrays:
-    """Return generated humans with other numbers of subjects and poses."""
-    dataset = catalogue.open_dataset("humans[subjects=30,poses=3]", None)
-    return {**entries_of(dataset), **mesh_of(dataset, dataset.entries[-2])}
 
 
 def subjects() -> Arrays:
@@ -205,12 +199,9 @@ def sampled() -> Arrays:
 
 def changed(change: str, value: Any, place: int) -> Arrays:
     """Return a committed mesh after a change of its data set, and its camera."""
-    if change == "jitter":
-        dataset: Any = jittered.Jittered(inputs.committed_meshes(), value)
-    else:
-        dataset = perturbed(inputs.committed_meshes(), change, value)
-    entry = dataset.entries[place]
-    camera, sensor = dataset.camera(entry), dataset.sensor(entry) if hasattr(dataset, "sensor") else None
+    dataset = changed_set(inputs.committed_meshes(), change, value)
+    entry = dataset.shapes[place]
+    camera, sensor = dataset.camera(entry), dataset.sensor(entry)
     image = {"image": sensor.perturbed(np.linspace(0, 1, 60).reshape(6, 10))} if sensor else {}
     return {**mesh_of(dataset, entry, 25), "camera": [*camera.direction, *camera.up], **image}
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from benchmark.api.learning import CARD, read_card
 from benchmark.datasets import human_subjects
-from benchmark.datasets.animals import Animals
+from benchmark.datasets.animals import animals
 from benchmark.datasets.human_poses import POSES
 from benchmark.datasets.human_subjects import SUBJECTS, adults, clearances
-from benchmark.datasets.humans import CANONICAL_POSE, Humans
+from benchmark.datasets.humans import CANONICAL_POSE
+from benchmark.datasets.people import humans
 from benchmark.protocols.trainings import SUBJECT_FOLDS
 from learned.methods import Learned, Streamed
 from learned.models import Card, load
@@ -46,7 +47,7 @@ def test_no_strict_model_has_seen_its_subjects_or_its_poses() -> None:
         fold, part = map(int, card.data.split("-")[2:])
         tested = {NAMES[place] for place in SUBJECT_FOLDS[fold]}
         poses = {pose for place, pose in enumerate(POSES) if place // 5 == part}
-        shown = {each.identifier for each in Humans().entries if each.subject not in tested and each.pose not in poses}
+        shown = {each.identifier for each in humans().shapes if each.subject not in tested and each.pose not in poses}
         taught = {f"{subject}_{CANONICAL_POSE}" for subject in NAMES if subject not in tested}
         assert card.identifiers == shown | taught
 
@@ -58,10 +59,10 @@ def test_neither_cat_nor_horse_is_seen_by_a_model_of_table_3() -> None:
 
 
 def test_generated_bodies_are_none_of_the_data_sets() -> None:
-    animals = {name for entry in Animals().entries for name in (entry.identifier, entry.subject)}
+    beasts = {name for entry in animals().shapes for name in (entry.identifier, entry.subject)}
     for card in cards_of("humans-sampled|humans-varied|animals-sampled"):
-        assert not card.subjects & {*NAMES, *adults(), *animals}
-        assert not card.identifiers & animals
+        assert not card.subjects & {*NAMES, *adults(), *beasts}
+        assert not card.identifiers & beasts
         assert card.extra_data
         assert set(card.clearance.values()) == {human_subjects.CLEARANCE}
 
@@ -76,6 +77,6 @@ def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one() -> None
 
 
 def test_a_cat_is_doubted_by_the_network_of_people_and_a_person_is_not() -> None:
-    cat, person = (Streamed().measure_fit(view(dataset)) for dataset in (Animals(), Humans()))
+    cat, person = (Streamed().measure_fit(view(dataset)) for dataset in (animals(), humans()))
     assert cat["outline_blur"] > Streamed.usual_blur > person["outline_blur"]
     assert ("doubt" in cat, "doubt" in person) == (True, False)

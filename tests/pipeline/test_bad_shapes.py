@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmark.datasets.folder import folder_dataset
+from benchmark.datasets.folder import folder_set
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.method_run import Preparation, require_arrays
@@ -48,11 +48,11 @@ BAD = {
 @pytest.mark.parametrize("input_", ["mesh", "view"])
 def test_the_others_are_prepared_as_if_a_bad_shape_were_not_there(tmp_path, name, input_):
     folder = write_rods(tmp_path / "rods", bends=(0.0, 1.2))
-    alone = Preparation(folder_dataset(folder), input_)
-    expected = {entry.identifier: require_arrays(alone.artefact(entry)) for entry in alone.dataset.entries}
+    alone = Preparation(folder_set(folder), input_)
+    expected = {entry.identifier: require_arrays(alone.artefact(entry)) for entry in alone.dataset.shapes}
     write_off(folder / "thin9.off", BAD[name][0])
-    beside = Preparation(folder_dataset(folder), input_)
-    for entry in beside.dataset.entries:
+    beside = Preparation(folder_set(folder), input_)
+    for entry in beside.dataset.shapes:
         if entry.identifier in expected:
             found = require_arrays(beside.artefact(entry))
             assert all(found[key].tobytes() == array.tobytes() for key, array in expected[entry.identifier].items())

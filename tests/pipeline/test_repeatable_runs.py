@@ -31,6 +31,6 @@ def test_a_method_of_a_plugin_whose_runs_differ_is_noted_at_one_shape(method, no
     dataset, store = open_dataset(str(tmp_path / "rods"), None), Store.open(tmp_path / "results")
     (spec,) = (spec for spec in plugin_methods(tmp_path / "moods.py") if spec.name == method)
     method_run = MethodRun(Preparation(dataset, "mesh", store), store, spec)
-    first, second = (method_run.answer(entry).arrays for entry in dataset.entries[:2])
+    first, second = (method_run.answer(entry).arrays for entry in dataset.shapes[:2])
     assert RUNS_DIFFER not in second
     assert (first[RUNS_DIFFER].item() if RUNS_DIFFER in first else None) == noted

@@ -7,17 +7,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from benchmark.api.datasets import Entry
 from benchmark.api.learning import CARD, Card, read_card
 from benchmark.cli.main import cli
-from benchmark.datasets.base import Entry
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.datasets.humans_gallery import HumansGallery
 from benchmark.protocols.models import Model, TooNear
 from benchmark.protocols.trainings import trainings_by_shape
 from learned.methods import Learned
 
 RANDOM = ["people", *(f"people[draw={draw}]" for draw in range(3))]
-GENERATED = HumansGallery(4, 2).name
+GENERATED = "people[n=4]"
 CHANGED = [
     "humans[noise=3]", "humans[jitter=1]", "humans[depth-noise=2][jitter=1]",
     "animals-few[noise=1]", "people[draw=1][holes=2]",
@@ -62,7 +61,7 @@ def share_seen(training: str, name: str) -> float:
 def test_every_pair_of_a_shipped_model_and_a_generated_set() -> None:
     models = shipped()
     assert len({model.training for model in models}) >= 18
-    subjects = {name: [(e, e.subject) for e in open_dataset(name, None).entries] for name in SETS}
+    subjects = {name: [(e, e.subject) for e in open_dataset(name, None).shapes] for name in SETS}
     for model in models:
         assert {name for name in SETS if refused(model, name)} == refused_on(model.training), model.folder
         for name, shapes in subjects.items():
@@ -74,10 +73,10 @@ def test_every_pair_of_a_shipped_model_and_a_generated_set() -> None:
 @pytest.mark.parametrize("name", ["humans[noise=3]", "animals-few"])
 def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name: str) -> None:
     dataset = open_dataset(name, None)
-    of_shape = trainings_by_shape(Learned(), dataset, dataset.entries, None)
+    of_shape = trainings_by_shape(Learned(), dataset, dataset.shapes, None)
     trainings = {model.training: model for model in shipped() if model.folder.name == "literal-seed0"}
-    seen = [e.identifier for e in dataset.entries if trainings[of_shape[e.identifier].name].has_seen(e, name)]
-    assert len(of_shape) == len(dataset.entries)
+    seen = [e.identifier for e in dataset.shapes if trainings[of_shape[e.identifier].name].has_seen(e, name)]
+    assert len(of_shape) == len(dataset.shapes)
     # The paper tests on animals that it trained on, too.
     assert seen == (["dog0", "dog2", "dog4"] if name == "animals-few" else [])
 

@@ -73,7 +73,7 @@ def test_quick_thins_the_poses_of_each_subject_evenly():
     (gallery,) = galleries(["I"], quick=True)
     poses = [entry.pose for entry in gallery.entries if entry.subject == gallery.entries[0].subject]
     assert 1 < len(poses) <= QUICK_POSES
-    assert poses[0] == gallery.dataset.entries[0].pose
+    assert poses[0] == gallery.dataset.shapes[0].pose
     assert (gallery.name, len(gallery.entries)) == ("humans fold 0 (quick)", 15)
     assert [gallery.table.identifier for gallery in galleries(quick=True)] == ["I", "III"]
     assert [gallery.table.identifier for gallery in galleries(["III"], quick=True)] == ["III"]

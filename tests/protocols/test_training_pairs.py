@@ -1,49 +1,41 @@
 """Pairs as a learner gets them, on a toy set of fifteen subjects in twenty poses."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import digest_of
-from benchmark.datasets.base import Entry, Part
+from benchmark.datasets.base import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.geometry.camera import FRONT
 from benchmark.pipeline.method_run import Preparation
 from benchmark.protocols.pairs import training_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.toy import rod
 
 
-@dataclass(frozen=True)
-class Rods:
+def rods(broken="", name="humans", canonical_poses=None):
     """Rods of fifteen widths, bent in twenty ways; one of them cannot be read."""
 
-    name: str = "humans"
-    title: str = "rods"
-    stand_in_for: str = ""
-    half_width: float = 2.0
-    broken: str = ""
-
-    @property
-    def entries(self):
-        return tuple(Entry(f"{s}-{p}", f"s{s}", f"p{p}") for s in range(15) for p in range(20))
-
-    def load(self, entry):
-        if entry.identifier == self.broken:
+    def load(entry):
+        if entry.identifier == broken:
             raise InvalidMesh("a hole", "correct it")
         subject, pose = map(int, entry.identifier.split("-"))
         return rod(0.1 + 0.01 * subject, 0.1 * pose, rings=8, sides=8)
 
-    def recipe(self, entry):
-        return f"rod {entry.identifier} {self.broken}"
-
-    def camera(self, entry):
-        return FRONT
+    return ShapeSet(
+        name=name,
+        shapes=tuple(Entry(f"{s}-{p}", f"s{s}", f"p{p}") for s in range(15) for p in range(20)),
+        load=load,
+        key=lambda entry: f"rod {entry.identifier} {broken}",
+        half_width=2.0,
+        canonical_poses=canonical_poses or {},
+    )
 
 
 def made(monkeypatch, name, dataset=None, say=None, **part):
-    monkeypatch.setattr("benchmark.protocols.pairs.open_dataset", lambda *_: dataset or Rods())
+    monkeypatch.setattr("benchmark.protocols.pairs.open_dataset", lambda *_: dataset or rods())
     training = replace(TRAININGS[name], **part)
     return training_data(training, None, say or (lambda _: None))
 
@@ -69,9 +61,9 @@ def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch):
 def test_images_are_those_that_methods_are_given(monkeypatch):
     data = made(monkeypatch, "humans-fold-2", trained=Part((0,), (1,)))
     (pair,) = data.pairs()
-    rods = Rods()
-    preparation = Preparation(rods, "view")
-    assert np.array_equal(pair.image, preparation.shape(rods.entries[1]).depth)
+    dataset = rods()
+    preparation = Preparation(dataset, "view")
+    assert np.array_equal(pair.image, preparation.shape(dataset.shapes[1]).depth)
     assert pair.image.shape == (500, 500)
     assert pair.image.dtype == np.float32
     assert 0 == pair.image.min() < pair.image.max() <= 1
@@ -85,10 +77,10 @@ def test_in_a_strict_training_the_canonical_pose_of_the_fold_is_target_alone(mon
 
 def test_a_shape_that_cannot_be_rendered_is_left_out_and_told(monkeypatch):
     said = []
-    data = made(monkeypatch, "humans-fold-2", Rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
+    data = made(monkeypatch, "humans-fold-2", rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in data.pairs()] == ["0-0", "0-1", "1-0"]
     assert said == ["skipped 1-1: a hole; correct it"]
-    without_target = made(monkeypatch, "humans-fold-2", Rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
+    without_target = made(monkeypatch, "humans-fold-2", rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in without_target.pairs()] == ["0-0", "0-1"]
 
 

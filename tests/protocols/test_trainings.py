@@ -2,18 +2,17 @@
 
 import pytest
 
-from benchmark.datasets.animals import Animals
+from benchmark.datasets.animals import animals
 from benchmark.datasets.base import Part
 from benchmark.datasets.catalogue import canonical_entry
-from benchmark.datasets.humans import Humans
-from benchmark.datasets.people import People
+from benchmark.datasets.people import People, humans
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 from tests.mean_folds import MeanSampled, MeanStrict
 from tests.mean_target import MeanTarget
 
-SETS = {"humans": Humans(), "people[draw=0]": People(), "animals": Animals()}
+SETS = {"humans": humans(), "people[draw=0]": People(), "animals": animals()}
 FOLDS = [f"humans-fold-{a}" for a in range(3)]
 STRICT = [f"{name}-strict-{a}-{b}" for name in ("humans", "people") for a in range(3) for b in range(4)]
 GENERATED = [name for name, training in TRAININGS.items() if training.dataset in SETS and training.trained != Part()]
@@ -53,7 +52,7 @@ def test_strict_trainings_see_no_pose_of_the_test_but_the_canonical_one_as_targe
     fold = {entry.pose for entry in unseen_of(name)}
     assert len(fold) == 5
     assert not fold & {entry.pose for entry in inputs}
-    canonical = {Humans().entries[0].pose}
+    canonical = {humans().shapes[0].pose}
     assert {entry.pose for entry in targets} == canonical
     assert bool(targets - set(inputs)) == bool(canonical & fold) == name.endswith("-0")
 

@@ -10,7 +10,7 @@ from benchmark.pipeline.stages.shapes import seen
 
 
 def view(dataset: Any) -> Shape:
-    entry = dataset.entries[0]
+    entry = dataset.shapes[0]
     arrays = seen(dataset.load(entry), dataset.camera(entry), dataset.half_width)
     mesh = Mesh(arrays["vertices"], arrays["faces"])
     return Shape(identifier=entry.identifier, mesh=mesh, depth=arrays["depth"])

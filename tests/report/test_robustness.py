@@ -4,7 +4,7 @@ import csv
 import io
 import json
 
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS, STRENGTHS, perturbed_name
+from benchmark.datasets.changes import CHANGES, LEVELS, changed_name
 from benchmark.pipeline.storage.records import as_text
 from benchmark.protocols.tables import INPUTS
 from benchmark.report.results import Result
@@ -15,7 +15,7 @@ from tests.verbs import call
 
 
 def perturbed(perturbation, strength, **more):
-    name = perturbed_name("rods", perturbation, strength)
+    name = changed_name("rods", perturbation, strength)
     return record(gallery=name, **more)
 
 
@@ -30,7 +30,7 @@ def noisy(*values, **more):
 
 def test_a_method_fails_where_nn_is_first_below_half_of_its_clean_value():
     found = collected(record(nn=1.0), *noisy(0.9, 0.75, 0.5, 0.25, 0.5))
-    assert set(found["half_at"]) == {PERTURBATIONS["noise"].amounts[3]}  # a half is not below a half
+    assert set(found["half_at"]) == {CHANGES["noise"].amounts[3]}  # a half is not below a half
     assert "| Classic-Mds | 1.00 | 0.008 |" in markdown(found)
     assert "Classic-Mds & 1.00 & 0.008" in latex(found)
     rows = list(csv.DictReader(io.StringIO(as_csv([found]))))
@@ -39,7 +39,7 @@ def test_a_method_fails_where_nn_is_first_below_half_of_its_clean_value():
 
 def test_destroyed_shapes_are_queries_without_success():
     lost = [["cat9", "gone"], ["cat8", "gone"], ["cat7", "gone"], ["cat6", "gone"]]
-    gone = failed(status="unsupported", gallery=perturbed_name("rods", "noise", 2))
+    gone = failed(status="unsupported", gallery=changed_name("rods", "noise", 2))
     found = collected(record(nn=1.0), perturbed("noise", 1, nn=0.75, unsupported=lost), gone)
     assert found["NN"].tolist()[:3] == [0.375, 0.0, None]
     assert "| *Shapes destroyed, at most* | 0 | 4 |" in markdown(found)
@@ -86,10 +86,10 @@ def test_a_plan_of_robustness_has_each_perturbation_under_the_inputs_that_it_is_
     options = ("-d", rods, "-m", "fast-mds", "-t", "robustness", "--results", tmp_path / "results")
     lines = call("plan", *options).splitlines()
     expected = {f"rods {input_} fast-mds" for input_ in INPUTS} | {
-        f"{perturbed_name('rods', perturbation, strength)} {input_} fast-mds"
-        for perturbation, known in PERTURBATIONS.items()
+        f"{changed_name('rods', perturbation, strength)} {input_} fast-mds"
+        for perturbation, known in CHANGES.items() if perturbation not in ("jitter", "perspective")
         for input_ in known.inputs
-        for strength in STRENGTHS
+        for strength in LEVELS
     }
     assert {
         line.removeprefix("missing").split("  never")[0].strip() for line in lines if line.startswith("missing")

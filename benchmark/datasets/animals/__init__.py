@@ -6,6 +6,6 @@ rotates the bones (:mod:`.skeleton`), the skin follows (:mod:`.skinning`) and th
 their lengths (:mod:`.relaxation`), because TOSCA tests invariance under isometry.
 """
 
-from benchmark.datasets.animals.dataset import CANONICAL_POSE, CLASSES, Animals, animals_mesh
+from benchmark.datasets.animals.dataset import CANONICAL_POSE, CLASSES, animals, animals_few, animals_mesh
 
-__all__ = ["CANONICAL_POSE", "CLASSES", "Animals", "animals_mesh"]
+__all__ = ["CANONICAL_POSE", "CLASSES", "animals", "animals_few", "animals_mesh"]

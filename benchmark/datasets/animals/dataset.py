@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.animals.generate import generated_mesh, generated_recipe
 from benchmark.datasets.animals.poses import POSES
-from benchmark.datasets.base import Entry
 from benchmark.datasets.human_poses import POSES as HUMAN_POSES
 from benchmark.datasets.human_subjects import Subject
 from benchmark.datasets.humans import human_mesh, recipe
 from benchmark.errors import did_you_mean
-from benchmark.geometry.camera import FRONT, SIDE, Camera
+from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.mesh import Mesh
 
 CENTIMETRES = 100.0
@@ -68,6 +68,9 @@ CANONICAL_POSE = "standing"
 FROM_THE_SIDE = frozenset({"cat", "centaur", "dog", "horse", "wolf"})
 """Classes with long axis y, viewed from the side; the gorilla and the people are viewed from the front."""
 
+_FEW = 7
+"""Least number of shapes of a class of ``animals-few``."""
+
 _DECIMALS = 4
 """Decimals of coordinates in centimetres: micrometres, far above rounding errors."""
 
@@ -117,29 +120,34 @@ def animals_mesh(identifier: str) -> Mesh:
     return mesh.with_vertices(np.round(mesh.vertices - origin, _DECIMALS))
 
 
-@dataclass(frozen=True)
-class Animals:
-    """Data set of animals and people, ordered by class, then by pose."""
+def animals() -> ShapeSet:
+    """Return all 80 animals and people, ordered by class, then by pose."""
+    return ShapeSet(
+        name="animals",
+        title="animals (stand-in for TOSCA)",
+        stand_in_for="tosca",
+        shapes=tuple(ENTRIES.values()),
+        load=lambda entry: animals_mesh(entry.identifier),
+        key=_key,
+        camera=lambda entry: SIDE if entry.subject in FROM_THE_SIDE else FRONT,
+        half_width=190.0,
+        code=(__name__,),
+    )
 
-    name: str = "animals"
-    title: str = "animals (stand-in for TOSCA)"
-    stand_in_for: str = "tosca"
-    half_width: float = 190.0
 
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """All 80 shapes."""
-        return tuple(ENTRIES.values())
+def animals_few() -> ShapeSet:
+    """Return three poses of each class with at least seven shapes."""
+    kept = {f"{name}{pose}" for name, size in CLASSES.items() if size >= _FEW for pose in (0, 2, 4)}
+    return replace(
+        animals(),
+        name="animals-few",
+        title="animals-few (generated, 6 classes x 3 poses)",
+        stand_in_for="",
+        shapes=tuple(entry for name, entry in ENTRIES.items() if name in kept),
+    )
 
-    def load(self, entry: Entry) -> Mesh:
-        """Generate the mesh of a shape; see :func:`animals_mesh`."""
-        return animals_mesh(entry.identifier)
 
-    def recipe(self, entry: Entry) -> str:
-        """Return the proportions of the body and the pose."""
-        make = person_recipe if entry.subject in PEOPLE else generated_recipe
-        return make(entry.subject, entry.pose)
-
-    def camera(self, entry: Entry) -> Camera:
-        """Return the side view for four-legged classes, the front view for the others."""
-        return SIDE if entry.subject in FROM_THE_SIDE else FRONT
+def _key(entry: Entry) -> str:
+    """Return the proportions of the body and the pose."""
+    make = person_recipe if entry.subject in PEOPLE else generated_recipe
+    return make(entry.subject, entry.pose)

@@ -17,7 +17,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.preparation import decimate
@@ -188,7 +188,7 @@ def draw_set(
     drawn = DrawnSet(stem)
     dataset = _dataset(records, artefacts)
     ranked = {shape for record in records for shape in record["shapes"]}
-    entries = [entry for entry in dataset.entries if entry.identifier in ranked] if dataset is not None else []
+    entries = [entry for entry in dataset.shapes if entry.identifier in ranked] if dataset is not None else []
     if dataset is None or not entries:
         return drawn
     n_poses = max(1, min(POSES, max(POSES - 1, room // POSES), room))
@@ -219,7 +219,7 @@ def draw_set(
     return drawn
 
 
-def _dataset(records: Sequence[Record], artefacts: ArtefactReader) -> Dataset | None:
+def _dataset(records: Sequence[Record], artefacts: ArtefactReader) -> ShapeSet | None:
     for record in records:
         with suppress(BenchmarkError):
             return artefacts.dataset(record)

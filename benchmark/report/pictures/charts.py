@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, PercentFormatter
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.perturbations.dataset import PERTURBATIONS
+from benchmark.datasets.changes import CHANGES
 from benchmark.errors import ConfigurationError
 from benchmark.report.artefact_reader import ArtefactReader
 from benchmark.report.content import TableContent
@@ -177,7 +177,7 @@ def curves_figure(frame: DataFrame) -> Figure:
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     looks = {method: look | {"markersize": 3, "linewidth": 1} for method, look in _looks(titles(frame)).items()}
     for place, (perturbation, part) in zip(axes, frame.groupby("perturbation", sort=False), strict=False):
-        known = PERTURBATIONS[str(perturbation)]
+        known = CHANGES[str(perturbation)]
         for method, curve in part.groupby("method", sort=False):
             values = [curve["clean_NN"].iloc[0], *curve["NN"].astype(float)]
             place.plot(range(len(values)), values, **looks[str(method)])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmark.datasets.base import Entry
+from benchmark.api.datasets import Entry
 from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.execution.job_specs import Job
 from benchmark.execution.processes.calls import call_apart
@@ -190,7 +190,7 @@ def _records(jobs: Sequence[Job]) -> dict[str, Record]:
 def _entries(records: Mapping[str, Record], artefacts: ArtefactReader) -> list[Entry]:
     """Return the shapes of the gallery of some records; raise ``BenchmarkError`` if the data set is missing."""
     record = next(iter(records.values()))
-    entries = {entry.identifier: entry for entry in artefacts.dataset(record).entries}
+    entries = {entry.identifier: entry for entry in artefacts.dataset(record).shapes}
     return [entries[identifier] for identifier in record["shapes"]]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.storage.records import Record
 from benchmark.report.artefact_reader import ArtefactReader
@@ -45,7 +45,7 @@ def spread(values: Sequence[T], most: int) -> list[T]:
 
 
 def select(
-    dataset: Dataset, entries: Iterable[Entry], n_subjects: int | None = None, n_poses: int = 8
+    dataset: ShapeSet, entries: Iterable[Entry], n_subjects: int | None = None, n_poses: int = 8
 ) -> list[list[Entry]]:
     """Select shapes spread over the subjects and over the poses of each.
 
@@ -65,7 +65,7 @@ def select(
     list of list of Entry
         A row for each subject in the order of the entries, with the canonical pose first.
     """
-    canonical = getattr(dataset, "canonical_poses", {})
+    canonical = dataset.canonical_poses
     subjects: dict[str, list[Entry]] = {}
     for entry in entries:
         subjects.setdefault(entry.subject, []).append(entry)

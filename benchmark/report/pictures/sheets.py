@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageChops, ImageDraw, ImageFont
 
-from benchmark.datasets.base import Dataset, Entry
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.depth.frame import UPRIGHT
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import ConfigurationError, DatasetError, ShapeError
@@ -46,7 +46,7 @@ class ContactSheet:
     problems: tuple[str, ...]
 
 
-def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int = POSES) -> ContactSheet:
+def contact_sheet(dataset: ShapeSet, n_subjects: int | None = None, n_poses: int = POSES) -> ContactSheet:
     """Draw some poses of some subjects, each as a shaded surface and as a depth image.
 
     The surface fills its picture and, if there is room, is also shown from the side. The depth images have the scale of
@@ -70,9 +70,9 @@ def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int 
     """
     if n_poses < 1 or (n_subjects is not None and n_subjects < 1):
         raise ConfigurationError("a sheet shows at least one subject in one pose", "pass positive numbers")
-    if not dataset.entries:
+    if not dataset.shapes:
         raise DatasetError(f"data set '{dataset.name}' has no meshes", "check its folder")
-    rows = select(dataset, dataset.entries, n_subjects, n_poses)
+    rows = select(dataset, dataset.shapes, n_subjects, n_poses)
     half_width = Preparation(dataset, "view").half_width
     pictures, problems = {}, []
     for entry in (entry for row in rows for entry in row):
@@ -80,8 +80,8 @@ def contact_sheet(dataset: Dataset, n_subjects: int | None = None, n_poses: int 
             pictures[entry.identifier] = _pictures(dataset, entry, half_width)
         except ShapeError as error:
             problems.append(f"{entry.identifier}: {error}")
-    n_all = len({entry.subject for entry in dataset.entries})
-    shown = f"{sum(map(len, rows))} of {len(dataset.entries)} shapes"
+    n_all = len({entry.subject for entry in dataset.shapes})
+    shown = f"{sum(map(len, rows))} of {len(dataset.shapes)} shapes"
     sheet = _sheet(rows, pictures, f"{dataset.title}: {len(rows)} of {n_all} subjects, {shown}")
     # Maximum coverage changes shades by a few levels at most; the default method spoils rare ones, such as labels.
     few = sheet.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
@@ -145,7 +145,7 @@ def _beside(texts: Sequence[str], pictures: Sequence[Image.Image], font_size: in
     return sheet
 
 
-def _pictures(dataset: Dataset, entry: Entry, half_width: float) -> list[Image.Image]:
+def _pictures(dataset: ShapeSet, entry: Entry, half_width: float) -> list[Image.Image]:
     """Return the surface, its side view, and its depth image as centred squares."""
     mesh, camera, sensor = clean(dataset.load(entry))[0], dataset.camera(entry), sensor_of(dataset, entry)
     image = render_depth(mesh, camera, half_width, _LARGEST * SUPERSAMPLING)

@@ -7,8 +7,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from benchmark.datasets.official.layouts import Listed, members_digest
-from benchmark.datasets.official.sets import SETS, OfficialSet
+from benchmark.datasets.official import SETS, OfficialSet, members_digest
 
 #: Sets whose classes stand in a list: number of classes and of shapes in each, name of file, number of the first file.
 LISTED = {
@@ -93,8 +92,5 @@ def copy(folder: Path, target: Path) -> Path:
 
 def with_made_members(known: OfficialSet) -> OfficialSet:
     """The set with the classes of the list made here in place of the official ones."""
-    layout = known.layout
-    assert isinstance(layout, Listed)
-    made = listing(layout.n_classes, layout.n_poses)
-    members = {members_digest(numbers): f"official-{name}" for name, numbers in made.items()}
-    return replace(known, layout=replace(layout, members=members))
+    made = listing(known.classes, known.poses)
+    return replace(known, members={members_digest(numbers): f"official-{name}" for name, numbers in made.items()})

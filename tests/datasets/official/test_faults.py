@@ -26,14 +26,14 @@ def test_a_set_that_is_not_as_it_was_given_out_is_named(damaged, tmp_path, fault
 def test_a_list_that_agrees_with_the_numbers_changes_nothing(sets, damaged, tmp_path):
     for name, first, n_poses in (("shrec07", 1, 20), ("shrec14-real", 0, 10)):
         (damaged(name) / "test.cla").write_text(cla(blocks(first, n_poses)))
-        labels = [(entry.identifier, entry.subject) for entry in open_dataset(name, tmp_path).entries]
-        assert labels == [(entry.identifier, entry.subject) for entry in open_dataset(name, sets).entries]
+        labels = [(entry.identifier, entry.subject) for entry in open_dataset(name, tmp_path).shapes]
+        assert labels == [(entry.identifier, entry.subject) for entry in open_dataset(name, sets).shapes]
 
 
 def test_the_list_may_be_called_categories(sets, damaged, tmp_path):
     relist(damaged("shrec11"), str, "categories.txt")
-    labels = [entry.subject for entry in open_dataset("shrec11", tmp_path).entries]
-    assert labels == [entry.subject for entry in open_dataset("shrec11", sets).entries]
+    labels = [entry.subject for entry in open_dataset("shrec11", tmp_path).shapes]
+    assert labels == [entry.subject for entry in open_dataset("shrec11", sets).shapes]
 
 
 def test_folders_of_classes_take_the_place_of_the_list(sets, damaged, tmp_path):
@@ -44,10 +44,10 @@ def test_folders_of_classes_take_the_place_of_the_list(sets, damaged, tmp_path):
         place.mkdir(parents=True, exist_ok=True)
         move(folder, f"T{number}.off", place / f"T{number}.off")
     dataset, listed = open_dataset("shrec11", tmp_path), open_dataset("shrec11", sets)
-    assert [(e.identifier, e.subject) for e in dataset.entries] == [(e.identifier, e.subject) for e in listed.entries]
+    assert [(e.identifier, e.subject) for e in dataset.shapes] == [(e.identifier, e.subject) for e in listed.shapes]
     # 31 and 1 are of one class; 32 is not.
-    path = dataset.entries[32].path
-    path.rename(dataset.entries[1].path.with_name("T32.off"))
+    path = dataset.shapes[32].path
+    path.rename(dataset.shapes[1].path.with_name("T32.off"))
     with pytest.raises(DatasetError, match="class 'beast[0-9]+' of .*shrec11 has (19|21) models, not the official 20"):
         open_dataset("shrec11", tmp_path)
 
@@ -57,7 +57,7 @@ def test_unreadable_files_cost_their_shapes_and_not_the_set(damaged, tmp_path):
     for file in ("0001.null.0.off", "0002.null.0.off"):
         (folder / file).unlink()
         (folder / file).touch()
-    assert len(open_dataset("kids", tmp_path).entries) == 32
+    assert len(open_dataset("kids", tmp_path).shapes) == 32
     report = check_source("kids", tmp_path)
     assert [a.file for a in report.anomalies if a.severity == "error"] == ["0001.null.0.off", "0002.null.0.off"]
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmark.datasets.base import Entry
+from benchmark.api.datasets import Entry
 from benchmark.files import write_text
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods

@@ -1,17 +1,15 @@
 import struct
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.cli.main import data
-from benchmark.datasets.base import Entry
-from benchmark.datasets.folder import folder_dataset
-from benchmark.datasets.official.tosca import tosca
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.folder import folder_set
 from benchmark.errors import BenchmarkError, UnreadableMesh
-from benchmark.geometry.camera import FRONT
 from benchmark.report.pictures import sheets
 from benchmark.report.pictures.painting import save_png
 from benchmark.report.pictures.posing import select
@@ -19,38 +17,21 @@ from benchmark.report.pictures.sheets import WIDTH, contact_sheet
 from tests.toy import rod, write_rods
 
 
-@dataclass(frozen=True)
-class Rods:
+def rods(n_subjects=2, n_poses=3, own_poses=False, broken="", half_width=1.0):
     """Bent rods of any number of builds and poses; every shape may be made another one or unreadable."""
 
-    n_subjects: int = 2
-    n_poses: int = 3
-    own_poses: bool = False
-    broken: str = ""
-    name: str = "rods"
-    title: str = "Rods"
-    stand_in_for: str = ""
-    half_width: float | None = 1.0
-
-    @property
-    def entries(self):
-        return tuple(
-            Entry(f"{s}-{p}", f"subject-{s}", f"pose-{p}-{s if self.own_poses else ''}")
-            for s in range(self.n_subjects)
-            for p in range(self.n_poses)
-        )
-
-    def load(self, entry):
-        if entry.identifier == self.broken:
+    def load(entry):
+        if entry.identifier == broken:
             raise UnreadableMesh("the file is cut off", "copy it again")
         subject, pose = map(int, entry.identifier.split("-"))
         return rod(0.05 + 0.02 * subject, 0.5 * pose)
 
-    def recipe(self, entry):
-        return entry.identifier
-
-    def camera(self, entry):
-        return FRONT
+    shapes = tuple(
+        Entry(f"{s}-{p}", f"subject-{s}", f"pose-{p}-{s if own_poses else ''}")
+        for s in range(n_subjects)
+        for p in range(n_poses)
+    )
+    return ShapeSet(name="rods", shapes=shapes, load=load, half_width=half_width)
 
 
 def pixels(sheet):
@@ -70,22 +51,22 @@ def chunks(content):
 def test_the_canonical_pose_leads(tmp_path):
     write_rods(tmp_path)
     (tmp_path / "dataset.toml").write_text('canonical_pose = { thick = "2" }\n')
-    dataset = folder_dataset(tmp_path)
-    shown = {row[0].subject: [entry.pose for entry in row] for row in select(dataset, dataset.entries, None, 3)}
+    dataset = folder_set(tmp_path)
+    shown = {row[0].subject: [entry.pose for entry in row] for row in select(dataset, dataset.shapes, None, 3)}
     assert [pose[-1] for pose in shown["thick"]] == ["2", "0", "1"]
     assert [pose[-1] for pose in shown["thin"]] == ["0", "1", "2"]
 
 
 @pytest.mark.parametrize(("subjects", "poses"), [(1, 1), (3, 4), (2, 12)])
 def test_the_sheet_fits_the_width_and_is_white_around(subjects, poses):
-    image = pixels(contact_sheet(Rods(subjects, poses), None, poses))
+    image = pixels(contact_sheet(rods(subjects, poses), None, poses))
     assert image.shape[1] <= WIDTH
     for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
         assert (edge == 255).all()
 
 
 def test_a_shape_that_cannot_be_read_is_crossed_out_and_reported():
-    whole, broken = contact_sheet(Rods()), contact_sheet(Rods(broken="1-2"))
+    whole, broken = contact_sheet(rods()), contact_sheet(rods(broken="1-2"))
     assert whole.problems == ()
     assert broken.problems == ("1-2: the file is cut off; copy it again",)
     corners = [pixels(sheet)[-sheets._MARGIN, -sheets._MARGIN] for sheet in (whole, broken)]
@@ -94,21 +75,21 @@ def test_a_shape_that_cannot_be_read_is_crossed_out_and_reported():
 
 
 def test_shapes_beyond_the_frame_are_crossed_out_and_reported():
-    problems = contact_sheet(Rods(half_width=0.3)).problems
+    problems = contact_sheet(rods(half_width=0.3)).problems
     assert problems
     assert all("of the half width 0.3 of the camera's frame" in problem for problem in problems)
 
 
 def test_the_same_sheet_is_the_same_file(tmp_path):
     for name in ("a.png", "sub/b.PNG"):
-        save_png(contact_sheet(Rods()).image, tmp_path / name)
+        save_png(contact_sheet(rods()).image, tmp_path / name)
     first = (tmp_path / "a.png").read_bytes()
     assert first == (tmp_path / "sub" / "b.PNG").read_bytes()
     assert set(chunks(first)) <= {b"IHDR", b"PLTE", b"IDAT", b"IEND"}
 
 
 def test_other_names_and_places_that_cannot_be_written_are_refused(tmp_path):
-    sheet = contact_sheet(Rods(1, 1))
+    sheet = contact_sheet(rods(1, 1))
     with pytest.raises(BenchmarkError, match=r"\.png"):
         save_png(sheet.image, tmp_path / "sheet.pdf")
     (tmp_path / "file").write_text("")
@@ -132,8 +113,8 @@ def test_the_verb_writes_the_sheet_of_a_folder(tmp_path):
 @pytest.mark.data
 def test_people_of_tosca_face_the_camera_and_animals_look_to_the_right(data_root):
     """Toes lie in front of the heels; the muzzle lies to the right of the root of the tail."""
-    dataset = tosca(data_root)
-    for row in select(dataset, dataset.entries, None, 1):
+    dataset = open_dataset("tosca", data_root)
+    for row in select(dataset, dataset.shapes, None, 1):
         points = dataset.load(row[0]).vertices @ dataset.camera(row[0]).rotation.T
         low, high = points.min(axis=0), points.max(axis=0)
         if row[0].subject in ("david", "gorilla", "michael", "victoria"):

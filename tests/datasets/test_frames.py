@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check
-from benchmark.datasets.depth_folder import DepthFolder
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.pipeline.method_run import Preparation
 from tests.depth.scenes import frame, in_millimetres
@@ -36,8 +35,8 @@ def frames(tmp_path_factory):
 
 def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     dataset = open_dataset(str(frames), None)
-    assert isinstance(dataset, DepthFolder)
-    assert [(entry.identifier, entry.subject) for entry in dataset.entries] == [
+    assert dataset.observe is not None and dataset.inputs == ("view",)
+    assert [(entry.identifier, entry.subject) for entry in dataset.shapes] == [
         ("one/0", "one"), ("one/1", "one"), ("two/0", "two"), ("two/1", "two"),
     ]  # fmt: skip
     report = check(dataset)
@@ -48,7 +47,7 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
 def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(frames):
     dataset = open_dataset(str(frames), None)
     assert dataset.half_width == 1.285
-    shape = Preparation(dataset, "view").shape(dataset.entries[0])
+    shape = Preparation(dataset, "view").shape(dataset.shapes[0])
     assert shape.depth.shape == (500, 500)
     rows = np.flatnonzero(shape.depth.any(axis=1))
     assert len(rows) * 2.57 / 500 == pytest.approx(1.65, abs=0.1)
@@ -58,25 +57,25 @@ def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_
 
 def test_what_determines_a_shape_are_all_its_files_and_settings(tmp_path):
     dataset = open_dataset(str(write_frames(tmp_path / "frames", count=1)), None)
-    entry, other = dataset.entries
-    before = dataset.recipe(entry)
-    assert before != dataset.recipe(other)
+    entry, other = dataset.shapes
+    before = dataset.key(entry)
+    assert before != dataset.key(other)
     for file in ("one/0_mask.png", "intrinsics.txt"):
         path = tmp_path / "frames" / file
         old = path.read_bytes()
         path.write_bytes(old + b"\n")
-        assert dataset.recipe(entry) != before, file
+        assert dataset.key(entry) != before, file
         path.write_bytes(old)
     (tmp_path / "frames" / "dataset.toml").write_text("depth_scale = 999")
-    assert open_dataset(str(tmp_path / "frames"), None).recipe(entry) != before
+    assert open_dataset(str(tmp_path / "frames"), None).key(entry) != before
 
 
 def test_the_frames_of_the_examples_are_two_people_of_plausible_heights():
     dataset = open_dataset("examples/depth", None)
-    assert [entry.subject for entry in dataset.entries] == ["man-1"] * 4 + ["woman-3"] * 4
+    assert [entry.subject for entry in dataset.shapes] == ["man-1"] * 4 + ["woman-3"] * 4
     assert not check(dataset).anomalies
     heights = [
-        float(np.ptp(dataset.load(entry).vertices[:, 1])) for entry in dataset.entries if entry.pose == "standing"
+        float(np.ptp(dataset.load(entry).vertices[:, 1])) for entry in dataset.shapes if entry.pose == "standing"
     ]
     assert heights == pytest.approx([1.6, 1.7], abs=0.15)
 
@@ -85,7 +84,7 @@ def test_images_beside_meshes_are_textures(frames, tmp_path):
     folder = tmp_path / "meshes"
     write_off(folder / "cat0.off", rod(0.1, 0.5))
     (folder / "cat0.png").write_bytes((frames / "one" / "0.png").read_bytes())
-    assert [entry.identifier for entry in open_dataset(str(folder), None).entries] == ["cat0"]
+    assert [entry.identifier for entry in open_dataset(str(folder), None).shapes] == ["cat0"]
 
 
 def test_settings_are_applied(tmp_path):
@@ -97,16 +96,17 @@ def test_settings_are_applied(tmp_path):
         "[canonical_pose]\none = 0\n"
     )
     dataset = open_dataset(str(folder), None)
-    assert (dataset.intrinsics.fx, dataset.scale, dataset.half_width) == (525, 1000, 1.5)
+    assert dataset.half_width == 1.5
+    assert "fx=525.0" in dataset.key(dataset.shapes[0]) and "1000.0" in dataset.key(dataset.shapes[0])
     assert dataset.canonical_poses == {"one": "0"}
-    assert np.linalg.norm(dataset.up) == pytest.approx(1)
-    assert dataset.load(dataset.entries[0]).n_vertices > 1000
+    assert dataset.load(dataset.shapes[0]).n_vertices > 1000
     for text, said in (
         ("scale = 5", "unknown key .*, in a folder of depth images 'scale'; did you mean depth_scale"),
         ("up = [0, 0, 1]", "is up in no image"),
         ('up = "y"', "write .right, down, forward."),
         ("depth_scale = -1", "depth_scale is -1; write a positive number"),
         ('intrinsics = "absent.json"', "No such file"),
+        ("[canonical_pose]\nthree = 0", "unknown class under canonical_pose in .* 'three'; choose one of one, two"),
     ):
         toml.write_text(text)
         with pytest.raises((DatasetError, ConfigurationError), match=said):
@@ -127,7 +127,7 @@ def test_each_bad_image_costs_one_shape(tmp_path):
     (folder / "two" / "3.intrinsics.txt").write_text("0 0 0 0 0 0 0 0 1")
     preparation = Preparation(open_dataset(str(folder), None), "view")
     said = {}
-    for entry in preparation.dataset.entries:
+    for entry in preparation.dataset.shapes:
         try:
             preparation.shape(entry)
         except UnsupportedShape as error:

@@ -1,0 +1,164 @@
+"""Changes of the shapes of a data set: ``animals[noise=3]``, ``tosca[jitter=1]``, ``FOLDER[holes=2][view-angle=4]``.
+
+A change replaces functions of a :class:`~benchmark.api.datasets.ShapeSet`. All its levels draw the same random numbers,
+so that they differ in the amount alone; those of ``jitter`` differ in the numbers alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.api.contracts import Input
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets import surface_changes as surface
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.camera import Camera, DepthSensor
+from benchmark.geometry.mesh import Mesh
+
+Random = np.random.Generator
+
+_VIEW: tuple[Input, ...] = ("view",)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a mesh, of its camera, or of its depth sensor.
+
+    Parameters
+    ----------
+    title
+        Name in captions.
+    unit
+        Meaning of the amounts.
+    amounts
+        Amount at each level, from 1.
+    of_mesh, of_camera, of_sensor, seen
+        Function that changes the mesh or the camera, makes the sensor from the amount and a seed, or returns what a
+        camera sees of a mesh.
+    inputs
+        Inputs that the table of robustness shows.
+    """
+
+    title: str
+    unit: str
+    amounts: tuple[float, ...]
+    of_mesh: Callable[[Mesh, float, Random], Mesh] | None = None
+    of_camera: Callable[[Camera, float, Random], Camera] | None = None
+    of_sensor: Callable[[float, int], DepthSensor] | None = None
+    seen: Callable[[Mesh, Camera, float], Mesh] | None = None
+    inputs: tuple[Input, ...] = ("mesh",)
+
+
+CHANGES = {
+    "noise": Change(
+        "vertex noise", "standard deviation / extent", (0.001, 0.002, 0.004, 0.008, 0.016), of_mesh=surface.noise
+    ),
+    "holes": Change("holes", "number of holes", (2, 5, 10, 20, 40), of_mesh=surface.holes),
+    "shortcuts": Change("topological shortcuts", "number of glued pairs", (1, 2, 3, 4, 5), of_mesh=surface.shortcuts),
+    "resolution": Change("resolution", "vertices", (20000, 8000, 1500, 1000, 500), of_mesh=surface.resolution),
+    "remeshing": Change(
+        "other re-meshing", "length of an edge / extent", (0.006, 0.009, 0.013, 0.018, 0.024), of_mesh=surface.remeshing
+    ),
+    "missing-parts": Change(
+        "missing parts", "share of the area", (0.05, 0.1, 0.2, 0.3, 0.4), of_mesh=surface.missing_parts
+    ),
+    "view-angle": Change(
+        "view angle", "largest angle in degrees", (10, 20, 30, 45, 60), of_camera=surface.turned, inputs=_VIEW
+    ),
+    "depth-noise": Change(
+        "depth noise and steps",
+        "deviation and step / depth of the frame",
+        (0.0005, 0.001, 0.002, 0.004, 0.008),
+        of_sensor=lambda amount, seed: DepthSensor(amount, amount, seed),
+        inputs=_VIEW,
+    ),
+    "perspective": Change(
+        "perspective camera", "distance / extent", (3.0, 2.0, 1.5, 1.2, 1.0), seen=surface.seen_from_near, inputs=_VIEW
+    ),
+    "jitter": Change("vertex noise of a millionth of the extent", "deviation", (1e-6,) * 9, of_mesh=surface.noise),
+}
+"""Changes by name. Lengths are fractions of the longest side of the bounding box."""
+
+#: Levels that the table of robustness shows.
+LEVELS = (1, 2, 3, 4, 5)
+
+_NAME = re.compile(r"(?P<base>.+)\[(?P<change>[a-z-]+)=(?P<level>[^\[\]=]*)\]", re.DOTALL)
+
+
+def split_name(name: str) -> tuple[str, list[tuple[str, int]]]:
+    """Split ``"animals[noise=3][jitter=1]"`` into ``"animals"`` and its changes, in order.
+
+    Raises
+    ------
+    ConfigurationError
+        If a change has no such level.
+    """
+    changes: list[tuple[str, int]] = []
+    while (match := _NAME.fullmatch(name)) and match["change"] in CHANGES and not Path(name).is_dir():
+        n_levels = len(CHANGES[match["change"]].amounts)
+        if match["level"] not in map(str, range(1, n_levels + 1)):
+            raise ConfigurationError(
+                f"'{match['change']}' has no level '{match['level']}'", f"choose a whole number from 1 to {n_levels}"
+            )
+        changes.insert(0, (match["change"], int(match["level"])))
+        name = match["base"]
+    return name, changes
+
+
+def last_change(name: str) -> tuple[str, str, int] | None:
+    """Split the last change off a name: data set, change and level; None if there is none."""
+    base, changes = split_name(name)
+    for change, level in changes[:-1]:
+        base = changed_name(base, change, level)
+    return (base, *changes[-1]) if changes else None
+
+
+def changed_name(base: str, change: str, level: int) -> str:
+    """Return the name of a changed data set."""
+    return f"{base}[{change}={level}]"
+
+
+def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
+    """Apply a change to a data set.
+
+    Raises
+    ------
+    ConfigurationError
+        If the camera has depth noise already.
+    """
+    change = CHANGES[name]
+    amount = change.amounts[level - 1]
+    draw = f"{level}|" if name == "jitter" else ""
+
+    def seed(entry: Entry) -> int:
+        text = f"{name}|{draw}{entry.identifier}".encode("utf-8", "surrogatepass")
+        return int.from_bytes(hashlib.sha256(text).digest()[:4], "big")
+
+    result = replace(
+        shapes,
+        name=changed_name(shapes.name, name, level),
+        title=f"{shapes.title}, {change.title}: {change.unit} {amount:g}",
+        key=lambda entry: f"{shapes.key(entry)} {name} {amount!r} {seed(entry)}",
+        code=tuple(dict.fromkeys([*shapes.code, __name__])),
+    )
+    if of_mesh := change.of_mesh:
+        return replace(
+            result, load=lambda entry: of_mesh(shapes.load(entry), amount, np.random.default_rng(seed(entry)))
+        )
+    result = replace(result, inputs=tuple(input_ for input_ in shapes.inputs if input_ == "view"))
+    if of_camera := change.of_camera:
+        return replace(
+            result, camera=lambda entry: of_camera(shapes.camera(entry), amount, np.random.default_rng(seed(entry)))
+        )
+    if seen := change.seen:
+        return replace(result, load=lambda entry: seen(shapes.load(entry), shapes.camera(entry), amount))
+    of_sensor = change.of_sensor
+    if of_sensor is None or (shapes.shapes and shapes.sensor(shapes.shapes[0])):
+        raise ConfigurationError(f"{shapes.name} has depth noise already", "name one strength of depth-noise")
+    return replace(result, sensor=lambda entry: of_sensor(amount, seed(entry)))

@@ -1,0 +1,85 @@
+"""Folders of depth images: intrinsics and masks next to the images, settings in ``dataset.toml``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, Up, checked_up
+from benchmark.depth.intrinsics import Intrinsics, intrinsics_of, parse_intrinsics
+from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
+from benchmark.files import file_digest
+
+_KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
+
+
+def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSet:
+    """Return a set of depth images, one object each, whose mesh is the visible surface: right, up, towards the camera.
+
+    All keys of ``dataset.toml`` are optional: ``intrinsics``, a file or fx, fy, cx, cy, otherwise a file is searched
+    for each image; ``depth_scale``, the units per metre; ``up``, the up direction in the camera's frame, [right, down,
+    forward], used if no floor is detected; ``half_width``, half the width of the frame of the objects, in metres;
+    ``canonical_pose``, a pose or a table from class to pose.
+
+    Raises
+    ------
+    ConfigurationError
+        If a key, class or pose is unknown.
+    DatasetError
+        If ``dataset.toml`` is unreadable or a value is invalid.
+    """
+    path = folder / SETTINGS_FILE
+    values = read_settings(path, _KEYS, ", in a folder of depth images")
+    scale = positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
+    half_width = positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
+    try:
+        intrinsics = _intrinsics(values["intrinsics"], folder) if "intrinsics" in values else None
+        up = _up(values["up"]) if "up" in values else None
+    except (BenchmarkError, TypeError, ValueError) as error:
+        problem = error.problem if isinstance(error, BenchmarkError) else str(error)
+        hint = error.hint if isinstance(error, BenchmarkError) else "correct the value"
+        raise DatasetError(f"{path}: {problem}", hint) from error
+
+    def files(entry: Entry) -> FrameFiles:
+        if entry.path is None:
+            raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give the entry a path")
+        return FrameFiles(entry.path, intrinsics, None, scale, up, half_width)
+
+    def key(entry: Entry) -> str:
+        frame = files(entry)
+        beside = {"mask": frame.mask_file, "intrinsics": frame.intrinsics_file}
+        digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
+        return " ".join([file_digest(frame.image), *digests, repr((intrinsics, scale, up, half_width))])
+
+    shapes = ShapeSet(
+        name=name,
+        shapes=entries,
+        load=lambda entry: files(entry).observe().surface,
+        key=key,
+        camera=lambda _: UPRIGHT,
+        observe=lambda entry: files(entry).observe(),
+        half_width=half_width,
+        inputs=("view",),
+        folder=folder,
+        code=(__name__,),
+    )
+    if "canonical_pose" not in values:
+        return shapes
+    return replace(shapes, canonical_poses=canonical_poses(values["canonical_pose"], shapes, path))
+
+
+def _intrinsics(value: Any, folder: Path) -> Intrinsics:
+    if isinstance(value, list):
+        return parse_intrinsics(" ".join(map(str, value)))
+    path = folder / str(value)
+    return intrinsics_of(str(path if path.exists() or "," not in str(value) else value))
+
+
+def _up(value: Any) -> Up:
+    if not isinstance(value, list):
+        raise TypeError(f"up is {value!r}: write [right, down, forward], such as [0, -1, 0]")
+    right, down, forward = checked_up([float(number) for number in value]).tolist()
+    return right, down, forward

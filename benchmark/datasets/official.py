@@ -1,0 +1,294 @@
+"""Official sets, as listed in ``official.toml``: their shapes, and the subject of each.
+
+A set is read from its folder and folders up to three levels below, as unpacked from the archives. Detected differences
+from the published set raise a ``DatasetError`` that names the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import natural_key
+from benchmark.datasets.folder import mesh_files, mesh_stem, read_cla, sub_folders
+from benchmark.datasets.settings import with_settings
+from benchmark.errors import DatasetError, UnreadableMesh
+from benchmark.files import file_digest
+from benchmark.geometry.camera import FRONT, SIDE, Camera
+
+#: File names of class lists in the format of the Princeton Shape Benchmark.
+LISTS = ("*.cla", "categories.txt")
+
+_DEPTH = 3
+_UNPACK = "unpack the official archive there, or name the folder, -d FOLDER, where no official set is meant"
+_Y_UP = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfficialSet:
+    """A published data set; the parameters are described in ``official.toml``."""
+
+    title: str
+    folder: str
+    origin: str
+    url: str
+    citation: str
+    names: str
+    terms: str = "not stated; ask its makers, and cite"
+    classes: int | list[str] = 0
+    poses: int = 0
+    first: int = 0
+    without: tuple[int, ...] = ()
+    null: str = ""
+    listed: bool = False
+    members: Mapping[str, str] = field(default_factory=dict)
+    sizes: Mapping[str, int] = field(default_factory=dict)
+    canonical_poses: Mapping[str, str] = field(default_factory=dict)
+    side: tuple[str, ...] = ()
+    up: str = "z"
+    other_use: str = ""
+
+    @cached_property
+    def subjects(self) -> list[str]:
+        """Classes in the order of the set."""
+        named = self.classes if isinstance(self.classes, list) else [str(k) for k in range(self.classes)]
+        return list(self.sizes) or named
+
+    @property
+    def n_shapes(self) -> int | None:
+        """Number of shapes; None if no source states it."""
+        if self.sizes:
+            return sum(self.sizes.values())
+        return len(self.subjects) * (self.poses - len(self.without)) or None
+
+    @cached_property
+    def shapes(self) -> dict[str, tuple[str, str]]:
+        """Subject and pose by file name, if the names determine them."""
+        found = {}
+        for place, subject in enumerate(self.subjects):
+            for pose in (pose for pose in range(self.poses) if pose not in self.without):
+                number = self.first + place * self.poses + pose
+                stem = (self.null if self.null and not pose else self.names).format_map(
+                    {"class": subject, "pose": pose, "number": number}
+                )
+                found[stem] = (subject, str(pose))
+        return found
+
+    def camera(self, entry: Entry) -> Camera:
+        """Return the depth camera of a shape."""
+        return _Y_UP if self.up == "y" else SIDE if entry.subject in self.side else FRONT
+
+    def open(self, name: str, folder: Path) -> ShapeSet:
+        """Read the list of shapes; a ``dataset.toml`` may set canonical poses and cameras.
+
+        Raises
+        ------
+        DatasetError
+            If the set differs from the published one: wrong counts, missing or duplicate files, changed labels. A set
+            with ``sizes`` may be incomplete.
+        ConfigurationError
+            If ``dataset.toml`` has an unknown key, class or pose.
+        """
+        read = self._listed if self.listed else self._named if self.poses else self._classed
+        return with_settings(
+            ShapeSet(
+                name=name,
+                title=self.title,
+                shapes=tuple(read(folder)),
+                camera=self.camera,
+                folder=folder,
+                canonical_poses=self.canonical_poses,
+                code=("benchmark.geometry.io",),
+            )
+        )
+
+    def _named(self, folder: Path) -> list[Entry]:
+        """Read shapes whose names are known; a class list in the folder must agree with them."""
+        stems = {_key(stem): stem for stem in self.shapes}
+        files = _files(folder, {_form(stem) for stem in self.shapes})
+        missing = [stem for key, stem in stems.items() if key not in files]
+        surplus = [path for key, path in files.items() if key not in stems]
+        if missing or surplus:
+            what = [f"shape '{stem}' is missing" for stem in missing[:1]]
+            what += [f"{path.name} is one too many" for path in surplus[:1]]
+            raise DatasetError(
+                f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}",
+                _renumber(map(_number, stems), map(_number, files)) or _UNPACK,
+            )
+        _check_copies(files.values())
+        if source := _list(folder):
+            self._check_list(source)
+        return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
+
+    def _check_list(self, source: Path) -> None:
+        """Raise ``DatasetError`` if a list groups the shapes differently from their names."""
+        subjects = {_number(stem): subject for stem, (subject, _) in self.shapes.items()}
+        classes = read_cla(source)
+        if classes.keys() != subjects.keys():
+            raise DatasetError(
+                f"{source} does not list models {min(subjects)} to {max(subjects)}",
+                _renumber(subjects, classes) or "fetch the official list or remove it",
+            )
+        pairs: dict[str, str] = {}
+        for number, subject in subjects.items():
+            known = pairs.setdefault(classes[number], subject)
+            if known != subject or len(set(pairs.values())) != len(pairs):
+                raise DatasetError(
+                    f"{source} puts model {number} into class '{classes[number]}', but it shows subject '{subject}'",
+                    "fetch the official list or remove it",
+                )
+
+    def _listed(self, folder: Path) -> list[Entry]:
+        """Read numbered shapes, with classes from a list or from sub-folders."""
+        files = {_number(key): path for key, path in _files(folder, {_form(self.names.format(number=0))}).items()}
+        source = _list(folder)
+        classes = read_cla(source) if source else _folder_classes(files)
+        missing, surplus = sorted(classes.keys() - files.keys()), sorted(files.keys() - classes.keys())
+        if source and (missing or surplus):
+            first = self.names.format(number=missing[0]).upper() if missing else ""
+            what = f"there is no {first}" if missing else f"{files[surplus[0]].name} is extra"
+            shifted = _renumber(classes, files)
+            raise DatasetError(
+                f"{source} lists {len(classes)} models for {len(files)} meshes: {what}",
+                f"{shifted}, or shift the list" if shifted else _UNPACK,
+            )
+        if len(files) != self.n_shapes:
+            raise DatasetError(f"{folder} holds {len(files)} shapes, not the official {self.n_shapes}", _UNPACK)
+        if not source and len(set(classes.values())) == 1:
+            raise DatasetError(f"{folder} holds no list of classes", "put the official .cla file there")
+        official = self._official_names(classes, source or folder)
+        _check_copies(files.values())
+        entries = []
+        for number in sorted(files):
+            stem = mesh_stem(files[number])
+            entries.append(Entry(stem, official[classes[number]], stem, files[number]))
+        return entries
+
+    def _official_names(self, classes: Mapping[int, str], source: Path) -> dict[str, str]:
+        """Return the official name of each listed class; raises ``DatasetError`` if its members are not official."""
+        sizes = Counter(classes.values())
+        if len(sizes) != self.classes:
+            raise DatasetError(f"{source} has {len(sizes)} classes, not the official {self.classes}", _UNPACK)
+        for name, size in sizes.items():
+            if size != self.poses:
+                raise DatasetError(
+                    f"class '{name}' of {source} has {size} models, not the official {self.poses}",
+                    "fetch the official list: a model stands in another class",
+                )
+        if not self.members:
+            return {name: name for name in sizes}
+        digests = {name: members_digest(n for n, other in classes.items() if other == name) for name in sizes}
+        if wrong := [f"'{name}'" for name, digest in digests.items() if digest not in self.members]:
+            raise DatasetError(
+                f"classes {', '.join(wrong)} of {source} do not hold their official models",
+                "fetch the official list: some stand in another class",
+            )
+        return {name: self.members[digest] for name, digest in digests.items()}
+
+    def _classed(self, folder: Path) -> Iterator[Entry]:
+        """Yield shapes whose names hold class and number, class by class."""
+        stems = {subject: self.names.format_map({"class": subject, "pose": 0}) for subject in self.subjects}
+        files = _files(folder, {_form(stem) for stem in stems.values()})
+        if not files:
+            raise DatasetError(f"no {self.title} meshes in {folder}", f"expected files such as {stems['cat']}.off")
+        for subject, stem in stems.items():
+            keys = [key for key in files if _form(key) == _form(stem)]
+            if not keys and not self.sizes:
+                raise DatasetError(f"{folder} holds no shape of class '{subject}', {stem[:-1]}1", _UNPACK)
+            for key in sorted(keys, key=natural_key):
+                yield Entry(mesh_stem(files[key]), subject, str(_number(key)), files[key])
+
+
+def _sets() -> dict[str, OfficialSet]:
+    text = (Path(__file__).parent / "official.toml").read_text(encoding="utf-8")
+    return {name: OfficialSet(**facts) for name, facts in tomllib.loads(text).items()}
+
+
+SETS: Mapping[str, OfficialSet] = _sets()
+
+#: Sets that can be ranked, but have no table in the paper.
+EXTENDED = tuple(
+    name for name, known in SETS.items() if not known.other_use and name != "tosca" and not name.startswith("shrec14")
+)
+
+
+def members_digest(numbers: Iterable[int]) -> str:
+    """Return a digest of the numbers of a class: eight hexadecimal digits."""
+    return hashlib.sha256(",".join(map(str, sorted(numbers))).encode()).hexdigest()[:8]
+
+
+def _key(stem: str) -> str:
+    return re.sub(r"[0-9]+", lambda match: str(int(match[0])), stem.lower())
+
+
+def _form(stem: str) -> str:
+    return re.sub(r"[0-9]+", "#", stem.lower())
+
+
+def _number(stem: str) -> int:
+    return int(re.findall(r"[0-9]+", stem)[-1])
+
+
+def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
+    """Yield the folder of a set and its sub-folders, by default up to three levels deep."""
+    yield folder
+    if depth:
+        for sub in sub_folders(folder):
+            yield from folders_of_set(sub, depth - 1)
+
+
+def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
+    """Return the meshes with file names of the given forms, by key."""
+    path_of: dict[str, Path] = {}
+    for place in folders_of_set(folder):
+        for path in mesh_files(place):
+            key = _key(mesh_stem(path))
+            if _form(key) in forms and path_of.setdefault(key, path) != path:
+                one, other = path_of[key].relative_to(folder), path.relative_to(folder)
+                raise DatasetError(f"{folder} holds one shape as {one} and {other}", "keep one of them")
+    return path_of
+
+
+def _list(folder: Path) -> Path | None:
+    lists = [path for place in folders_of_set(folder) for name in LISTS for path in sorted(place.glob(name))]
+    if len(lists) > 1:
+        names = " and ".join(path.relative_to(folder).as_posix() for path in lists[:2])
+        raise DatasetError(f"{folder} holds {names}", "keep the list that classifies these meshes")
+    return lists[0] if lists else None
+
+
+def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
+    """Return the class of each number from its folder, or the parent of ``train`` and ``test``."""
+    above = {
+        number: path.parents[1] if path.parent.name in ("train", "test") else path.parent
+        for number, path in files.items()
+    }
+    return {number: folder.name for number, folder in above.items()}
+
+
+def _check_copies(paths: Iterable[Path]) -> None:
+    """Raise ``DatasetError`` if two files have the same content, except empty files, which are unreadable."""
+    first: dict[str, Path] = {}
+    for path in paths:
+        try:
+            digest = file_digest(path)
+        except UnreadableMesh:
+            continue  # excludes this shape only
+        if path.stat().st_size and first.setdefault(digest, path) != path:
+            raise DatasetError(f"{path} is a copy of {first[digest].name}", "fetch the official file again")
+
+
+def _renumber(expected: Iterable[int], actual: Iterable[int]) -> str:
+    """Return a hint if all numbers are off by one in the same direction, otherwise ""."""
+    listed, numbers = sorted(expected), sorted(actual)
+    for step, hint in (1, "subtract 1 from"), (-1, "add 1 to"):
+        if [number + step for number in listed] == numbers and listed:
+            return f"the numbers begin with {numbers[0]}: {hint} each"
+    return ""

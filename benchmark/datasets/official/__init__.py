@@ -1,1 +1,0 @@
-"""Official data sets in their published layouts."""

@@ -1,1 +1,0 @@
-"""Data sets with perturbed shapes: perturbations of meshes and views at five strengths."""

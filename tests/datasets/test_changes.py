@@ -1,0 +1,137 @@
+"""Changes do what they say, the same each time; a higher level is more of the same."""
+
+import contextlib
+import tracemalloc
+
+import numpy as np
+import pytest
+from trimesh import Trimesh
+from trimesh.creation import icosphere
+
+from benchmark.datasets import surface_changes as surface
+from benchmark.datasets.base import canonical_entry
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.changes import split_name
+from benchmark.datasets.surface_changes import shortcuts
+from benchmark.errors import ConfigurationError, UnsupportedShape
+from benchmark.geometry.camera import FRONT, SIDE
+from benchmark.geometry.cleaning import extent_of
+from benchmark.geometry.mesh import Mesh
+from benchmark.protocols.galleries import galleries
+from tests.toy import rod, write_rods
+
+BALL = Mesh(np.asarray(icosphere(subdivisions=3).vertices), np.asarray(icosphere(subdivisions=3).faces))
+HORSESHOE = rod(0.05, 4.5, rings=60)
+
+
+def random():
+    return np.random.default_rng(0)
+
+
+def as_trimesh(mesh):
+    return Trimesh(mesh.vertices, mesh.faces, process=False)
+
+
+def test_noise_has_its_deviation_and_keeps_its_direction():
+    moved = [surface.noise(BALL, amount, random()).vertices - BALL.vertices for amount in (0.01, 0.02)]
+    np.testing.assert_allclose(moved[1], 2 * moved[0], atol=1e-12)
+    assert moved[0].std() == pytest.approx(0.01 * extent_of(BALL), rel=0.05)
+
+
+def test_each_hole_is_a_boundary_and_fewer_holes_are_among_more(monkeypatch):
+    monkeypatch.setattr(surface, "HOLE_RADIUS", 0.1)
+    few, more = (surface.holes(BALL, amount, random()) for amount in (2, 6))
+    assert as_trimesh(few).euler_number == 2 - 2
+    assert {*map(tuple, more.vertices)} < {*map(tuple, few.vertices)} < {*map(tuple, BALL.vertices)}
+
+
+def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
+    assert as_trimesh(HORSESHOE).euler_number == 2
+    glued = shortcuts(HORSESHOE, 1, random())
+    tube = as_trimesh(glued)
+    assert tube.is_watertight and tube.is_winding_consistent
+    assert tube.euler_number == 0
+    added = glued.faces[HORSESHOE.n_faces - 2 :].ravel()
+    along = np.unique(added) // 12  # ring of each corner
+    assert along.min() < 15 and along.max() > 45  # from one arm to the other
+    with pytest.raises(UnsupportedShape, match="comes near itself at 0 places"):
+        shortcuts(rod(0.05, 0.0), 1, random())  # a straight rod has no two parts
+
+
+def test_names_are_split_once_and_levels_are_checked(tmp_path, monkeypatch):
+    assert split_name("a set[noise=3][jitter=9]") == ("a set", [("noise", 3), ("jitter", 9)])
+    assert split_name("people[draw=1][view-angle=2]") == ("people[draw=1]", [("view-angle", 2)])
+    for name in ("humans[noise=6]", "humans[noise=0]", "humans[noise=x]", "humans[jitter=10]"):
+        with pytest.raises(ConfigurationError, match="has no level '.*'; choose a whole number from 1 to [59]"):
+            split_name(name)
+    monkeypatch.chdir(tmp_path)
+    write_rods(tmp_path / "scans[jitter=1]")
+    assert split_name("scans[jitter=1][noise=2]") == ("scans[jitter=1]", [("noise", 2)])
+    assert open_dataset("scans[jitter=1]").name == "scans[jitter=1]"
+
+
+def test_a_changed_set_is_the_same_each_time_and_its_key_tells_it_from_others(rods):
+    clean = open_dataset(str(rods))
+    one, same, other = (open_dataset(f"{rods}[noise={level}]") for level in (3, 3, 4))
+    entry = one.shapes[0]
+    assert one.shapes == clean.shapes
+    np.testing.assert_array_equal(one.load(entry).vertices, same.load(entry).vertices)
+    assert one.key(entry) == same.key(entry)
+    assert len({dataset.key(entry) for dataset in (one, other, clean)}) == 3
+    assert [dataset.code[-1] for dataset in (clean, one)] == ["benchmark.geometry.io", "benchmark.datasets.changes"]
+
+
+def test_the_numbers_of_a_jitter_move_vertices_by_a_millionth_each_in_its_own_way(rods):
+    clean, *jittered = (open_dataset(f"{rods}{name}") for name in ("", "[jitter=1]", "[jitter=2]"))
+    entry = clean.shapes[0]
+    moves = [each.load(entry).vertices - clean.load(entry).vertices for each in jittered]
+    assert moves[0].std() == pytest.approx(1e-6 * extent_of(clean.load(entry)), rel=0.1)
+    assert abs(np.corrcoef(moves[0].ravel(), moves[1].ravel())[0, 1]) < 0.1
+
+
+def test_changes_add_up_and_a_camera_is_changed_for_views_alone(rods, tmp_path):
+    noise = open_dataset(f"{rods}[depth-noise=5]")
+    both = open_dataset(f"{rods}[noise=2][depth-noise=5][view-angle=5]")
+    entry = both.shapes[0]
+    assert both.sensor(entry) == noise.sensor(entry) is not None
+    assert np.cos(np.radians(60)) <= np.dot(both.camera(entry).direction, FRONT.direction) < 1
+    assert (both.inputs, open_dataset(f"{rods}[noise=2]").inputs) == (("view",), ("mesh", "view"))
+    with pytest.raises(ConfigurationError, match="has depth noise already"):
+        open_dataset(f"{rods}[depth-noise=5][depth-noise=1]")
+    folder = write_rods(tmp_path / "posed", bends=(0.0, 1.0))
+    (folder / "dataset.toml").write_text('[canonical_pose]\nthick = "1"\n')
+    for change in ("", "[noise=1]", "[noise=1][jitter=1]"):
+        assert canonical_entry(open_dataset(f"{folder}{change}"), "thick").identifier == "thick1"
+    for name in ("examples/depth[noise=1]", "examples/depth[view-angle=1][jitter=1]"):
+        (gallery,) = galleries([], [name])
+        assert gallery.inputs == gallery.dataset.inputs == ("view",)
+        with pytest.raises(ConfigurationError, match="which show one side of each shape"):
+            gallery.check_input("mesh")
+
+
+@pytest.mark.parametrize("camera", [FRONT, SIDE])
+def test_a_perspective_camera_sees_less_the_nearer_it_is_and_what_it_sees_lies_on_the_shape(camera):
+    moved = BALL.with_vertices(3 * BALL.vertices + [5, 6, 7])
+    areas = []
+    for distance in (3.0, 1.0):
+        seen = surface.seen_from_near(moved, camera, distance)
+        radii = np.linalg.norm(seen.vertices - [5, 6, 7], axis=1)
+        assert radii.min() > 2.9 and radii.max() < 3.001
+        heights = (seen.vertices - [5, 6, 7]) @ -np.asarray(camera.direction) / 3
+        assert heights.min() == pytest.approx(1 / (2 * distance), abs=0.05)  # tangents to a ball of extent 2
+        areas.append(seen.area)
+        a, b, c = (seen.vertices[seen.faces[:, k]] for k in range(3))
+        assert (np.cross(b - a, c - a) @ np.asarray(camera.direction) < 0).mean() > 0.99
+    assert areas[0] > areas[1]
+
+
+def test_changes_of_large_meshes_take_little_memory():
+    large = icosphere(subdivisions=6)
+    ball = Mesh(np.asarray(large.vertices), np.asarray(large.faces))
+    for change in (surface.holes, shortcuts):
+        tracemalloc.start()
+        with contextlib.suppress(UnsupportedShape):  # a ball does not come near itself
+            change(ball, 5, random())
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 1000 * ball.n_vertices, change

@@ -1,0 +1,124 @@
+"""The generated people: plausible, different, posed as said, and the same everywhere."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import pdist
+
+from benchmark.datasets import humans
+from benchmark.datasets.catalogue import is_known, open_dataset
+from benchmark.datasets.human_poses import POSES
+from benchmark.datasets.human_subjects import PEOPLE, SUBJECTS, adults, new_subject, random_subjects
+from benchmark.datasets.humans import human_meshes
+from benchmark.errors import ConfigurationError, DatasetError
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.depth import depth_surface, fit_half_width
+
+TAKEN = np.array([astuple(body) for bodies in (SUBJECTS, adults(), *PEOPLE) for body in bodies.values()])
+
+
+@pytest.mark.slow
+def test_another_process_with_two_threads_makes_the_same_shapes() -> None:
+    program = (
+        "import hashlib; from benchmark.datasets.people import humans; data = humans()\n"
+        "print(hashlib.sha256(b''.join(data.load(data.shapes[k]).vertices.tobytes() for k in (3, 250))).hexdigest())"
+    )
+    environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS"), "2")
+    run = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    data = open_dataset("humans")
+    here = b"".join(data.load(data.shapes[row]).vertices.tobytes() for row in (3, 250))
+    assert run.stdout.split()[-1] == hashlib.sha256(here).hexdigest()
+
+
+@pytest.mark.parametrize("subjects", [["man-2"], pytest.param([*SUBJECTS], marks=pytest.mark.exhaustive)])
+def test_poses_differ_fit_the_frame_and_push_no_body_through_itself(subjects: list[str]) -> None:
+    import pymeshlab
+
+    meshes = list(human_meshes((SUBJECTS[name], pose) for name in subjects for pose in POSES.values()))
+    half_width = open_dataset("humans").half_width
+    assert half_width and 0.5 < fit_half_width(meshes, FRONT) <= half_width
+    for mesh in meshes:
+        layers = pymeshlab.MeshSet()
+        layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+        layers.compute_selection_by_self_intersections_per_face()
+        # Creases of knees and groin; an arm through the chest takes more than three per cent.
+        assert layers.current_mesh().face_selection_array().mean() < 0.015
+        view = depth_surface(mesh, FRONT, half_width)
+        assert 1000 < view.surface.n_vertices < 3200
+        assert view.report.lost_samples < 0.05 * view.surface.n_vertices
+    if len(subjects) == len(SUBJECTS):
+        assert half_width == pytest.approx(fit_half_width(meshes, FRONT), rel=0.002)
+    poses = np.array(
+        [((mesh.vertices - mesh.vertices.mean(axis=0)) / np.sqrt(mesh.area)).ravel() for mesh in meshes[:20]]
+    )
+    assert pdist(poses).min() / np.sqrt(meshes[0].n_vertices) > 0.08
+
+
+def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
+    names = ["humans", *(f"people[draw={draw}]" for draw in range(3)), "people[n=4]"]
+    sets = [open_dataset(name) for name in names]
+    assert [data.name for data in sets] == names
+    assert [len(data.shapes) for data in sets] == [300] * 4 + [80]
+    assert all([e.pose for e in data.shapes] == [*POSES] * (len(data.shapes) // 20) for data in sets)
+    subjects = [{entry.subject for entry in data.shapes} for data in sets]
+    assert len(set().union(*subjects)) == sum(map(len, subjects)) == 64
+    assert len({data.key(entry) for data in sets for entry in data.shapes}) == 1280
+    assert open_dataset("people").name == "people[draw=0]"
+
+
+@pytest.mark.parametrize("draw", range(3))
+def test_the_committed_people_are_those_that_the_rule_draws_apart_from_the_others(draw: int) -> None:
+    assert PEOPLE[draw] == random_subjects(draw)
+    drawn = np.array([astuple(subject) for subject in PEOPLE[draw].values()])
+    distances = np.linalg.norm(drawn[:, None] - TAKEN[:55], axis=2)
+    assert distances.min() >= 0.25
+    assert np.abs(distances - 0.25).min() > 1e-9, "no draw hangs on the last bits of a distance"
+
+
+def test_further_bodies_keep_away_from_tested_subjects_and_a_larger_set_begins_with_the_smaller() -> None:
+    small, large = open_dataset("people[n=3]"), open_dataset("people[n=200]")
+    keys = [large.key(entry) for entry in large.shapes[:60]]
+    assert [small.key(entry) for entry in small.shapes] == keys
+    bodies = np.array([astuple(new_subject(np.random.default_rng([1, n]), n % 3)) for n in range(200)])
+    assert np.linalg.norm(bodies[:, None] - TAKEN, axis=2).min() >= 0.25
+    assert bodies.min() >= 0 and bodies.max() <= 1
+    assert (bodies[:, 1] < 0.5).sum() == 66
+    assert len(np.unique(bodies, axis=0)) == 200
+    assert str(np.round(bodies[1], 9).tolist()) in large.key(large.shapes[20])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("people[n=1]", "has no such number of bodies; choose 2 to 100000"),
+        ("people[draw=3]", "unknown data set 'people.draw=3.'; did you mean people.draw="),
+        ("people[n=many]", "unknown data set"),
+    ],
+)
+def test_what_is_no_set_of_people_is_refused(name: str, said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        open_dataset(name)
+    assert is_known("people[n=10][noise=2]") and not is_known("people[n=5")
+
+
+def test_listing_loads_nothing_heavy() -> None:
+    program = (
+        "import sys; from benchmark.datasets.people import humans; data = humans(); data.key(data.shapes[0])\n"
+        "print([name for name in ('torch', 'anny', 'warp') if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("package", ["anny", "torch"])
+def test_a_missing_package_says_what_to_install(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(DatasetError, match=f"package '{package}'.*pip install {package}"):
+        humans._body.__wrapped__()
