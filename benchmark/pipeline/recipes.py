@@ -27,7 +27,7 @@ OFFERED = "api"
 
 def dataset_module(dataset: ShapeSet) -> str:
     """Return the module or plugin file that provides the meshes of a data set."""
-    return dataset.code[0]
+    return dataset.code[0] if dataset.code else ""
 
 
 def source_components(dataset: ShapeSet) -> list[str]:
@@ -35,7 +35,7 @@ def source_components(dataset: ShapeSet) -> list[str]:
     known = read_lock().components
     name, found = split_name(dataset.name)
     base = "data/frames" if dataset.observe else f"data/{name.partition('[')[0]}"
-    if dataset.code[0].endswith(".py"):
+    if dataset.code and dataset.code[-1].endswith(".py"):
         base = OFFERED
     changes = [f"change/{change}" for change, _ in found]
     return [base if base in known else "data/files", *(change for change in changes if change in known)]

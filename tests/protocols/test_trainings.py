@@ -5,14 +5,14 @@ import pytest
 from benchmark.datasets.animals import animals
 from benchmark.datasets.base import Part
 from benchmark.datasets.catalogue import canonical_entry
-from benchmark.datasets.people import People, humans
+from benchmark.datasets.people import humans, people
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 from tests.mean_folds import MeanSampled, MeanStrict
 from tests.mean_target import MeanTarget
 
-SETS = {"humans": humans(), "people[draw=0]": People(), "animals": animals()}
+SETS = {"humans": humans(), "people[draw=0]": people(), "animals": animals()}
 FOLDS = [f"humans-fold-{a}" for a in range(3)]
 STRICT = [f"{name}-strict-{a}-{b}" for name in ("humans", "people") for a in range(3) for b in range(4)]
 GENERATED = [name for name, training in TRAININGS.items() if training.dataset in SETS and training.trained != Part()]
