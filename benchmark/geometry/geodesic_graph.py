@@ -282,15 +282,21 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
             tails = np.concatenate((tails, np.empty(tails.size + n_seen, np.int64)))
             heads = np.concatenate((heads, np.empty(heads.size + n_seen, np.int64)))
             squares = np.concatenate((squares, np.empty(squares.size + n_seen, np.float64)))
-        for at in range(n_seen):
-            vertex = seen[at]
-            tails[arcs], heads[arcs], squares[arcs] = source, vertex, best[vertex]
-            best[vertex] = np.inf
-            arcs += 1
-        best[source] = np.inf
+        _store_arcs(source, seen[:n_seen], best, tails[arcs:], heads[arcs:], squares[arcs:])
+        arcs += n_seen
     return tails[:arcs], heads[:arcs], np.sqrt(squares[:arcs])
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _place(row, a, b, c, d, e, f, g, h):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7] = a, b, c, d, e, f, g, h
+
+
+@njit(cache=True, nogil=True)
+def _store_arcs(source, seen, best, tails, heads, squares):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write the arcs from the source to the seen vertices, and forget them."""
+    for at in range(seen.size):
+        vertex = seen[at]
+        tails[at], heads[at], squares[at] = source, vertex, best[vertex]
+        best[vertex] = np.inf
+    best[source] = np.inf

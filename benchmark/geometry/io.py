@@ -222,7 +222,7 @@ def read_off(data: bytes, _: Path) -> Arrays:
 def _counted_polygons(lines: Sequence[bytes]) -> NDArray[np.int64]:
     """Parse lines of the number of corners, the corners, and perhaps a colour; returns triangles."""
     rows = [line.split() for line in lines]
-    sizes = [_count(row[0]) for row in rows]
+    sizes = _integers(_parsed(b" ".join(row[0] for row in rows))).tolist()
     if any(len(row) <= size for row, size in zip(rows, sizes, strict=True)):
         raise ValueError("a face has fewer corners than it announces")
     corners = [word for row, size in zip(rows, sizes, strict=True) for word in row[1 : 1 + size]]
@@ -241,12 +241,6 @@ def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
     if (faces[:, 0] != 3).any():
         return None
     return numbers[: 3 * n_vertices].reshape(-1, 3), _integers(faces[:, 1:])
-
-
-def _count(word: bytes) -> int:
-    if not word.isdigit() or len(word) > 9:
-        raise ValueError(f"{word[:20].decode('ascii', 'backslashreplace')!r} is no number of corners")
-    return int(word)
 
 
 def read_obj(data: bytes, _: Path) -> Arrays:

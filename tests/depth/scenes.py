@@ -1,4 +1,4 @@
-"""A figure of capsules before a floor and a wall, as a perspective depth camera with the faults of a real one sees it."""
+"""A figure before a floor and a wall, as a perspective depth camera with the faults of a real one sees it."""
 
 from __future__ import annotations
 
