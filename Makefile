@@ -15,11 +15,12 @@ KERNELS := $(shell grep -rl njit --include='*.py' baselines benchmark learned re
 # Where modules are not kept compiled, each of some hundred processes compiles numpy, scipy and torch for itself.
 unexport PYTHONDONTWRITEBYTECODE
 
-# What the figures show.
+# What the figures show: shapes of quick runs, which make the forms.
 POSES := $(addprefix --shape woman-3_,standing running squatting)
-BENT := $(addprefix --shape woman-3_,kicking squatting throwing)
-FAMILY := report -d humans --input mesh --force $(addprefix --shape woman-3_,standing t-pose squatting) --figure results/figures/family
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
+OF_HUMANS := -d humans --input mesh
+DRAW := $(BIN)/python -m benchmark report --force --figure results/figures
+methods = $(addprefix -m ,$(1))
 
 .PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean golden reference
 
@@ -101,20 +102,24 @@ publish: setup
 	$(BIN)/python -m benchmark merge --published results
 	$(BIN)/python -m benchmark tables --published -o results/tables
 
-# The report, and the figures of README and docs; those of TOSCA need CANONICAL_FORMS_DATA.
+# The report, and the figures of README and docs, from forms that runs keep; those of TOSCA need CANONICAL_FORMS_DATA.
+CLASSICAL := classic-mds fast-mds non-metric-mds least-squares-mds constrained-mds gps mesh-unfolding skeleton
+FURTHER := accelerated-mds fast-classical-scaling feature-preserved deformation-field
 figures: setup
+	$(BIN)/python -m benchmark run $(OF_HUMANS) $(call methods,$(CLASSICAL) $(FURTHER))
+	$(BIN)/python -m benchmark run -t III --input mesh -m least-squares-mds
 	$(BIN)/python -m benchmark report -o results/report
-	$(BIN)/python -m benchmark report -d humans --force --figure results/figures/forms-humans.pdf $(POSES)
-	$(BIN)/python -m benchmark report -d humans --force --figure results/figures/forms-humans.png $(POSES)
-	$(BIN)/python -m benchmark report -d humans -m constrained-mds -m gps -m deformation-field \
-	    -m "deformation-field[reach=0]" --input mesh --force --figure results/figures/field-humans.png $(BENT)
-	$(BIN)/python -m benchmark $(FAMILY)-scaling.png -m classic-mds -m least-squares-mds -m non-metric-mds
-	$(BIN)/python -m benchmark $(FAMILY)-few-rows.png -m fast-mds -m accelerated-mds -m fast-classical-scaling
-	$(BIN)/python -m benchmark $(FAMILY)-details.png -m constrained-mds -m feature-preserved -m skeleton \
-	    -m mesh-unfolding
-	$(BIN)/python -m benchmark report -d tosca -m least-squares-mds --of effect \
-	    --force --figure results/figures/effect.png --subject cat --subject michael $(BODIES)
-	$(BIN)/python -m benchmark report --published -t III --of cost --force --figure results/figures/cost-table-III.pdf
+	$(DRAW)/forms-humans.pdf $(OF_HUMANS) $(POSES) $(call methods,$(CLASSICAL))
+	$(DRAW)/forms-humans.png $(OF_HUMANS) $(POSES) $(call methods,$(CLASSICAL))
+	$(DRAW)/field-humans.png $(OF_HUMANS) $(POSES) -m constrained-mds -m gps -m deformation-field
+	$(DRAW)/family-scaling.png $(OF_HUMANS) $(POSES) -m classic-mds -m least-squares-mds -m non-metric-mds
+	$(DRAW)/family-few-rows.png $(OF_HUMANS) $(POSES) -m fast-mds -m accelerated-mds -m fast-classical-scaling
+	$(DRAW)/family-details.png $(OF_HUMANS) $(POSES) \
+	    $(call methods,constrained-mds feature-preserved skeleton mesh-unfolding)
+	$(DRAW)/effect.png -t III -d tosca -m least-squares-mds $(BODIES)
+	$(DRAW)/two-scorers.png --of scorers
+	for name in animals humans humans-scanlike tosca; do \
+	    $(BIN)/python -m benchmark data sheet $$name -o results/figures/sheet-$$name.png || exit 1; done
 
 # Leaves the records of finished jobs.
 clean:

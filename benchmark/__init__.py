@@ -3,7 +3,7 @@
 from typing import Any
 
 #: What is offered here, and the module that has it: none is imported before it is asked for.
-_OFFERED = {"run": "benchmark.results", "score": "benchmark.external.scoring"}
+_OFFERED = {"open_results": "benchmark.report.results", "score": "benchmark.scoring.evaluation"}
 
 
 def __getattr__(name: str) -> Any:

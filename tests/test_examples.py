@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from benchmark.pipeline.storage.store import Store
-from benchmark.results import open_results
+from benchmark.report.results import open_results
 from tests.toy import rod, write_off, write_rods
 
 ROOT = Path(__file__).parents[1]

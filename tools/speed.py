@@ -40,7 +40,7 @@ from benchmark.geometry import geodesics
 from benchmark.geometry.preparation import prepare
 from benchmark.registry import select_one
 from benchmark.registry.outputs import compute_signature
-from benchmark.report.escaping import markdown_table
+from benchmark.report.formats import markdown_table
 from learned.images import enlarged, resampled
 from learned.methods import Learned
 from learned.paper_network import PaperNetwork
@@ -299,7 +299,7 @@ def main() -> None:
         for row in GROUPS[group]():
             rows.append(row.cells())
             print(" | ".join(rows[-1]), file=sys.stderr, flush=True)
-    print(markdown_table(HEADER, rows, n_left=len(HEADER)))
+    print("\n".join(markdown_table(HEADER, rows)))
     processor = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
     print(f"\nMeasured on {platform.platform()} ({processor and processor[1]}), {psutil.cpu_count()} cores.")
 

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmark.cli.options import Selection, explained
-from benchmark.cli.terminal import counting
+from benchmark.cli.progress import counting
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.checking import check_source
 from benchmark.datasets.export import export as export_shapes
@@ -30,8 +30,8 @@ def export(name: str, options: Selection, output: Path, *, force: bool) -> None:
 
 def sheet(name: str, options: Selection, output: Path | None, subjects: int | None, poses: int) -> None:
     """Draw a contact sheet."""
-    from benchmark.report.pictures.painting import save_png
-    from benchmark.report.pictures.sheets import contact_sheet
+    from benchmark.report.drawing import save_png
+    from benchmark.report.sheets import contact_sheet
 
     dataset = open_dataset(_source(name, options), options.data_root)
     drawing = contact_sheet(dataset, subjects, poses)

@@ -17,7 +17,6 @@ import numpy as np
 from benchmark.api.contracts import CanonicalForm, Shape
 from benchmark.cli.methods import trained_on_people
 from benchmark.cli.options import Selection, explained
-from benchmark.cli.plan import scorer_spec
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.folder import folder_set
 from benchmark.depth.frame import FrameFiles
@@ -36,12 +35,13 @@ from benchmark.pipeline.retrieval import SearchResult, input_for, search
 from benchmark.pipeline.stages.shapes import N_VERTICES, half_width_of, seen
 from benchmark.pipeline.storage.store import Store
 from benchmark.plugins.registry import methods, variant
+from benchmark.plugins.scorers import scorer_of, scorers
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
+from benchmark.protocols.tables import own_table
 from benchmark.registry import select_one
-from benchmark.report.content import own_table
-from benchmark.report.pictures.painting import save_png
-from benchmark.report.pictures.sheets import frame_picture, mesh_picture, retrieved_picture
+from benchmark.report.drawing import save_png
+from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.text import aligned, say
 
 #: Fewest vertices of a prepared mesh.
@@ -88,13 +88,13 @@ def canonicalise(
 ) -> bool:
     """Write the form of a mesh, or the forms of depth images."""
     method = request.method
-    spec = variant(method, methods(request.plugins))
     may_miss = len(paths) > 1 or _is_pattern(paths[0])  # a missing frame costs only itself
     if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
     if picture is not None and len(paths) == 1 and paths[0].is_file():
         require_png(picture)
-    if warning := trained_on_people(spec):
+    component = select_one(method, request.plugins)
+    if warning := trained_on_people(component):
         say(f"{method}: {warning}", err=True)
     if may_miss or paths[0].suffix.lower() in EXTENSIONS or paths[0].is_dir():
         if vertices:
@@ -335,7 +335,7 @@ def _retrieved(
     gallery = Gallery(own_table(dataset.name), source, dataset, dataset.shapes, data_root=options.data_root)
     models = find_models(spec, gallery, store.models)
     preparation = Preparation(dataset, input_for(query, dataset, spec), store)
-    run = MethodRun(preparation, store, spec, options.seed, models, scorer_spec(options))
+    run = MethodRun(preparation, store, spec, options.seed, models, scorer_of(options.scorer, scorers(options.plugins)))
     frame = request.camera.files(query) if query.suffix.lower() in EXTENSIONS else None
     nearest = search(run, query, frame, source)
     seconds = time.perf_counter() - start

@@ -1,4 +1,4 @@
-"""``list``, ``describe`` and ``new``: available names, details of methods, and plugin templates."""
+"""``list``, ``describe`` and ``new``: available names, details of methods, and a plugin to start from."""
 
 from __future__ import annotations
 
@@ -10,12 +10,18 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from benchmark.api.learning import CARD, Learner, read_card
 from benchmark.api.parameters import format_value
-from benchmark.cli.options import Selection, explained, name_unusable
+from benchmark.cli.options import Selection, explained
+from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import ConfigurationError
-from benchmark.plugins import registry
-from benchmark.plugins.registry import MethodSpec, variant
-from benchmark.plugins.specs import PluginSpec
+from benchmark.new import new_method
+from benchmark.protocols.models import MODELS_VARIABLE, model_places
+from benchmark.protocols.tables import TABLES
+from benchmark.protocols.trainings import TRAININGS
+from benchmark.reference.paper import source_of
+from benchmark.registry import Component, data_sets, methods, scorers, select_one
+from benchmark.registry.names import described
 from benchmark.text import aligned, clean, say, say_lines
 
 Rows = list[dict[str, str]]
@@ -24,66 +30,60 @@ Rows = list[dict[str, str]]
 _COLUMNS = ("name", "state", "shapes", "classes", "source")
 
 #: Sets whose trainings contain people only.
-_PEOPLE = ("humans", "shrec14-synthetic")
+_PEOPLE = ("humans", "people", "shrec14-synthetic")
 
 _KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
 
-def list_(what: str, options: Selection, *, as_json: bool) -> None:
+def list_(what: str, selection: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
     kinds = {"methods": _methods, "scorers": _scorers, "datasets": _datasets, "tables": _tables, "models": _models}
-    if what in ("datasets", "tables"):
-        options.require_data_root()
-    rows = kinds[what](options)
+    rows = kinds[what](selection)
     if as_json:
         say_lines(json.dumps(rows, indent=1))
-    else:
-        table = [list(row.values()) for row in rows]
-        if what == "datasets":
-            table = [[*_COLUMNS], *([row[name] for name in _COLUMNS] for row in rows)]
-        for line in aligned(table):
-            say(line)
-    if what in ("methods", "scorers"):
-        name_unusable(what)
+        return
+    table = [list(row.values()) for row in rows]
+    if what == "datasets":
+        table = [[*_COLUMNS], *([row[name] for name in _COLUMNS] for row in rows)]
+    for line in aligned(table):
+        say(line)
 
 
-def _state(spec: PluginSpec[Any, Any]) -> str:
-    missing = spec.missing_packages()
+def _state(component: Component) -> str:
+    missing = component.missing_packages()
     return f"needs {', '.join(missing)}" if missing else "available"
 
 
-def _methods(options: Selection) -> Rows:
+def _methods(selection: Selection) -> Rows:
     """Return all methods; one that cannot be imported has the reason."""
     rows: Rows = []
-    for name, spec in registry.methods(options.plugins).items():
+    for name, component in methods(selection.plugins).items():
+        row = {"name": name, "title": name, "family": "", "state": "broken"}
         try:
-            info, state = spec.info, _state(spec)
+            info = component.info
+            row |= {"title": info.title, "family": info.family, "state": _state(component)}
+            rows.append({**row, "summary": component.summary})
         except ConfigurationError as error:
-            rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
-            continue
-        rows.append({"name": name, "title": info.title, "family": info.family, "state": state, "summary": info.summary})
+            rows.append({**row, "summary": str(error)})
     return rows
 
 
-def _scorers(options: Selection) -> Rows:
-    from benchmark.plugins.scorers import scorers
-
+def _scorers(selection: Selection) -> Rows:
+    found = scorers(selection.plugins).items()
     return [
-        {"name": name, "title": spec.info.title, "state": _state(spec), "summary": spec.info.summary}
-        for name, spec in scorers(options.plugins).items()
+        {"name": name, "title": component.title, "state": _state(component), "summary": component.summary}
+        for name, component in found
     ]
 
 
-def _datasets(options: Selection) -> Rows:
-    """Return the data sets, official or generated, present or absent; those of plugin files come last."""
-    from benchmark.datasets.catalogue import CATALOGUE, is_present
-    from benchmark.datasets.own import open_own, own_sets
-
+def _datasets(selection: Selection) -> Rows:
+    """Return the data sets, official or generated, present or absent; those of plugins come last."""
+    root = selection.require_data_root()
     rows = [
         {
             "name": name,
             "kind": "official" if known.folder else "generated",
-            "state": "present" if is_present(name, options.data_root) else f"not at {known.folder}",
+            "state": "present" if is_present(name, root) else f"not at {known.folder}",
             "shapes": str(known.n_shapes or "?"),
             "classes": str(known.n_classes),
             "source": known.origin or "generated",
@@ -94,57 +94,50 @@ def _datasets(options: Selection) -> Rows:
         }
         for name, known in CATALOGUE.items()
     ]
-    for own in map(open_own, own_sets(options.plugins).values()):
-        classes = {entry.subject for entry in own.shapes}
-        facts = {"name": own.name, "kind": "plugin", "state": "present", "shapes": str(len(own.shapes))}
-        facts |= {"classes": str(len(classes)), "source": own.code[-1], "summary": own.summary}
-        rows.append({**facts, "url": "", "terms": "", "use": "retrieval"})
+    for name, component in data_sets(selection.plugins).items():
+        own = component.create()
+        facts = {"name": name, "kind": "plugin", "state": "present", "shapes": str(len(own.shapes))}
+        facts |= {"classes": str(len({entry.subject for entry in own.shapes})), "source": component.target}
+        rows.append({**facts, "summary": own.summary, "url": "", "terms": "", "use": "retrieval"})
     return rows
 
 
-def _tables(options: Selection) -> Rows:
-    from benchmark.datasets.catalogue import is_present
-    from benchmark.protocols.tables import TABLES
-
+def _tables(selection: Selection) -> Rows:
+    root = selection.require_data_root()
     rows = []
     for table in TABLES:
-        present = [name for name in (table.dataset, *table.any_of) if name and is_present(name, options.data_root)]
-        none = f"none of {len(table.any_of)} sets is here" if table.any_of else ""
-        data = ", ".join(present) or none or f"{table.stand_in} (stand-in for {table.dataset})"
-        caption = table.caption_over(len(table.folds))
-        rows.append({"table": table.identifier, "dataset": data, "caption": caption})
+        stand_in = f"{', '.join(table.stand_ins)} (stand-in for {table.dataset})" if table.stand_ins else "not here"
+        data = table.dataset if is_present(table.dataset, root) else stand_in
+        rows.append({"table": table.identifier, "dataset": data, "caption": table.caption})
     return rows
 
 
-def _models(options: Selection) -> Rows:
-    """Return finished models with their training and validation; those trained here precede the shipped ones."""
-    from benchmark.api.learning import CARD, Learner, read_card
-    from benchmark.pipeline.storage.store import Store
-    from benchmark.protocols.models import MODELS_VARIABLE, model_places
-
-    folders = {Store(options.results / "runs").models: "trained here"}
-    for method in (spec.create() for spec in registry.methods().values() if spec.learns):
-        if isinstance(method, Learner):
-            for folder in model_places(method):
-                folders.setdefault(folder, "shipped" if folder == method.shipped_models else MODELS_VARIABLE)
-    rows = []
-    for folder, origin in folders.items():
-        for path in sorted(folder.glob(f"*/*/{CARD}")):
-            try:
-                card = read_card(path.parent)
-                digest, schedule = card.digest[:12], card.schedule_in_words
-            except ConfigurationError as error:
-                digest, schedule = "", f"unusable: {error}"
-            row = {"training": path.parent.parent.name, "model": path.parent.name, "origin": origin}
-            rows.append({**row, "digest": digest, "schedule": schedule})
-    return rows
+def _models(selection: Selection) -> Rows:
+    """Return finished models with their training; those trained here precede the shipped ones."""
+    folders = {selection.results / "models": "trained here"}
+    for learner in (component.create() for component in methods().values() if component.learns):
+        if isinstance(learner, Learner):
+            for folder in model_places(learner):
+                folders.setdefault(folder, "shipped" if folder == learner.shipped_models else MODELS_VARIABLE)
+    return [
+        {"training": path.parent.parent.name, "model": path.parent.name, "origin": origin, **_model(path.parent)}
+        for folder, origin in folders.items()
+        for path in sorted(folder.glob(f"*/*/{CARD}"))
+    ]
 
 
-def describe(method: str, plugins: Iterable[Path], *, as_json: bool) -> None:
+def _model(folder: Path) -> dict[str, str]:
+    try:
+        card = read_card(folder)
+    except ConfigurationError as error:
+        return {"digest": "", "schedule": f"unusable: {error}"}
+    return {"digest": card.digest[:12], "schedule": card.schedule_in_words}
+
+
+def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
     """Print the details of a method."""
-    with explained(method, "method"):
-        spec = variant(method, registry.methods(plugins))
-    facts = _facts(spec)
+    with explained(name, "method"):
+        facts = _facts(select_one(name, plugins))
     if as_json:
         say_lines(json.dumps(facts, indent=1))
         return
@@ -152,41 +145,38 @@ def describe(method: str, plugins: Iterable[Path], *, as_json: bool) -> None:
         say(line)
 
 
-def trained_on_people(spec: MethodSpec) -> str:
+def trained_on_people(component: Component) -> str:
     """Return a warning if a model was trained on people only; "" otherwise, or if the table determines the model."""
-    from benchmark.protocols.trainings import TRAININGS
-
-    if spec.is_foreign or not spec.learns or spec.missing_packages():
+    if component.plugin or component.missing_packages() or not component.learns:
         return ""
-    folder = getattr(spec.create(), "model_folder", None)
+    folder = getattr(component.create(), "model_folder", None)
     training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
     if training is None or training.dataset not in _PEOPLE:
         return ""
     return f"its model of training '{training.name}' was shown people alone: it turns any other shape into a person"
 
 
-def _facts(spec: MethodSpec) -> dict[str, Any]:
+def _facts(component: Component) -> dict[str, Any]:
     """Return the details of a method in JSON types."""
-    from benchmark.reference.paper import source_of
-
-    info = spec.info
-    chosen = {name: format_value(value) for name, value in spec.parameters.items()}
+    info = component.info
+    chosen = {name: format_value(value) for name, value in component.parameters.items()}
+    parameters = [dataclasses.asdict(text) | {"chosen": chosen.get(text.name)} for text in described(component.load())]
     return {
-        "name": spec.name,
+        "name": component.name,
         "title": info.title,
         "family": info.family,
-        "kind": "learner" if spec.learns else "descriptor" if spec.describes else "method",
-        "summary": clean(spec.summary),
+        "kind": "learner" if component.learns else "descriptor" if component.describes else "method",
+        "summary": clean(component.summary),
         "source": source_of(info.cite),
         "departs": info.departs,
         "inputs": list(info.inputs),
         "scale": info.scale,
         "deterministic": info.deterministic,
-        "warning": trained_on_people(spec),
+        "warning": trained_on_people(component),
         "requires": list(info.requires),
-        "missing": list(spec.missing_packages()),
-        "defined_in": spec.target,
-        "parameters": [dataclasses.asdict(text) | {"chosen": chosen.get(text.name)} for text in spec.parameter_texts],
+        "missing": list(component.missing_packages()),
+        "defined_in": component.target,
+        "parameters": parameters,
     }
 
 
@@ -221,17 +211,15 @@ def _fact_lines(facts: Mapping[str, Any], width: int) -> list[str]:
 
 
 def _wrapped(head: str, text: str, width: int) -> list[str]:
-    width = max(20 + len(head), width)
     blank = " " * len(head)
-    return textwrap.wrap(clean(text), width, initial_indent=head, subsequent_indent=blank, break_on_hyphens=False) or [
-        head
-    ]
+    lines = textwrap.wrap(
+        clean(text), max(20 + len(head), width), initial_indent=head, subsequent_indent=blank, break_on_hyphens=False
+    )
+    return lines or [head]
 
 
 def new(kind: str, name: str) -> None:
-    """Write a plugin of a kind."""
-    from benchmark.new import new_method
-
+    """Write a plugin file and its test."""
     if kind != "method":
         raise ConfigurationError(f"there is no template for a {kind}", "copy the one in examples/")
     paths = new_method(name)

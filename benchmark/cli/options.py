@@ -10,15 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from typer import Argument, Option
 
 from benchmark.errors import ConfigurationError
-from benchmark.text import DATA_VARIABLE, say
-
-if TYPE_CHECKING:
-    from benchmark.pipeline.storage.store import Store
+from benchmark.text import DATA_VARIABLE
 
 #: Value of ``--method`` that selects all methods.
 EVERY = "all"
@@ -34,15 +31,6 @@ def duration(text: str | float) -> float:
     return float(match[1]) * _UNITS[match[2]]
 
 
-def _inspected(plugins: list[Path]) -> list[Path]:
-    """Return the plugin files after inspecting them in a child process."""
-    if plugins:
-        from benchmark.plugins.inspection import inspect
-
-        inspect(tuple(plugins))
-    return plugins
-
-
 Tables = Annotated[list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")]
 Methods = Annotated[list[str], Option("-m", "--method", metavar="METHOD", help="Method, or all; see 'list methods'.")]
 Method = Annotated[str, Option("-m", "--method", metavar="METHOD", help="Method; see 'list methods'.")]
@@ -50,10 +38,7 @@ Datasets = Annotated[list[str], Option("-d", "--dataset", metavar="DATASET|FOLDE
 Dataset = Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")]
 Input = Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")]
 Scorer = Annotated[str, Option("--scorer", metavar="SCORER", help="What compares forms; see 'list scorers'.")]
-Plugins = Annotated[
-    list[Path],
-    Option("--plugin", metavar="FILE", help="File with methods, scorers or data sets.", callback=_inspected),
-]
+Plugins = Annotated[list[Path], Option("--plugin", metavar="FILE", help="File with methods, scorers or data sets.")]
 Results = Annotated[Path, Option("--results", metavar="DIR", help="Results folder.")]
 DataRoot = Annotated[
     Path | None, Option("--data-root", metavar="DIR", envvar=DATA_VARIABLE, help="Folder of the official data sets.")
@@ -61,7 +46,6 @@ DataRoot = Annotated[
 Seed = Annotated[int, Option("--seed", metavar="N", help="Base seed of all methods.")]
 Quick = Annotated[bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")]
 Everything = Annotated[bool, Option("--all", help="All tables but robustness (default of 'plan').")]
-Paper = Annotated[bool, Option("--paper", help="Only the rows of the paper.")]
 Published = Annotated[bool, Option("--published", help="Only published records.")]
 Force = Annotated[bool, Option("--force", help="Replace files that this verb did not write.")]
 Json = Annotated[bool, Option("--json", help="Print JSON.")]
@@ -94,7 +78,6 @@ class Selection:
     seed: int = 0
     quick: bool = False
     everything: bool = False
-    paper: bool = False
     published: bool = False
 
     @property
@@ -129,22 +112,6 @@ def require_data_root(root: Path | None) -> Path | None:
     return root
 
 
-def name_skipped(*stores: Store) -> None:
-    """Print once, on stderr, which files among the records are not records."""
-    for store in stores:
-        for line in (*store.published.news(), *store.records.news()):
-            say(line, err=True)
-
-
-def name_unusable(kind: str = "methods") -> None:
-    """Print on stderr which installed packages with methods or scorers cannot be used."""
-    from benchmark.plugins.registry import methods
-    from benchmark.plugins.scorers import scorers
-
-    for line in (methods() if kind == "methods" else scorers()).news:
-        say(line, err=True)
-
-
 @contextmanager
 def explained(name: str, wanted: str) -> Iterator[None]:
     """Improve the error for a name of another kind: suggest the command that accepts it.
@@ -160,15 +127,14 @@ def explained(name: str, wanted: str) -> Iterator[None]:
         yield
     except ConfigurationError as error:
         from benchmark.datasets.catalogue import is_known
-        from benchmark.plugins.registry import BUILT_IN
-        from benchmark.plugins.scorers import scorers
         from benchmark.protocols.tables import TABLES
+        from benchmark.registry import BUILT_IN, SCORERS
 
         base = name.partition("[")[0]
         kinds = {
             "method": (base in BUILT_IN, f"describe {name}"),
             "data set": (is_known(name) or Path(name).is_dir(), f"data check {name}"),
-            "scorer": (base in scorers(), "list scorers"),
+            "scorer": (base in SCORERS, "list scorers"),
             "table": (name in {table.identifier for table in TABLES}, "list tables"),
             "file": (Path(name).is_file(), f"check {name}"),
         }

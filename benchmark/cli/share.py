@@ -1,61 +1,57 @@
-"""``merge`` and ``score``: results folders and external distances."""
+"""``merge`` and ``forget``: join results folders, and delete results."""
 
 from __future__ import annotations
 
-import shlex
+import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
-from benchmark.cli.options import name_skipped
-from benchmark.cli.plan import scores_in_words
-from benchmark.execution.claims import Claims
-from benchmark.external.files import read_distances, read_labels, read_ranked
-from benchmark.external.records import keep_distances
-from benchmark.external.scoring import FORMATS, Task, evaluated
-from benchmark.pipeline.storage.merging import job_name, merge_records, publish, records_under
-from benchmark.pipeline.storage.store import Store, sweep_leftovers
-from benchmark.text import say, say_lines
+from benchmark.cli.options import Selection
+from benchmark.cli.run import outcome
+from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline.cache import writing
+from benchmark.pipeline.records import Record, publish, read_records
+from benchmark.pipeline.records import forget as forget_records
+from benchmark.pipeline.records import merge as merge_records
+from benchmark.registry import BUILT_IN
+from benchmark.text import say
 
 
 def merge(folders: Sequence[Path], results: Path, *, published: bool) -> bool:
-    """Merge records, and print those that contradict each other."""
-    store = Store.open(results)
-    is_target = results.resolve().__eq__
-    stores = [store if is_target(folder.resolve()) else Store(folder / "runs") for folder in folders]
-    try:
-        records = [record for source in stores for record in records_under(source)]
-    finally:
-        name_skipped(*stores)
-    with Claims(store.root) as claims:
-        merged = publish(records, store.published) if published else merge_records(records, store.records)
-        if claims.is_last():
-            sweep_leftovers(store)
-            if not published:
-                store.records.gather()
-    name_skipped(store)
+    """Merge records, or publish those made here; print those that contradict each other."""
+    with writing(results):
+        others = [folder for folder in folders if folder.resolve() != results.resolve()]
+        merged = merge_records(others, results)
+        public = publish(results, is_public) if published else merged
+    for line in merged.skipped:
+        say(line, err=True)
     for existing, other in merged.conflicts:
-        scores = f"{scores_in_words(existing)} here, {scores_in_words(other)} there"
-        say(f"conflict: {job_name(existing)} ({existing['key'][:12]}): {scores}")
-    say(f"{len(merged.added)} records added, {merged.known} known, {len(merged.conflicts)} conflicts")
+        say(f"conflict: {existing.place}: {outcome(existing)} here, {outcome(other)} there")
+    say(f"{len(public.added)} records added, {public.known} known, {len(merged.conflicts)} conflicts")
     return not merged.conflicts
 
 
-def read_task(distances: Path, labels: Path, query_labels: Path | None, *, ranked: bool) -> Task:
-    """Read distances or ranked lists, and the classes of their rows and columns."""
-    gallery = read_labels(labels)
-    matrix = read_ranked(distances, gallery) if ranked else read_distances(distances)
-    return Task.of(matrix, gallery, read_labels(query_labels) if query_labels else None)
+def is_public(record: Record) -> bool:
+    """Return whether a record means something elsewhere: of a set and a method of the suite."""
+    return record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
 
 
-def score(
-    task: Task, title: str, format: str, results: Path | None, dataset: str, input_: Literal["mesh", "view"]
-) -> None:
-    """Print the measures, and store them as an external row if a folder is given."""
-    say_lines(FORMATS[format](title, evaluated(task)))
-    if results is not None:
-        store = Store.open(results)
-        record = keep_distances(store, task, title, dataset, input_)
-        name_skipped(store)
-        chosen = shlex.join(["-d", record["data"]["name"], "--results", str(results)])
-        say(f"kept as {record['method']}: 'tables {chosen}' and 'report {chosen}' show it", err=True)
+def forget(selection: Selection) -> None:
+    """Delete the records of methods or data sets made here."""
+    if not (selection.methods or selection.datasets):
+        raise ConfigurationError("nothing is selected", "name methods with -m, or data sets with -d")
+
+    def is_meant(record: Record) -> bool:
+        names = {record.data.name, record.data.source, os.path.realpath(record.data.source)}
+        wanted = {*selection.datasets, *map(os.path.realpath, selection.datasets)}
+        is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
+        return bool(not selection.methods or is_of_method) and bool(not selection.datasets or names & wanted)
+
+    with writing(selection.results):
+        count = forget_records(selection.results, is_meant)
+    known = sorted({record.method for record in read_records(selection.results, published=False)})
+    if not count:
+        hint = f"there are {', '.join(known)}" if known else "run some first"
+        raise ConfigurationError(f"no record under {selection.results} fits the selection", hint)
+    say(f"{count} records deleted, with their forms")

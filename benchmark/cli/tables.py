@@ -2,111 +2,113 @@
 
 from __future__ import annotations
 
-import re
+import json
+import os
+import shutil
 import sys
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from benchmark.cli.options import Selection, name_skipped
-from benchmark.cli.selection import is_of_data, no_table, recorded, stored, tables_of
-from benchmark.cli.terminal import print_tables
-from benchmark.errors import ConfigurationError
-from benchmark.pipeline.storage.merging import records_under
-from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.registry import methods, variant
-from benchmark.plugins.scorers import scorer_of, scorers
-from benchmark.report.comparison import compare_methods, lines
-from benchmark.report.formats import overview, render
-from benchmark.report.output import Folder
-from benchmark.report.robustness import file_stem, rendered, robustness
+from click import echo
+
+from benchmark.cli.options import Selection
+from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.pipeline.records import Record, read_records
+from benchmark.protocols.tables import TABLES
+from benchmark.report.comparison import compare as compare_records
+from benchmark.report.formats import as_json, latex, markdown, scores_csv, table_files, text
+from benchmark.report.output import stale_files, write_files
+from benchmark.report.robustness import robustness_markdown
+from benchmark.report.tables import TableView, table_views
 from benchmark.text import say, say_lines
 
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
-#: Number of tables that are printed in full if methods are named; otherwise each row has one line.
-_FEW = 2
+def recorded(options: Selection, *, published: bool = False) -> list[Record]:
+    """Return the records of a selection of data and input.
 
-FORMATS = ("latex", "markdown", "csv", "json")
+    Raises
+    ------
+    ConfigurationError
+        If there is none, or no record knows a table or data set.
+    """
+    found = read_records(options.results, local=not (options.published or published))
+    for line in found.skipped:
+        say(line, err=True)
+    known = {table.identifier for table in TABLES} | {record.data.name for record in found} | {"extended"}
+    for name in options.tables:
+        if name not in known:
+            raise did_you_mean("table", name, known)
+    names = {*options.datasets, *map(os.path.realpath, options.datasets)}
+    records = [
+        record
+        for record in found
+        if (not names or {record.data.name, record.data.source, os.path.realpath(record.data.source)} & names)
+        and options.input in (None, record.input)
+    ]
+    if not records:
+        hint = "run it first, select less, or drop --quick" if options.quick else "run it first, or select less"
+        raise ConfigurationError(f"no finished job under {options.results} fits the selection", hint)
+    return records
 
-#: Patterns of the files that single tables are written to.
-_WRITTEN = re.compile(r"(table|paper-table|robustness)-.*\.(md|tex|png)")
+
+def selected_tables(options: Selection, records: Iterable[Record]) -> list[TableView]:
+    """Return the tables of a selection; raise ``ConfigurationError`` if there is none."""
+    rows = options.methods if options.is_narrow else ()
+    sets = {record.data.name for record in records} if options.datasets else ()
+    views = table_views(
+        records, options.tables, rows, sets, quick=options.quick, scorer=options.scorer, seed=options.seed
+    )
+    if not views and "robustness" not in options.tables:
+        what = f"table {', '.join(options.tables)}" if options.tables else "any table"
+        raise ConfigurationError(
+            f"no finished job under {options.results} belongs to {what}", "run it first, or select less"
+        )
+    return views
 
 
 def tables(options: Selection, format: str | None, output: Path | None, *, check: bool, force: bool) -> bool:
     """Print or write tables, or compare them with existing files."""
-    formats: tuple[str, ...] = (format,) if format else ()
     if check and output is None:
         raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
-    store = stored(options, output)
-    if store.published_only and not options.published and Store(store.root).records.has_files:
-        say(f"{output} holds published tables, so your own records are omitted; choose another -o for them", err=True)
-    results = recorded(options, store)
-    content = tables_of(options, results)
-    perturbed = robustness(results) if "robustness" in options.tables or not options.tables else []
-    if not content and not perturbed:
-        raise no_table(options)
+    # RESULTS/tables holds the tables of the published records.
+    is_of_suite = output is not None and output.resolve() == (options.results / "tables").resolve()
+    records = recorded(options, published=is_of_suite)
+    views = selected_tables(options, records)
+    is_whole = not (options.tables or options.methods or options.datasets or options.input or options.quick)
     if output is None:
-        if not formats and options.is_narrow and len(content) > _FEW:
-            say_lines(overview(content))
-            say(f"{len(content)} tables: select with -t and -d to see each with its notes")
-            return True
-        if formats == ("latex",) and options.tables:  # to paste: without the tables that go with them
-            content = [table for table in content if table.identifier in options.tables]
-        texts: dict[str, str] = {}
-        if not formats and sys.stdout.isatty():
-            print_tables(content)
-        else:
-            texts = render(content, formats or ("markdown",), has_variants=False)
-        whole_files = ("csv", "json") if content else ()  # other programs read a single document
-        texts |= rendered(perturbed, [name for name in formats or ("markdown",) if name not in whole_files])
-        for text in texts.values():
-            say_lines(text)
+        _print(views, records, format, is_whole=is_whole or "robustness" in options.tables)
         return True
-    is_whole = not (formats or options.tables or options.methods or options.datasets or options.input)
-    formats = formats or FORMATS
-    texts = render(content, formats) | rendered(perturbed, formats)
-    files, folder = {name: text.encode() for name, text in texts.items()}, Folder(output, "tables", force=force)
-    drawn = perturbed if "markdown" in formats else []
+    files = table_files(views, records, [format] if format else (), is_whole=is_whole)
     if check:
-        return _check(folder, files, drawn, is_whole=is_whole)
-    folder.write(files)
-    if drawn:
-        from benchmark.report.pictures.charts import draw_curves
-
-        draw_curves(drawn, output)
-    say(f"wrote {', '.join(files)} to {output}")
+        stale = stale_files(output, files)
+        say(f"stale: {', '.join(stale)}" if stale else f"{len(files)} files are up to date")
+        return not stale
+    write_files(output, files, force=force)
+    say(f"wrote {len(files)} files to {output}")
     return True
 
 
-def _check(folder: Folder, files: dict[str, bytes], drawn: list[DataFrame], *, is_whole: bool) -> bool:
-    """Compare tables with the files in a folder, which must contain no others if all tables are compared."""
-    pictures = {f"{file_stem(frame)}.png" for frame in drawn}
-    stale = [*folder.stale(files), *sorted(name for name in pictures if not (folder.root / name).is_file())]
-    others = {path.name for path in folder.root.glob("*")} - files.keys() - pictures
-    left_over = sorted(name for name in others if is_whole and _WRITTEN.fullmatch(name))
-    if stale:
-        say(f"stale: {', '.join(stale)}")
-    if left_over:
-        say(f"left over: {', '.join(left_over)}; remove these files, which belong to no table any more")
-    if stale or left_over:
-        return False
-    say(f"{len(files) + len(pictures)} files are up to date")
-    return True
+def _print(views: list[TableView], records: list[Record], format: str | None, *, is_whole: bool) -> None:
+    if format == "json":
+        say_lines(json.dumps(as_json(views), indent=1))
+    elif format == "csv":
+        say_lines(scores_csv(records))
+    elif format == "latex":
+        say_lines("\n".join(map(latex, views)))
+    elif format == "markdown" or not sys.stdout.isatty():
+        say_lines("\n".join([*map(markdown, views), *([robustness_markdown(records)] if is_whole else [])]))
+    else:
+        print_tables(views)
 
 
-def compare(options: Selection, first: str, second: str, *, everything: bool) -> None:
+def print_tables(views: Iterable[TableView]) -> None:
+    """Print tables, in bold and italics where that goes to a terminal."""
+    width = shutil.get_terminal_size().columns
+    for view in views:
+        echo(f"\n{text(view, width, colour=sys.stdout.isatty())}", nl=False)
+
+
+def compare(options: Selection, first: str, second: str) -> None:
     """Print the differences of two methods."""
-    known_scorers = scorers(options.plugins)
-    store = Store(options.results / "runs", published_only=options.published)
-    try:
-        records = [record for record in records_under(store) if is_of_data(record, options)]
-    finally:
-        name_skipped(store)
-    known, recorded_methods = methods(options.plugins), {record["method"] for record in records}
-    one, other = (name if name in recorded_methods else variant(name, known).name for name in (first, second))
-    comparison = compare_methods(records, one, other, scorer_of(options.scorer, known_scorers).name)
-    if not comparison.differences:
-        raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
-    for line in lines(comparison, first, second, everything=everything):
+    for line in compare_records(recorded(options), first, second, scorer=options.scorer):
         say(line)

@@ -33,28 +33,29 @@ def run(
     data_root: shared.DataRoot = None,
     seed: shared.Seed = 0,
     quick: shared.Quick = False,
-    paper: shared.Paper = False,
     jobs: Annotated[
         int | None, Option("-j", "--jobs", min=0, metavar="N", help="Processes; 0 runs in this one. [all cores]")
     ] = None,
     dask: Annotated[str, Option("--dask", metavar="URL", help="Scheduler of a dask cluster: tcp://HOST:8786.")] = "",
     timeout: shared.Timeout = "2h",  # type: ignore[assignment]  # typer parses it
     retry: Annotated[bool, Option("--retry", help="Run failed jobs again.")] = False,
+    force: Annotated[bool, Option("--force", help="Run finished jobs again, too.")] = False,
     forms: Annotated[
         list[str], Option("--forms", metavar="NAME=DIR", help="Score DIR/SHAPE.off of another program instead.")
     ] = [],
-    frame: Annotated[Path | None, Option("--frame", hidden=True)] = None,
 ) -> None:
     """Run the missing jobs of a selection, then print its tables."""
-    from benchmark.cli import run as body
+    from benchmark.cli.run import Again, run, score_forms
 
     selection = Selection(
         tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
         plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, everything=everything,
-        paper=paper,
     )  # fmt: skip
-    settings = body.Settings(jobs=jobs, dask=dask, timeout=timeout, retry=retry)
-    _end(body.run(selection, settings, tuple(forms), frame))
+    if forms:
+        score_forms(selection, forms)
+        return
+    again: Again = "all" if force else "failed" if retry else ""
+    _end(run(selection, size=jobs, dask=dask, timeout=timeout, again=again))
 
 
 def plan(
@@ -69,16 +70,14 @@ def plan(
     data_root: shared.DataRoot = None,
     seed: shared.Seed = 0,
     quick: shared.Quick = False,
-    paper: shared.Paper = False,
     traceback: Annotated[bool, Option("--traceback", help="Print the error of each failed job in full.")] = False,
 ) -> None:
     """Show what would run, why, and how long it would take."""
-    from benchmark.cli.plan import plan
+    from benchmark.cli.run import plan
 
     selection = Selection(
         tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
         plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, everything=everything,
-        paper=paper,
     )  # fmt: skip
     plan(selection, traceback=traceback)
 
@@ -129,16 +128,10 @@ def report(
     output: Annotated[Path, Option("-o", "--output", metavar="DIR")] = Path("results/report"),
     figure: Annotated[Path | None, Option("--figure", metavar="FILE", help="Draw a .pdf, .png or .svg.")] = None,
     of: Annotated[
-        Literal["forms", "effect", "cost", "precision-recall", "confusion", "classes"],
-        Option(
-            "--of",
-            help="One subject by all methods; subjects before and after one method; accuracy against cost; precision"
-            " over recall; nearest matches by class; scores by class.",
-        ),
-    ] = "forms",
-    subjects: Annotated[list[str], Option("--subject", metavar="NAME", help="Subject to show in a figure.")] = [],
-    shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show in a figure.")] = [],
-    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
+        Literal["effect", "scores", "cost", "precision-recall", "scorers"],
+        Option("--of", help="Shapes and forms; scores with intervals; score against cost; precision over recall."),
+    ] = "effect",
+    shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
     force: shared.Force = False,
 ) -> None:
     """Write HTML pages, or draw a figure.
@@ -154,7 +147,7 @@ def report(
     if figure is None:
         body.write_pages(selection, output, force=force)
     else:
-        body.draw(selection, figure, of, tuple(subjects), tuple(shapes), timeout, force=force)
+        body.draw(selection, figure, of, tuple(shapes), force=force)
 
 
 def compare(
@@ -166,7 +159,6 @@ def compare(
     plugins: shared.Plugins = [],
     results: shared.Results = RESULTS,
     published: shared.Published = False,
-    everything: Annotated[bool, Option("--all", help="Every pair, with perturbed sets, intervals and tests.")] = False,
 ) -> None:
     """Compare two methods."""
     from benchmark.cli.tables import compare
@@ -175,7 +167,7 @@ def compare(
         datasets=tuple(datasets), input=input, scorer=scorer, plugins=tuple(plugins), results=results,
         published=published,
     )  # fmt: skip
-    compare(selection, first, second, everything=everything)
+    compare(selection, first, second)
 
 
 def list_(
@@ -365,17 +357,20 @@ def merge(
     _end(merge(folders, results, published=published))
 
 
+def forget(methods: shared.Methods = [], datasets: shared.Datasets = [], results: shared.Results = RESULTS) -> None:
+    """Delete the results of methods or data sets."""
+    from benchmark.cli.share import forget
+
+    forget(Selection(methods=tuple(methods), datasets=tuple(datasets), results=results))
+
+
 def score(
     distances: Annotated[Path, Argument(metavar="DISTANCES")],
     labels: Annotated[
         Path,
         Option("--labels", metavar="FILE|FOLDER", help=".cla, lines 'label' or 'name label', or a folder."),
     ],
-    query_labels: Annotated[
-        Path | None, Option("--query-labels", metavar="FILE|FOLDER", help="Labels of the rows. [the columns']")
-    ] = None,
-    ranked: Annotated[bool, Option("--ranked", help="DISTANCES holds ranked lists: a query and its results.")] = False,
-    format: Annotated[Literal["markdown", "latex", "csv", "json"], Option("--format")] = "markdown",
+    format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
     title: Annotated[str, Option("--title", metavar="NAME", help="Name of the row. [name of the file]")] = "",
     results: Annotated[
         Path | None, Option("--results", metavar="DIR", help="Also keep it as an external row in this folder.")
@@ -385,16 +380,16 @@ def score(
 ) -> None:
     """Score the distances of any program.
 
-    DISTANCES is an N x N or queries x gallery matrix: text, CSV, .npy, .npz, .mat, or PSB's .matrix.
+    DISTANCES is an N x N matrix: text, CSV, .npy, .npz or .mat.
     """
-    from benchmark.cli.share import read_task, score
+    from benchmark.cli.score import score
 
-    task = read_task(distances, labels, query_labels, ranked=ranked)
-    score(task, title or distances.stem, format, results, dataset or labels.resolve().stem, input)
+    score(distances, labels, format, title or distances.stem, results, dataset or labels.resolve().stem, input)
 
 
 #: Verbs in the order of ``--help``, and those of ``data``.
 VERBS: tuple[Callable[..., None], ...] = (
     run, plan, tables, report, compare, list_, describe, canonicalise, retrieve, score, check, new, train, merge,
+    forget,
 )  # fmt: skip
 OF_DATA: tuple[Callable[..., None], ...] = (check_data, sheet, export)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
@@ -20,12 +21,21 @@ from benchmark.datasets.catalogue import (
 )
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, last_change
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.models import has_models
-from benchmark.protocols.tables import AVERAGED, TABLES, Rows, Table
+from benchmark.protocols.tables import INPUTS, PARTS, QUICK_CONTROL, TABLES, TRAINING_SEED, Column, Table, own_table
+from benchmark.reference.paper import CLASSICAL
+from benchmark.registry import Component
 
 #: Most poses of each subject with ``--quick``, which keeps every k-th pose.
 QUICK_POSES = 3
+
+#: Seeds of trainings over which a row is averaged, if there are models.
+SEEDS = (0, 1, 2)
+
+#: The network of the paper, whose row says so where it has no model.
+NETWORK = "learned"
+
+Rows = Literal["all", "networks", "others"]
 
 
 def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
@@ -35,7 +45,7 @@ def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
 
 @dataclass(frozen=True)
 class Gallery:
-    """The shapes that one table ranks against each other.
+    """The shapes that one table ranks against each other, with the methods that are tested on them.
 
     Parameters
     ----------
@@ -48,13 +58,17 @@ class Gallery:
     entries
         The shapes, in matrix order.
     quick
-        Whether poses were omitted to save time.
+        Whether poses were omitted to save time; if so, only methods of the paper have rows.
     part
         Part of the data set in words, such as ``"fold 0"``; "" for the whole data set.
     data_root
         The folder of the official data sets.
-    few_rows
-        Whether methods that are not in the paper were omitted to save time.
+    wanted
+        The input of its column.
+    kinds
+        The methods of its column: all, networks alone, or all but networks.
+    named
+        Methods that were selected by name, which have a row in every table.
     """
 
     table: Table
@@ -64,7 +78,9 @@ class Gallery:
     quick: bool = False
     part: str = ""
     data_root: Path | None = None
-    few_rows: bool = False
+    wanted: Input = "mesh"
+    kinds: Rows = "all"
+    named: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -73,65 +89,68 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is ranked: those of its table that its shapes support."""
-        offered = self.dataset.inputs
-        if self.table.robustness and (change := last_change(self.dataset.name)):
-            offered = tuple(input_ for input_ in offered if input_ in CHANGES[change[1]].inputs)
-        return tuple(input_ for input_ in self.table.inputs if input_ in offered)
+        """The input of its column, if its shapes have it; a change may be of one input alone."""
+        change = last_change(self.dataset.name) if self.table.is_robustness else None
+        offered = CHANGES[change[1]].inputs if change else INPUTS
+        return (self.wanted,) if self.wanted in offered and self.wanted in self.dataset.inputs else ()
 
     def check_input(self, input_: str) -> None:
         """Raise ``ConfigurationError`` for a requested input that its shapes do not have."""
-        if input_ in self.dataset.inputs:
-            return
-        what = "holds depth images, which show" if self.dataset.observe else "is seen by a changed camera, which shows"
-        raise ConfigurationError(
-            f"data set '{self.dataset.name}' {what} one side of each shape",
-            "drop --input mesh: there are no complete surfaces",
-        )
+        if input_ not in self.dataset.inputs:
+            what = "holds depth images" if self.dataset.observe else "is seen by a changed camera"
+            raise ConfigurationError(
+                f"data set '{self.dataset.name}' {what}, which shows one side of each shape",
+                "drop --input mesh: there are no complete surfaces",
+            )
 
-    def rows(self, methods: Iterable[MethodSpec], trained_here: Path | None = None) -> list[MethodSpec]:
-        """Return the methods that are tested on it, some in several variants.
-
-        If a row is a mean over trainings, each training with a model is a variant.
+    def rows(self, methods: Iterable[Component], trained_here: Path | None = None) -> list[Component]:
+        """Return the methods that are tested on it; networks with each of their trainings that has a model.
 
         Parameters
         ----------
         methods
-            The selected methods.
+            The selected methods; those of plugins have a row in every table.
         trained_here
             Folder of the models that were trained here, in addition to the shipped ones.
         """
-        rows = self.table.rows.quick() if self.few_rows else self.table.rows
-        variants = [variant for spec in methods for variant in self._variants(spec, rows, trained_here)]
-        with_trainings = [row for variant in variants for row in self._averaged(variant, rows, trained_here)]
-        return list({row.name: row for row in with_trainings}.values())
+        chosen = [one for method in methods if self._includes(method) for one in self._trainings(method, trained_here)]
+        return list({one.name: one for one in chosen}.values())
 
-    def _variants(self, spec: MethodSpec, rows: Rows, trained_here: Path | None) -> Iterator[MethodSpec]:
-        """Return a method if it has a row, and its additional rows if it was not selected by name."""
-        included = spec.named or rows.include(spec)
-        if self.table.ablation:
-            included = included and spec.learns and spec.split != "sampled"
-        if included:
-            yield spec
-        if spec.named or spec.parameters:
-            return
-        trainings = rows.trainings.get(self.dataset.name, {}).get(spec.base_name, ())
-        for parameters in (*rows.models.get(spec.base_name, ()), *({"training": name} for name in trainings)):
-            variant = spec.with_parameters(dict(parameters))
-            if has_models(variant, self, trained_here):
-                yield variant
+    def _includes(self, method: Component) -> bool:
+        try:
+            reads_views = "view" in method.info.inputs
+            is_network = method.learns and reads_views
+        except ConfigurationError:
+            return True  # it cannot be imported, and its row says why
+        if self.kinds != "all" and is_network != (self.kinds == "networks"):
+            return False
+        if self._is_named(method):
+            return not self.table.is_ablation or method.learns
+        few = (*CLASSICAL, NETWORK, QUICK_CONTROL)
+        return self.table.includes(method.base_name) and (not self.quick or method.base_name in few)
 
-    def _averaged(self, spec: MethodSpec, rows: Rows, trained_here: Path | None) -> Iterator[MethodSpec]:
-        """Return the method, and its variants with other trainings that share its row and have models."""
-        yield spec
-        name = rows.averaged
-        if not name or name in spec.parameters or not spec.learns or spec.split != "table":
+    def _is_named(self, method: Component) -> bool:
+        return not method.of_suite or bool({method.name, method.base_name} & self.named)
+
+    def _trainings(self, method: Component, trained_here: Path | None) -> Iterator[Component]:
+        """Yield a method; a network with other seeds of its training, and as printed, where these have models."""
+        try:
+            learner = method.create() if method.learns else None
+        except ConfigurationError:
+            learner = None
+        if learner is None:
+            yield method
             return
-        parameters = spec.all_parameters
-        if name in parameters:
-            values = (value for value in AVERAGED[name] if value != parameters[name])
-            further = (spec.with_parameters({name: value}) for value in values)
-            yield from (variant for variant in further if has_models(variant, self, trained_here))
+        if self._is_named(method) or method.base_name == NETWORK or has_models(method, self, trained_here):
+            yield method
+        if method.parameters or self.quick:
+            return
+        more: list[dict[str, object]] = [
+            {TRAINING_SEED: seed} for seed in SEEDS if getattr(learner, TRAINING_SEED, None) not in (None, seed)
+        ]
+        more += [{"configuration": "as_printed"}] if method.base_name == NETWORK and not self.table.is_ablation else []
+        variants = (method.with_parameters(parameters) for parameters in more)
+        yield from (variant for variant in variants if has_models(variant, self, trained_here))
 
 
 def galleries(
@@ -139,6 +158,7 @@ def galleries(
     dataset_names: Iterable[str] = (),
     data_root: Path | None = None,
     quick: bool = False,
+    named: Iterable[str] = (),
 ) -> list[Gallery]:
     """Return the galleries for a selection on the command line.
 
@@ -148,15 +168,16 @@ def galleries(
     Parameters
     ----------
     table_names
-        Numerals of tables; empty for all.
+        Identifiers of tables; empty for all.
     dataset_names
         Names of data sets or paths of folders; empty for those of the tables. A data set that no table uses gets its
         own table.
     data_root
         The folder of the official data sets.
     quick
-        Use at most :data:`QUICK_POSES` poses of each subject, only the first fold and, unless methods are selected by
-        name, only the methods of the paper and :data:`QUICK_CONTROLS`.
+        Use at most :data:`QUICK_POSES` poses of each subject, and only the first fold.
+    named
+        Methods that were selected by name.
 
     Raises
     ------
@@ -165,86 +186,93 @@ def galleries(
     DatasetError
         If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
-    known = {table.identifier: table for table in TABLES}
-    wanted_tables, wanted_sets = list(table_names), list(dataset_names)
-    for name in wanted_tables:
+    known = [table.identifier for table in TABLES] + ["extended"]
+    wanted, sets = list(table_names), list(dataset_names)
+    for name in wanted:
         if name not in known:
             raise did_you_mean("table", name, known)
-        if quick and known[name].ablation:
+        if quick and any(table.identifier == name and table.is_ablation for table in TABLES):
             raise ConfigurationError(f"table {name} is a mean over all folds, and --quick has one", "drop --quick")
-    selected = [table for table in TABLES if _is_selected(table, wanted_tables, wanted_sets, quick)]
-    places = [(table, name) for table in selected for name in _sources(table, data_root, wanted_tables)]
-    if wanted_sets:
-        places = [(table, name) for name in wanted_sets for table in _tables_of(name, selected, own=not wanted_tables)]
-        further = [(table, name) for table in selected if table.robustness for name in wanted_sets]
-        places += [(replace(table, dataset=name), name) for table, name in further if name != table.dataset]
-        if not places:
-            raise ConfigurationError(
-                f"no selected table uses {', '.join(wanted_sets)}", "drop -t or -d, or choose ones that belong together"
-            )
+    selected = [table for table in TABLES if _is_selected(table, wanted, sets, quick)]
+    if sets:
+        places = [(table, name) for name in sets for table in _tables_of(name, selected, own=not wanted)]
+    else:
+        places = [(table, name) for table in selected if (name := _source(table, data_root, wanted))]
+    if not places:
+        raise ConfigurationError(
+            f"no selected table uses {', '.join(sets)}" if sets else "the selected tables have no data",
+            "drop -t or -d, or choose ones that belong together",
+        )
     chosen: list[Gallery] = []
     for table, name in places:
         try:
-            for condition in _conditions(name) if table.robustness else [name]:
-                chosen += _galleries(table, condition, data_root, quick)
+            found = _galleries(table, name, data_root, quick=quick)
+            chosen += (replace(gallery, named=frozenset(named)) for gallery in found)
         except DatasetError:
-            if not table.part_of or table.identifier in wanted_tables:
+            if not table.part_of or table.identifier in wanted:
                 raise
     return chosen
 
 
-def _is_selected(table: Table, tables: list[str], sets: list[str], quick: bool) -> bool:
-    """Return whether a selection includes a table, by its numeral or its data set."""
-    if table.identifier in tables:
-        return True
+def _is_selected(table: Table, tables: Sequence[str], sets: Sequence[str], quick: bool) -> bool:
+    """Return whether a selection includes a table, by its name, that of the table it belongs to, or its data set."""
+    if tables:
+        return table.identifier in tables or (table.part_of in tables and not quick)
     if table.runs == "named":
-        return not table.robustness and not tables and bool(set(table.datasets) & set(sets))
-    by_set = bool(sets) and not table.part_of and not table.ablation
-    return (not tables or table.part_of in tables) and (not quick or table.runs == "quick" or by_set)
+        return not table.is_robustness and bool(set(table.datasets) & set(sets))
+    return table.runs == "quick" or not quick or (bool(sets) and not table.part_of and not table.is_ablation)
 
 
-def _sources(table: Table, data_root: Path | None, asked_for: Iterable[str]) -> list[str]:
-    """Return the data sets of a table, of several those present; raise ``DatasetError`` if a named table has none."""
-    if not table.any_of:
-        return [table.dataset if is_present(table.dataset, data_root) or not table.stand_in else table.stand_in]
-    present = [name for name in table.any_of if is_present(name, data_root)]
-    if not present and table.identifier in asked_for:
-        absent = ", ".join(f"{name} ({CATALOGUE[name].folder}/)" for name in table.any_of)
-        raise DatasetError(
-            f"table {table.identifier} has no data: of its sets none is at {data_root or 'DATA_ROOT'}: {absent}",
-            "put one there and pass --data-root; 'data list --json' shows where to get each",
-        )
-    return present
+def _source(table: Table, data_root: Path | None, asked_for: Sequence[str]) -> str:
+    """Return the data set of a table; "" for one that is absent, where the table was not asked for by its name."""
+    if is_present(table.dataset, data_root) or (not table.stand_ins and table.identifier in asked_for):
+        return table.dataset
+    return table.stand_ins[0] if table.stand_ins else ""
 
 
 def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table]:
     """Return the tables that use a data set; if there are none, its own table on request."""
     if not is_known(name) and not is_path(name):
         raise did_you_mean("data set", name, CATALOGUE)
-    if any(name in table.datasets for table in TABLES if not table.robustness) or not own:
-        return [table for table in selected if name in table.datasets]
+    robust = [replace(table, dataset=name) for table in selected if table.is_robustness]
+    if any(name in table.datasets for table in TABLES if not table.is_robustness) or not own:
+        return [*(table for table in selected if name in table.datasets and not table.is_robustness), *robust]
     own_name = table_name(name)
     if any(own_name == table.identifier for table in TABLES):
         own_name += "-folder"
-    return [Table(own_name, f"Retrieval on {own_name}", name, all_unseen=False)]
+    return [replace(own_table(name), identifier=own_name, caption=f"Retrieval on {own_name}")]
 
 
-def _galleries(table: Table, name: str, data_root: Path | None, quick: bool) -> list[Gallery]:
-    dataset = open_dataset(name, data_root)
-    check_ranked(dataset)
-    check_retrievable(dataset)
+def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) -> Iterator[Gallery]:
+    """Yield the galleries of a table on a data set, twice where networks see another input than all others."""
+    columns = table.columns
+    if quick:  # the first fold, where there are folds
+        columns = tuple(column for column in columns if len(column.parts) > 1)[:1] or columns[:1]
+    for column in columns:
+        sets = table.stand_ins if column.over_draws and name in table.stand_ins else (name,)
+        for number, source in enumerate(_conditions(name) if table.is_robustness else sets):
+            dataset = open_dataset(source, data_root)
+            check_ranked(dataset)
+            check_retrievable(dataset)
+            for part in column.parts[: 1 if quick else None]:
+                entries = Part(PARTS[part]).of(dataset)
+                check_retrievable(dataset, entries if part else None)
+                some = thinned(entries, QUICK_POSES) if quick else entries
+                gallery = Gallery(table, source, dataset, some, len(some) < len(entries), part, data_root)
+                is_first = number == 0 or not column.over_draws
+                yield from _of_inputs(gallery, column, has_networks=is_first or table.is_robustness)
 
-    def gallery(subjects: tuple[int | str, ...], part: str) -> Gallery:
-        entries = Part(subjects).of(dataset)
-        check_retrievable(dataset, entries if part else None)
-        some = thinned(entries, QUICK_POSES) if quick else entries
-        return Gallery(table, name, dataset, some, len(some) < len(entries), part, data_root, few_rows=quick)
 
-    parts = zip(table.folds or (table.subjects,), table.parts, strict=True)
-    return [gallery(subjects, part) for subjects, part in parts][: 1 if quick else None]
+def _of_inputs(gallery: Gallery, column: Column, *, has_networks: bool) -> Iterator[Gallery]:
+    if column.input != "as printed":
+        yield replace(gallery, wanted=column.input, kinds="all" if has_networks else "others")
+        return
+    yield replace(gallery, wanted="mesh", kinds="others")
+    if has_networks:
+        yield replace(gallery, wanted="view", kinds="networks")
 
 
 def _conditions(name: str) -> list[str]:
-    """Return a clean data set, and the same under each perturbation at each strength, by name or path."""
+    """Return a clean data set, and the same under each change of its shapes at three strengths, by name or path."""
     shown = [change for change in CHANGES if change not in ("jitter", "perspective")]
-    return [name, *(changed_name(name, change, level) for change in shown for level in LEVELS)]
+    return [name, *(changed_name(name, change, level) for change in shown for level in list(LEVELS)[::2])]

@@ -14,8 +14,8 @@ from benchmark.api.datasets import Entry
 from benchmark.api.learning import CARD, Card, Learner, read_card
 from benchmark.datasets.human_subjects import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.registry import MethodSpec
 from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape
+from benchmark.registry import Component
 from benchmark.text import say
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class Model:
         }
 
 
-def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[str, Model]:
+def find_models(spec: Component, gallery: Gallery, trained_here: Path) -> dict[str, Model]:
     """Return the model for each shape of a gallery, by identifier; empty for a method that does not learn.
 
     Parameters
@@ -142,7 +142,7 @@ def find_models(spec: MethodSpec, gallery: Gallery, trained_here: Path) -> dict[
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 
-def has_models(spec: MethodSpec, gallery: Gallery, trained_here: Path | None) -> bool:
+def has_models(spec: Component, gallery: Gallery, trained_here: Path | None) -> bool:
     """Return whether a learner has a finished model for each shape of a gallery."""
     learner = spec.create()
     if not isinstance(learner, Learner):
@@ -195,13 +195,13 @@ def _finished(learner: Learner, training: str, trained_here: Path | None) -> lis
     return [folder for folder in folders if (folder / CARD).is_file()]
 
 
-def _missing(spec: MethodSpec, learner: Learner, names: Sequence[str]) -> MissingModel:
+def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> MissingModel:
     """Return an error with the missing models, the command that trains them, and where to get them."""
     words = ["python", "-m", "benchmark", "train", spec.name]
     if len(names) == 1:
         words += ["--only", names[0]]
-    if spec.module.endswith(".py"):
-        words += ["--plugin", spec.module]
+    if spec.plugin:
+        words += ["--plugin", str(spec.plugin)]
     hint, package, shipped = f"run `{shlex.join(words)}`", Path(__file__).parents[2], learner.shipped_models
     if shipped.is_relative_to(package) and not (shipped / _ALL_HERE).is_file():
         place = shipped.relative_to(package)

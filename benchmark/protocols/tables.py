@@ -1,9 +1,9 @@
-"""The tables of the paper as data: data sets, subjects and rows."""
+"""The tables of the paper as data: data sets, galleries, columns and rows."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -11,77 +11,92 @@ from benchmark.api.contracts import Input
 from benchmark.api.learning import Learner
 from benchmark.datasets.catalogue import is_present
 from benchmark.datasets.official import EXTENDED
-from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.plugins.registry import MethodSpec
+from benchmark.errors import did_you_mean
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TRAININGS, Training, only_training, trainings_on
 from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
-#: Methods outside the paper that have rows in quick runs by default: baselines that a canonical form should beat.
-QUICK_CONTROLS = ("identity",)
+Kind = Literal["form", "network", "descriptor", "external"]
 
-#: Values of a parameter of learners, besides its default, over which a row is averaged if there are models.
-AVERAGED: Mapping[str, tuple[int | str, ...]] = {
-    "training_seed": (0, 1, 2),
-    "training": ("humans-fold-1", "humans-fold-2"),
+#: Stand-ins for the synthetic humans: the first one has folds and networks; the whole galleries of all are averaged.
+SYNTHETIC_HUMANS = ("humans",)
+
+FOLDS = tuple(f"fold {number}" for number in range(len(SUBJECT_FOLDS)))
+CATS_AND_HORSES = "held out"
+
+#: Subjects of each part of a data set, by name or by index in the data set; all of them for the whole one, "".
+PARTS: Mapping[str, tuple[int | str, ...]] = {
+    "": (),
+    CATS_AND_HORSES: HELD_OUT,
+    **dict(zip(FOLDS, SUBJECT_FOLDS, strict=True)),
 }
 
+#: Beginnings of the names of the suite's networks, which stand in their block also where they have no model.
+NETWORKS = ("learned", "deformation-field")
+
+#: Parameter of networks over whose values rows are averaged.
+TRAINING_SEED = "training_seed"
+
+#: Titles of the paper's rows and of networks; those of all others are their own.
+TITLES: Mapping[str, str] = {
+    "classic-mds": "Classic MDS",
+    "fast-mds": "Fast MDS",
+    "non-metric-mds": "Non-metric MDS",
+    "least-squares-mds": "Least Square MDS",
+    "constrained-mds": "Constrained MDS",
+    "gps": "GPS",
+    "mesh-unfolding": "Mesh Unfolding",
+    "skeleton": "Skeleton-based",
+    paper.AS_PRINTED: "Depth network",
+    "learned": "Depth network, 128 px",
+    "learned-size-free": "Depth network, size unknown",
+    "learned-wide-extra": "Depth network, extra data",
+    "learned-streamed": "Depth network, streamed",
+    "learned-strict": "strict training",
+    "learned-without-srf": "without SRF",
+    "learned-without-lrf": "without LRF",
+    "learned-without-weighting": "without weighting",
+}
+
+#: Titles of the data sets that have stand-ins.
+OFFICIAL: Mapping[str, str] = {
+    "shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA",
+}  # fmt: skip
+
 #: Rows of the ablation: those of the paper, and one about which it makes a claim without figures.
-ABLATION = {row.method for row in paper.ABLATION} | {"learned-without-weighting"}
+ABLATION = ("learned-strict", "learned-without-srf", "learned-without-lrf", "learned-without-weighting", "learned")
 
-#: Methods that have rows only in the ablation, unless they are selected by name.
-ONLY_ABLATED = ABLATION - {row.method for row in paper.ROWS}
+#: Networks that have rows only in the ablation.
+ONLY_ABLATED = frozenset(ABLATION) - {"learned"}
 
-#: Parameters of the network with the paper's pixels and epochs, which has rows only where a table names them.
-AS_PRINTED: Mapping[str, str] = {"configuration": "as_printed"}
+#: Rows of robustness: four methods at three strengths of each change.
+ROBUST = ("classic-mds", "gps", "mesh-unfolding", "shape-dna")
 
-_PAPER = frozenset({"paper"})
-_ALL = frozenset({"paper", "control", "extended"})
+#: Baseline that has a row also in quick runs.
+QUICK_CONTROL = "identity"
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Rows of a table if no method is selected by name; a selected method has a row in every table.
+@dataclass(frozen=True)
+class Column:
+    """One group of scores: the mean over some galleries.
 
     Parameters
     ----------
-    families
-        Families of methods without training that have rows, except those in :data:`ONLY_ABLATED`.
-    learners
-        Families of learners that have rows; a model of each must exist.
-    names
-        Other methods that have rows.
-    trainings
-        Trainings of additional rows by learner, by data set, if there is a model.
-    averaged
-        Parameter of learners over whose values a row is averaged, if there are models; "" for none.
-    models
-        Parameters of further rows of learners, if there is a model.
+    title
+        Heading.
+    parts
+        Parts of the data set that are ranked, each by itself; see :data:`PARTS`.
+    input
+        ``"mesh"`` or ``"view"`` for all rows; ``"as printed"``: complete surfaces, but a view for networks.
+    over_draws
+        Whether the mean is over all stand-ins of the table; networks see only the first one.
     """
 
-    families: frozenset[str] = _ALL
-    learners: frozenset[str] = _PAPER
-    names: Collection[str] = ()
-    trainings: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
-    averaged: str = ""
-    models: Mapping[str, tuple[Mapping[str, str], ...]] = field(default_factory=dict)
-
-    def quick(self) -> Rows:
-        """Rows of a quick run: the methods of the paper and :data:`QUICK_CONTROLS`."""
-        names = (*self.names, *QUICK_CONTROLS)
-        return Rows(self.families & _PAPER, self.learners & _PAPER, names, {}, self.averaged)
-
-    def include(self, spec: MethodSpec) -> bool:
-        """Return whether a method has a row by default; one that cannot be imported has, to show the reason."""
-        if spec.base_name in self.names:
-            return True
-        if not self.families or spec.base_name in ONLY_ABLATED:
-            return False
-        try:
-            return spec.info.family in (self.learners if spec.learns else self.families)
-        except ConfigurationError:
-            return True
+    title: str
+    parts: tuple[str, ...] = ("",)
+    input: Literal["mesh", "view", "as printed"] = "as printed"
+    over_draws: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,189 +108,101 @@ class Table:
     identifier
         The paper's numeral, or the name of a data set for its own table.
     caption
-        Caption without the data and the folds.
+        Caption without the data.
     dataset
-        Name or path of the paper's data set; "" for a table of several data sets.
-    stand_in
-        Generated data set that replaces it if it is missing; "" if there is none.
-    any_of
-        Data sets for which the table is made separately, if they are present; empty for a table of one data set.
-    mean_over_sets
-        Whether a row is the mean over the data sets of ``any_of``, each of which is a gallery.
-    subjects
-        Subjects in the gallery, by name or by index in the data set; empty for all.
-    folds
-        Subjects of each fold by index in the data set, if each fold is a gallery and a row is the mean over them; empty
-        for a single gallery of ``subjects``.
-    rows
-        Methods that have rows.
+        Name or path of the data set.
+    stand_ins
+        Generated data sets that replace it if it is missing; only columns over draws use others than the first.
+    columns
+        Groups of scores.
+    has_paper
+        Whether the paper's figures stand beside ours.
+    names
+        The methods that have rows; empty for all but :data:`ONLY_ABLATED`.
     runs
-        Runs that make it by default: all, full ones and quick ones that name its data set, or only those that name its
-        data set.
+        Runs that make it by default: all, full ones, or only those that name it or its data set.
     part_of
         Table with which it is also made; "" if there is none.
     all_unseen
         Whether it is an error if a model was trained on one of its shapes or subjects.
-    ablation
-        Whether its rows are only the learners that it names.
-    robustness
-        Whether it shows a clean data set and the same data set under each perturbation; made only if named.
+    is_robustness
+        Whether it has one gallery for each change of its data set.
     """
 
     identifier: str
     caption: str
     dataset: str = ""
-    stand_in: str = ""
-    any_of: tuple[str, ...] = ()
-    mean_over_sets: bool = False
-    subjects: tuple[int | str, ...] = ()
-    folds: tuple[tuple[int, ...], ...] = ()
-    rows: Rows = Rows()
+    stand_ins: tuple[str, ...] = ()
+    columns: tuple[Column, ...] = (Column("ours"),)
+    has_paper: bool = False
+    names: tuple[str, ...] = ()
     runs: Literal["quick", "full", "named"] = "full"
     part_of: str = ""
     all_unseen: bool = True
-    ablation: bool = False
-    robustness: bool = False
+    is_robustness: bool = False
 
     @property
     def datasets(self) -> tuple[str, ...]:
         """Data sets for which it can be made."""
-        return tuple(name for name in (self.dataset, self.stand_in, *self.any_of) if name)
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """Inputs under which it is made: learners read only depth images."""
-        return ("view",) if self.ablation else INPUTS
-
-    def caption_over(self, n_galleries: int) -> str:
-        """Return the caption for a number of galleries; with folds, it states that number."""
-        if self.mean_over_sets and n_galleries > 1:
-            return f"{self.caption}, mean over {_in_words(n_galleries)} draws"
-        if not self.folds:
-            return self.caption
-        size = _in_words(len(self.folds[0]))
-        folds = f"mean over {_in_words(n_galleries)} folds" if n_galleries > 1 else "one fold"
-        return f"{self.caption}, {folds} of {size} subjects"
+        return tuple(filter(None, (self.dataset, *self.stand_ins)))
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of its galleries in the data set; "" for the whole data set."""
-        if self.folds:
-            return tuple(f"fold {number}" for number in range(len(self.folds)))
-        return ("held out",) if self.subjects else ("",)
+        """Names of all parts of the data set that it ranks."""
+        return tuple(dict.fromkeys(part for column in self.columns for part in column.parts))
+
+    @property
+    def is_ablation(self) -> bool:
+        """Whether its rows are trainings of the network."""
+        return self.names == ABLATION
+
+    def includes(self, base_name: str) -> bool:
+        """Return whether a method has a row if none was selected by name."""
+        return base_name in self.names if self.names else base_name not in ONLY_ABLATED
 
 
-def _in_words(number: int) -> str:
-    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-    return words[number] if number < len(words) else str(number)
+def _of_people(**options: bool) -> tuple[Column, Column]:
+    view: Literal["view", "as printed"] = "view" if options.get("view") else "as printed"
+    return Column("15 subjects", input=view, over_draws=True), Column("5 subjects", FOLDS, view)
 
 
-#: Rows of animals and people. Besides the trainings that the table names, learners are trained by the other
-#: interpretation of the paper's "other animals", and on sampled bodies outside the data set. The latter have no row on
-#: the generated animals, which are the centre of the sampled distribution.
-_ANIMALS = Rows(
-    models={"learned": (AS_PRINTED,)},
-    trainings={
-        "tosca": {"learned-wide-extra": ("animals-sampled",)},
-    },
-)
+_FAIR = "all methods on one depth view"
 
 TABLES: tuple[Table, ...] = (
     Table(
-        "I",
-        "Retrieval of synthetic humans",
-        dataset="shrec14-synthetic",
-        stand_in="humans",
-        folds=SUBJECT_FOLDS,
-        rows=Rows(learners=_ALL),
-        runs="quick",
+        "I", "Retrieval of synthetic humans", "shrec14-synthetic", SYNTHETIC_HUMANS, _of_people(), True, runs="quick"
+    ),
+    Table("II", "Retrieval of real humans", "shrec14-real", ("humans-scanlike",), has_paper=True),
+    Table(
+        "III", "Retrieval of animals and people", "tosca", ("animals",), has_paper=True, runs="quick", all_unseen=False
     ),
     Table(
-        "I-whole",
-        "Retrieval of synthetic humans, all subjects in one gallery (without figures of the paper, which tests five)",
-        dataset="shrec14-synthetic",
-        stand_in="humans",
-        rows=Rows(learners=frozenset()),
+        "I-view", f"Synthetic humans, {_FAIR}", "shrec14-synthetic", SYNTHETIC_HUMANS, _of_people(view=True),
         part_of="I",
     ),
+    Table("II-view", f"Real humans, {_FAIR}", "shrec14-real", ("humans-scanlike",), (Column("ours", input="view"),),
+          part_of="II"),
     Table(
-        "I-printed",
-        "Retrieval of synthetic humans by the network as printed (without figures of the paper)",
-        dataset="shrec14-synthetic",
-        stand_in="humans",
-        # In Table I, the fold without a model would count as 0.
-        folds=SUBJECT_FOLDS[:2],
-        rows=Rows(families=frozenset(), names=("learned",), models={"learned": (AS_PRINTED,)}),
-        part_of="I",
-        ablation=True,
+        "III-view", f"Animals and people, {_FAIR}", "tosca", ("animals",),
+        (Column("all shapes", input="view"), Column("cats and horses", (CATS_AND_HORSES,), "view")),
+        part_of="III", all_unseen=False,
     ),
     Table(
-        "I-random",
-        "Retrieval of synthetic humans drawn at random (without figures of the paper)",
-        dataset="people",
-        any_of=tuple(f"people[draw={draw}]" for draw in range(3)),
-        mean_over_sets=True,
-        rows=Rows(families=frozenset({"paper", "control"}), averaged="training"),
+        "IV", "Ablation of the depth network", "shrec14-synthetic", SYNTHETIC_HUMANS, (Column("ours", FOLDS, "view"),),
+        True, ABLATION,
     ),
-    Table(
-        "II",
-        "Retrieval of real humans",
-        dataset="shrec14-real",
-        stand_in="humans-scanlike",
-        rows=Rows(learners=_ALL),
-    ),
-    Table(
-        "III",
-        "Retrieval of animals and people",
-        dataset="tosca",
-        stand_in="animals",
-        rows=_ANIMALS,
-        runs="quick",
-        all_unseen=False,
-    ),
-    Table(
-        "III-held-out",
-        "Retrieval of cats and horses alone, which no model of Table III was trained on (without figures of the paper: "
-        "its values cannot come from so few shapes)",
-        dataset="tosca",
-        stand_in="animals",
-        subjects=HELD_OUT,
-        rows=_ANIMALS,
-        part_of="III",
-    ),
-    Table(
-        "IV",
-        "Ablation of the learned method",
-        dataset="shrec14-synthetic",
-        stand_in="humans",
-        folds=SUBJECT_FOLDS,
-        rows=Rows(families=frozenset(), names=ABLATION, averaged="training_seed"),
-        ablation=True,
-    ),
-    Table(
-        "extended",
-        "Retrieval on further official sets (without figures of the paper)",
-        any_of=EXTENDED,
-        all_unseen=False,
-    ),
-    Table(
-        "robustness",
-        "What breaks the methods: one gallery, clean and under each perturbation",
-        dataset="animals-few",
-        # It has 46 galleries. Least-squares and non-metric MDS are omitted, because they scale the same distances as
-        # classic MDS; the input itself and two descriptors are added.
-        rows=Rows(
-            families=frozenset(),
-            names=(
-                *("classic-mds", "fast-mds", "constrained-mds", "gps", "mesh-unfolding", "skeleton"),
-                *("identity", "surface-area", "shape-dna"),
-            ),
-        ),
-        runs="named",
-        all_unseen=False,
-        robustness=True,
-    ),
-)
+    *(Table(name, "Retrieval on a further official set", name, columns=(Column("mesh", input="mesh"),
+            Column("view", input="view")), runs="named", part_of="extended", all_unseen=False) for name in EXTENDED),
+    Table("robustness", "Robustness to changes of the shapes", "animals-few", names=ROBUST,
+          columns=(Column("mesh", input="mesh"),), runs="named", all_unseen=False, is_robustness=True),
+)  # fmt: skip
+
+
+def own_table(dataset: str) -> Table:
+    """Return the table of a data set that no table of the suite uses: complete surfaces and views, side by side."""
+    name = Path(dataset).name
+    columns = (Column("mesh", input="mesh"), Column("view", input="view"))
+    return Table(name, f"Retrieval on {name}", dataset, columns=columns, all_unseen=False)
 
 
 def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list[Training]:
@@ -302,4 +229,4 @@ def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list
     # A data set without trainings uses the models of another data set, which has its own stand-in.
     is_trained_on = any(training.dataset == table.dataset for training in TRAININGS.values())
     use_stand_in = is_trained_on and not is_present(table.dataset, data_root)
-    return trainings_on(learner, table.stand_in if use_stand_in else table.dataset, data_root)
+    return trainings_on(learner, table.stand_ins[0] if use_stand_in else table.dataset, data_root)

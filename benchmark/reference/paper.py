@@ -1,8 +1,8 @@
 """Tables I to IV as printed in the paper, its claims, and the sources of methods and data.
 
 "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
-Perception": nearest neighbour (NN), first tier (FT), second tier (ST), discounted cumulative gain (DCG). The row titles
-are the paper's. The paper does not say which input its baselines had.
+Perception": nearest neighbour (NN), first tier (FT), second tier (ST), discounted cumulative gain (DCG). The paper does
+not say which input its baselines had.
 """
 
 from __future__ import annotations
@@ -13,75 +13,68 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
-from benchmark.api.contracts import Input
-
 MEASURES = ("NN", "FT", "ST", "DCG")
 """The measures that the paper prints, in its order."""
 
 SCHEDULE = "500 x 500 pixels, 500 epochs, batch 8, about three days on one RTX 4090"
 """Training schedule of the paper."""
 
-
-@dataclass(frozen=True)
-class PaperRow:
-    """One row of a table.
-
-    Parameters
-    ----------
-    method
-        Name of the method of the suite for this row.
-    title
-        Title as printed.
-    values
-        Values by table and measure.
-    """
-
-    method: str
-    title: str
-    values: dict[str, dict[str, float]]
+AS_PRINTED = "learned[configuration=as_printed]"
+"""The network with the paper's pixels and epochs, whose row bears the paper's name."""
 
 
-def _row(method: str, title: str, *tables: str, **named: str) -> PaperRow:
-    """Parse "NN FT ST DCG" for Tables I, II and III, or for a table given by its numeral."""
-    printed = dict(zip(("I", "II", "III"), tables, strict=False)) | named
-    values = {table: dict(zip(MEASURES, map(float, row.split()), strict=True)) for table, row in printed.items()}
-    return PaperRow(method, title, values)
+def _table(text: str) -> dict[str, dict[str, float]]:
+    """Parse lines of a method and "NN FT ST DCG"."""
+    rows = (line.rsplit(maxsplit=4) for line in text.strip().splitlines())
+    return {name.strip(): dict(zip(MEASURES, map(float, figures), strict=True)) for name, *figures in rows}
 
 
-# fmt: off
-ROWS: tuple[PaperRow, ...] = (
-    _row("classic-mds", "Classic MDS", ".10 .22 .39 .54", ".01 .03 .07 .28", ".74 .54 .80 .80"),
-    _row("fast-mds", "Fast MDS", ".14 .20 .35 .53", ".00 .02 .04 .27", ".73 .52 .77 .77"),
-    _row("non-metric-mds", "Non-metric MDS", ".09 .24 .41 .55", ".02 .04 .08 .30", ".76 .67 .87 .85"),
-    _row("least-squares-mds", "Least Square MDS", ".01 .13 .31 .45", ".00 .00 .01 .26", ".79 .63 .86 .84"),
-    _row("constrained-mds", "Constrained MDS", ".04 .14 .25 .46", ".00 .01 .03 .27", ".88 .71 .89 .89"),
-    _row("gps", "GPS", ".40 .20 .32 .56", ".07 .06 .12 .33", ".71 .52 .72 .76"),
-    _row("mesh-unfolding", "Mesh Unfolding", ".04 .18 .34 .49", ".00 .01 .03 .28", ".88 .65 .86 .85"),
-    _row("skeleton", "Skeleton-based", ".01 .14 .32 .46", ".01 .01 .02 .27", ".78 .62 .85 .84"),
-    _row("learned", "Our", ".61 .53 .73 .78", ".10 .09 .10 .41", ".97 .82 .89 .93"),
-)
+PRINTED: dict[str, dict[str, dict[str, float]]] = {
+    "I": _table(f"""
+        classic-mds        .10 .22 .39 .54
+        fast-mds           .14 .20 .35 .53
+        non-metric-mds     .09 .24 .41 .55
+        least-squares-mds  .01 .13 .31 .45
+        constrained-mds    .04 .14 .25 .46
+        gps                .40 .20 .32 .56
+        mesh-unfolding     .04 .18 .34 .49
+        skeleton           .01 .14 .32 .46
+        {AS_PRINTED}       .61 .53 .73 .78"""),
+    "II": _table(f"""
+        classic-mds        .01 .03 .07 .28
+        fast-mds           .00 .02 .04 .27
+        non-metric-mds     .02 .04 .08 .30
+        least-squares-mds  .00 .00 .01 .26
+        constrained-mds    .00 .01 .03 .27
+        gps                .07 .06 .12 .33
+        mesh-unfolding     .00 .01 .03 .28
+        skeleton           .01 .01 .02 .27
+        {AS_PRINTED}       .10 .09 .10 .41"""),
+    "III": _table(f"""
+        classic-mds        .74 .54 .80 .80
+        fast-mds           .73 .52 .77 .77
+        non-metric-mds     .76 .67 .87 .85
+        least-squares-mds  .79 .63 .86 .84
+        constrained-mds    .88 .71 .89 .89
+        gps                .71 .52 .72 .76
+        mesh-unfolding     .88 .65 .86 .85
+        skeleton           .78 .62 .85 .84
+        {AS_PRINTED}       .97 .82 .89 .93"""),
+    "IV": _table("""
+        learned-strict       .56 .49 .66 .73
+        learned-without-srf  .58 .51 .68 .76
+        learned-without-lrf  .56 .50 .64 .71
+        learned              .61 .53 .73 .78"""),
+}
+"""Figures by table, method of the suite, and measure, in the order of the paper."""
 
-ABLATION: tuple[PaperRow, ...] = (
-    _row("learned-strict", "strict train", IV=".56 .49 .66 .73"),
-    _row("learned-without-srf", "w/o SRF", IV=".58 .51 .68 .76"),
-    _row("learned-without-lrf", "w/o LRF", IV=".56 .50 .64 .71"),
-    _row("learned", "Our", IV=".61 .53 .73 .78"),
-)
-# fmt: on
+NUMERALS = tuple(PRINTED)
 
+CLASSICAL = tuple(PRINTED["III"])[:-1]
+"""The classical methods of the paper."""
 
-#: Tables for which the paper prints figures.
-NUMERALS = tuple(sorted({table for row in (*ROWS, *ABLATION) for table in row.values}))
-
-
-def rows(table: str) -> dict[str, PaperRow]:
-    """Return the rows of a table by method, in the order of the paper; empty for a table that is not in the paper."""
-    return {row.method: row for row in (*ROWS, *ABLATION) if table in row.values}
-
-
-def is_learned(method: str) -> bool:
-    """Return whether a row of the paper is a network, which sees only depth images."""
-    return method.startswith("learned")
+NETWORKS = (AS_PRINTED, "learned")
+"""The paper's network as printed, and at 128 x 128 pixels; a claim about the network is judged for each."""
 
 
 @dataclass(frozen=True)
@@ -94,57 +87,34 @@ class Claim:
         The claim as a sentence.
     table
         Table that supports it.
-    better
-        Row that should score higher.
-    others
-        Rows that should score lower.
-    input
-        Input of the methods.
+    better, others
+        Rows that should score higher, and lower.
     measures
-        Measures to compare.
+        Measures to compare: those for which the paper's own figures support the claim.
     """
 
     words: str
     table: str
     better: str
     others: tuple[str, ...]
-    input: Input = "view"
     measures: tuple[str, ...] = MEASURES
 
 
-CLASSICAL = tuple(row.method for row in ROWS if not is_learned(row.method))
+_WITHOUT_ST = ("NN", "FT", "DCG")
 
-#: Claims, by measures for which the paper's own figures support them: in Table II the ST of its network is below that
-#: of GPS, in Table III it equals that of Constrained MDS.
 CLAIMS: tuple[Claim, ...] = (
-    Claim("The network finds more than every classical form on synthetic humans.", "I", "learned", CLASSICAL),
-    Claim(
-        "It finds more than every classical form on real humans (NN, FT, DCG).",
-        "II",
-        "learned",
-        CLASSICAL,
-        measures=("NN", "FT", "DCG"),
-    ),
-    Claim(
-        "It finds more than every classical form on TOSCA (NN, FT, DCG).",
-        "III",
-        "learned",
-        CLASSICAL,
-        measures=("NN", "FT", "DCG"),
-    ),
+    *(Claim("The network beats all classical forms: synthetic humans.", "I", name, CLASSICAL) for name in NETWORKS),
+    *(Claim("... real humans.", "II", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
+    *(Claim("... animals and people.", "III", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
     Claim("Short-range features help.", "IV", "learned", ("learned-without-srf",)),
     Claim("Long-range features help.", "IV", "learned", ("learned-without-lrf",)),
     Claim("Progressive weighting of the losses helps.", "IV", "learned", ("learned-without-weighting",)),
-    Claim("Poses that were seen in training are found better than unseen ones.", "IV", "learned", ("learned-strict",)),
+    Claim("Poses seen in training are found better than unseen ones.", "IV", "learned", ("learned-strict",)),
     Claim(
-        "Of the classical forms GPS has the highest NN on synthetic humans.",
-        "I",
-        "gps",
-        tuple(name for name in CLASSICAL if name != "gps"),
-        measures=("NN",),
+        "Of the classical forms, GPS has the highest NN on synthetic humans.", "I", "gps",
+        tuple(name for name in CLASSICAL if name != "gps"), ("NN",),
     ),
-)
-
+)  # fmt: skip
 
 #: Combining characters for the accents of TeX.
 _ACCENTS = {"'": "\u0301", "`": "\u0300", "^": "\u0302", '"': "\u0308", "~": "\u0303", "u": "\u0306", "v": "\u030c",
@@ -153,7 +123,7 @@ _ACCENTS = {"'": "\u0301", "`": "\u0300", "^": "\u0302", '"': "\u0308", "~": "\u
 
 def source_of(key: str) -> str:
     """Return authors, year, title and source of an entry of the bibliography as text, or the key if there is none."""
-    match = re.search(rf"@\w+\{{{re.escape(key)},(.*?)\n\}}", _bibliography(), re.DOTALL) if key else None
+    match = re.search(rf"@\w+\{{{re.escape(key)},(.*?)\n\}}", bibliography(), re.DOTALL) if key else None
     if match is None:
         return key
     body = re.sub(r"\n(?!\s*\w+\s*=)\s*", " ", match[1])  # one field per line
@@ -166,13 +136,9 @@ def source_of(key: str) -> str:
     return ". ".join(filter(None, (named, fields.get("title", ""), place)))
 
 
-def is_listed(key: str) -> bool:
-    """Return whether the bibliography has an entry with this key."""
-    return bool(key) and f"{{{key},\n" in _bibliography()
-
-
 @cache
-def _bibliography() -> str:
+def bibliography() -> str:
+    """Return the BibTeX file of the sources of methods, scorers and data."""
     return resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
 
 

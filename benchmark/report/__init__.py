@@ -1,1 +1,1 @@
-"""Tables and figures from records; nothing here computes a result."""
+"""Tables, figures and pages of results: pure functions of records and of stored forms."""

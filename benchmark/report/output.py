@@ -1,129 +1,85 @@
-"""Output folders: a command replaces its own files, and keeps files that were edited or come from elsewhere."""
+"""Output folders: a command replaces its own files, and no others."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.files import sweep, write_atomically, write_text
+from benchmark.files import write_atomically
 
-#: Number of leading characters that identify a table without a list of files: its kind and name, but no scores.
-_HEAD = 16
+#: List of the written files with their digests.
+LIST = "written.json"
+
+Files = Mapping[str, str | bytes]
 
 
-@dataclass(frozen=True)
-class Folder:
-    """Folder to which a command writes.
+def write_files(folder: Path, files: Files, *, force: bool = False) -> None:
+    """Write files into a folder, and remove those that the last command wrote there and this one does not.
 
     Parameters
     ----------
-    root
+    folder
         The folder, created if necessary.
-    verb
-        Name of the command.
-    contents
-        File with the digests of the written files, which identifies edited and obsolete files. Without it, a file
-        belongs to the command if it starts like the new one.
+    files
+        Texts or bytes by name.
     force
         Whether to replace files that were edited or come from elsewhere.
+
+    Raises
+    ------
+    ConfigurationError
+        Before anything is written, if a file would be replaced that was edited or that no command has written.
+    BenchmarkError
+        If the folder cannot be written.
     """
+    contents = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
+    earlier = _earlier(folder)
+    for name, data in contents.items():
+        present = _digest(folder / name)
+        if present and not force and present not in (earlier.get(name), hashlib.sha256(data).hexdigest()):
+            what = "was edited" if name in earlier else "was not written by this command"
+            raise ConfigurationError(f"{folder / name} {what}", "choose another folder with -o, or pass --force")
+    try:
+        for name, data in contents.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
+        for name in earlier.keys() - contents.keys():
+            if _digest(folder / name) == earlier[name]:
+                (folder / name).unlink()
+        digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
+        text = json.dumps(digests, indent=0).encode()
+        write_atomically(folder / LIST, lambda file: file.write(text))
+    except OSError as error:
+        raise BenchmarkError(f"cannot write to {folder}: {error.strerror}", "choose another folder with -o") from error
 
-    root: Path
-    verb: str
-    contents: str = ""
-    force: bool = False
 
-    def require_own(self, names: Iterable[str]) -> None:
-        """Raise ``ConfigurationError`` if one of these files comes from elsewhere, unless ``force``."""
-        strange = next((name for name in names if (self.root / name).exists()), None)
-        if strange and not self.force and not self._earlier({}):
-            raise self._strange(strange)
+def stale_files(folder: Path, files: Files) -> list[str]:
+    """Return the names of files that are missing, differ, or would not be written any more."""
+    left = [name for name in _earlier(folder) if name not in files and (folder / name).exists()]
+    texts = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
+    differing = [n for n, data in texts.items() if _digest(folder / n) != hashlib.sha256(data).hexdigest()]
+    return [*differing, *left]
 
-    def write(self, files: Mapping[str, bytes]) -> list[str]:
-        """Write files, and remove those of the previous list that are not among them.
 
-        Returns
-        -------
-        list of str
-            Names of the files that were kept because they were edited or come from elsewhere.
+def _earlier(folder: Path) -> dict[str, str]:
+    """Return the digests of the files of the last command, without names outside the folder."""
+    try:
+        listed = json.loads((folder / LIST).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    root = folder.resolve()
+    return {
+        name: digest
+        for name, digest in (listed.items() if isinstance(listed, dict) else ())
+        if isinstance(digest, str) and "\0" not in name and (folder / name).resolve().is_relative_to(root)
+    }
 
-        Raises
-        ------
-        ConfigurationError
-            If one would replace a file from elsewhere, unless ``force``.
-        BenchmarkError
-            If they cannot be written.
-        """
-        root, earlier = self.root, self._earlier(files)
-        digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-        present = {name: digest for name in {*files, *earlier} if (digest := self._digest(name))}
-        strange = [name for name in files if name in present and name not in earlier]
-        if strange and not self.force and not (self.contents and earlier):
-            raise self._strange(strange[0])
-        edited = [n for n in files if n in present and present[n] not in (*earlier.get(n, ()), digests[n])]
-        edited = [] if self.force else edited
-        try:
-            # If interrupted, neither old nor new files count as foreign next time.
-            self._list(earlier | {name: [*earlier.get(name, ()), digest] for name, digest in digests.items()})
-            for name, data in files.items():
-                if name not in edited:
-                    write_atomically(root / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
-            for name in earlier.keys() - files.keys():
-                if present.get(name) in earlier[name]:
-                    (root / name).unlink()
-            left = {name: of_file for name, of_file in earlier.items() if name not in files and (root / name).exists()}
-            self._list(left | {name: earlier.get(name, []) if name in edited else [digests[name]] for name in files})
-            for folder in {(root / name).parent for name in files}:
-                sweep(folder, deep=False)
-        except OSError as error:
-            raise BenchmarkError(
-                f"cannot write to {root}: {error.strerror}", "free some space or choose another folder with -o"
-            ) from error
-        return edited
 
-    def stale(self, files: Mapping[str, bytes]) -> list[str]:
-        """Return the names of files that are missing or differ from the given content."""
-        return [name for name, data in files.items() if self._digest(name) != hashlib.sha256(data).hexdigest()]
-
-    def _strange(self, name: str) -> ConfigurationError:
-        return ConfigurationError(
-            f"{self.root / name} was not written by '{self.verb}'",
-            "choose another folder with -o, or pass --force to replace it",
-        )
-
-    def _list(self, digests: Mapping[str, Iterable[str]]) -> None:
-        if self.contents:
-            lists = {name: [*digests[name]] for name in sorted(digests)}
-            write_text(self.root / self.contents, json.dumps(lists, indent=0) + "\n")
-
-    def _earlier(self, files: Mapping[str, bytes]) -> dict[str, list[str]]:
-        """Return the digests of the previous files, without names outside the folder."""
-        if not self.contents:
-            own = (name for name, data in files.items() if data[:_HEAD] == self._read(name)[:_HEAD])
-            return {name: [self._digest(name)] for name in own}
-        try:
-            listed = json.loads(self._read(self.contents))
-        except (ValueError, RecursionError):
-            return {}
-        return {
-            name: [digest for digest in digests if isinstance(digest, str)]
-            for name, digests in (listed.items() if isinstance(listed, dict) else ())
-            if isinstance(digests, list)
-            and "\0" not in name
-            and (self.root / name).resolve().is_relative_to(self.root.resolve())
-        }
-
-    def _read(self, name: str) -> bytes:
-        """Return the content of a file; empty if it cannot be read."""
-        try:
-            return (self.root / name).read_bytes()
-        except OSError:
-            return b""
-
-    def _digest(self, name: str) -> str:
-        """Return the digest of a file; "" if there is none."""
-        return hashlib.sha256(self._read(name)).hexdigest() if (self.root / name).is_file() else ""
+def _digest(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import msgspec
 
@@ -141,9 +141,9 @@ def plan(
         for rows in [gallery.rows(chosen, results / "models")]
         for input_ in taken
         if input_ in gallery.inputs
-        for method in cast(list[Component], rows)
+        for method in rows
     ]
-    return list({(job.gallery.table, job.job.key): job for job in jobs}.values())
+    return list({job.job.key: job for job in jobs}.values())
 
 
 @dataclass
@@ -177,7 +177,7 @@ class _Planning:
         if input_ not in method.info.inputs:
             return replace(planned, state="unsupported", reason=f"does not take the {input_} input")
         try:
-            models = find_models(cast(Any, method), gallery, self.results / "models")
+            models = find_models(method, gallery, self.results / "models")
         except MissingModel as error:
             return replace(planned, state="unavailable", reason=str(error))
         except (NoFolds, TooNear) as error:

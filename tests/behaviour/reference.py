@@ -22,7 +22,7 @@ from unittest.mock import patch
 from benchmark.api.datasets import Entry
 from benchmark.datasets.base import thinned
 from benchmark.protocols import galleries
-from benchmark.results import open_results
+from benchmark.report.results import open_results
 from tests.behaviour.suite import HERE, MEASURES, call
 
 REFERENCE = HERE / "reference.json"

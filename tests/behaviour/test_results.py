@@ -5,7 +5,7 @@ import pytest
 
 from benchmark.depth_forms import canonical_form_of_depth
 from benchmark.errors import BenchmarkError
-from benchmark.results import open_results
+from benchmark.report.results import open_results
 from tests.behaviour.suite import MEASURES
 
 RODS = ["thick0", "thick1", "thick2", "thin0", "thin1", "thin2"]

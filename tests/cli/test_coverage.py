@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from benchmark.results import open_results
+from benchmark.report.results import open_results
 from tests.toy import write_rods
 from tests.verbs import call
 

@@ -4,12 +4,12 @@ import json
 import shlex
 
 import pytest
+from benchmark.cli.plan import planned_jobs
 from typer.testing import CliRunner
 
 from benchmark.api.learning import read_card
 from benchmark.cli.main import cli
 from benchmark.cli.options import Selection
-from benchmark.cli.plan import planned_jobs
 from benchmark.cli.run import Settings, run_plan
 from benchmark.cli.train import train_one
 from benchmark.errors import BenchmarkError

@@ -5,16 +5,16 @@ import re
 from pathlib import Path
 
 import pytest
+from benchmark.cli.selection import recorded
+from benchmark.cli.terminal import drawn
+from benchmark.report.content import contents
 from rich.console import Console
 from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.cli.options import Selection
-from benchmark.cli.selection import recorded
-from benchmark.cli.terminal import drawn
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.storage.store import Store
-from benchmark.report.content import contents
 from tests.records import copy_published
 
 ROOT = Path(__file__).parents[2]

@@ -5,6 +5,12 @@ import os
 from pathlib import Path
 
 import pytest
+from benchmark.report.artefact_reader import ArtefactReader
+from benchmark.report.content import contents
+from benchmark.report.html.data import chart_data
+from benchmark.report.html.forms import DrawnSet, script_json
+from benchmark.report.html.pages import TablePages, index_page, table_pages
+from benchmark.report.rankings import ranked_cells
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -15,13 +21,7 @@ from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.record_schema import fault_of
 from benchmark.pipeline.storage.records import Records, as_text, outcome, portable
 from benchmark.pipeline.storage.store import Store
-from benchmark.report.artefact_reader import ArtefactReader
-from benchmark.report.content import contents
 from benchmark.report.formats import render
-from benchmark.report.html.data import chart_data
-from benchmark.report.html.forms import DrawnSet, script_json
-from benchmark.report.html.pages import TablePages, index_page, table_pages
-from benchmark.report.rankings import ranked_cells
 from benchmark.report.results import Result
 from tests.records import MEASURES, failed, record
 

@@ -1,191 +1,147 @@
-"""Golden tables from made-up records."""
+"""Rows, means, marks and notes of tables, by hand."""
 
-from dataclasses import replace
+import random
 
 import pytest
-from pandas import concat
 
-from benchmark.execution.plan import difference
-from benchmark.plugins.registry import BUILT_IN, MethodSpec
-from benchmark.protocols.tables import Table
-from benchmark.report.content import TableContent, departs_of
-from benchmark.report.formats import as_csv, markdown, rows_as_json
-from benchmark.report.latex import latex
-from benchmark.report.notes import notes
-from benchmark.report.results import Result
-from retrieval.chance import chance_levels
-from tests.records import failed, record
-from tests.report.tables import frame, line
+from benchmark.reference.paper import AS_PRINTED, MEASURES, PRINTED
+from benchmark.report.formats import as_json, table_files
+from benchmark.report.frames import scores_frame
+from benchmark.report.tables import table_views
+from tests.report.records import LABELS, by_class, failed, record
+
+HUMANS = {"dataset": "humans", "stand_in_for": "shrec14-synthetic"}
 
 
-def result(nn, unsupported=()):
-    return Result(record(nn=nn, unsupported=list(unsupported)))
+def view(*records, **options):
+    (only,) = table_views(records, **options)
+    return only
 
 
-def table(quick=False, stand_in="tosca"):
-    chance = chance_levels(["cat", "cat", "dog", "dog"])
-    data = {"name": "beasts", "title": "Beasts & Co", "stand_in_for": stand_in, "quick": quick}
-    paper = {"NN": 0.74, "FT": 0.54, "ST": 0.80, "DCG": 0.80}
-    classic = {"title": "Classic MDS", "family": "paper", "paper": paper}
-    fast, mine = classic | {"title": "Fast MDS"}, {"title": "50 % of_mine"}
-    lines = (
-        line("classic-mds", "mesh", result(0.7449), **classic),
-        line("classic-mds", "view", result(0.2, [("cat1", "two parts; join them")]), **classic),
-        line("fast-mds", "mesh", **fast),
-        line("fast-mds", "view", **fast),
-        line("mine", "mesh", result(0.7401), **mine),
-        line("mine", "view", Result(failed()), **mine),
-    )
-    data |= {"n_shapes": 4, "n_classes": 2, "chance": chance}
-    return TableContent(Table("III", "Animals", "tosca", "beasts"), data, ("mesh", "view"), frame(lines), chance, 1)
+def cell(table, method, column="mesh", measure="NN"):
+    return round(table.scores.loc[method, (column, measure)], 6)
 
 
-def test_markdown_marks_what_reads_as_best_and_names_stand_in_and_gaps():
-    text = markdown(table(quick=True))
-    lines = text.splitlines()
-    assert lines[0] == "**Table III. Animals: generated stand-in 'beasts', not TOSCA (4 shapes, 2 classes).**"
-    classic = [word.strip() for word in lines[4].strip("|").split("|")]
-    assert classic == [
-        "Classic MDS (view: coverage 0.80)",
-        "0.74",
-        "0.54",
-        "0.80",
-        "0.80",
-        "**0.74**",
-        "**0.50**",
-        "**0.75**",
-        "**0.80**",
-        *("0.20", "0.50", "0.75", "0.80"),  # of some shapes alone: never the best
+def test_a_row_is_the_mean_of_its_folds_and_a_missing_fold_counts_0():
+    folds = [record("gps", 0.9, fold=f"fold {k}", **HUMANS) for k in range(3)]
+    table = view(*folds, *[record("skeleton", 0.6, fold=f"fold {k}", **HUMANS) for k in (0, 2)], tables=["I"])
+    assert cell(table, "gps", "5 subjects") == pytest.approx(0.9)
+    assert cell(table, "skeleton", "5 subjects") == pytest.approx(0.4)
+    assert any("Missing, and counts 0: Skeleton-based (humans fold 1)" in note for note in table.notes)
+
+
+def test_trainings_are_averaged_within_a_fold_before_folds_are():
+    seeds = [record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", input_="view", **HUMANS) for s in (1, 2)]
+    rest = [record("learned", 0.6, fold=f"fold {k}", input_="view", **HUMANS) for k in (1, 2)]
+    table = view(*seeds, *rest, tables=["IV"])
+    assert cell(table, "learned", "ours") == pytest.approx((0.3 + 0.6 + 0.6) / 3)
+
+
+def test_networks_see_a_view_and_all_others_complete_surfaces():
+    both = [record(name, nn, input_=i, dataset="tosca", models=models)
+            for name, models in (("gps", []), (AS_PRINTED, [{"training": "t", "data": "d", "digest": "1"}]))
+            for i, nn in (("mesh", 0.5), ("view", 0.8))]  # fmt: skip
+    table, fair = table_views(both, ["III"])
+    assert (cell(table, "gps", "ours"), cell(table, AS_PRINTED, "ours")) == (0.5, 0.8)
+    assert (table.table.identifier, fair.table.identifier) == ("III", "III-view")
+    assert (cell(fair, "gps", "all shapes"), cell(fair, AS_PRINTED, "all shapes")) == (0.8, 0.8)
+    assert not fair.paper
+    assert dict(table.scores.loc["gps", "paper"]) == PRINTED["III"]["gps"]
+
+
+def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_clearly_beat_are_italic():
+    rows = [
+        record("best", by_class({"cat": 0.9, "dog": 0.9, "owl": 0.9})),
+        record("near", by_class({"cat": 1.0, "dog": 0.6, "owl": 0.9})),  # better on cats
+        record("far", by_class({"cat": 0.2, "dog": 0.2, "owl": 0.2})),
+        record("dna", by_class({"cat": 0.1, "dog": 0.1, "owl": 0.1}), scorer="", scorer_title=""),
+        record("area", by_class({"cat": 0.0, "dog": 0.0, "owl": 0.0}), scorer="", scorer_title=""),
     ]
-    mine = [word.strip() for word in lines[6].strip("|").split("|")]
-    assert mine[5] == "**0.74**"  # 0.7401 and 0.7449 both print as 0.74
-    assert mine[9] == "--"
-    assert "| *Chance*" in lines[7]
-    assert "- Quick run: some poses of each subject were omitted." in lines
-    assert "- Classic MDS, view: 1 unsupported (cat1): two parts; join them" in lines
-    assert "- 50 % of_mine, view: timeout: stopped" in lines
-    assert len({len(line) for line in lines[2:8]}) == 1
-
-
-def test_what_was_not_run_is_one_note():
-    content = table()
-    blank = frame(line(row.method, "mesh", title=row.title) for row in content.rows)
-    lines = markdown(replace(content, frame=blank, inputs=("mesh",))).splitlines()
-    assert [line for line in lines if line.startswith("- ")] == ["- Not run: Classic MDS, Fast MDS, 50 % of_mine."]
-
-
-def test_a_table_of_one_input_says_what_was_run_on_the_other_alone():
-    paper = {"family": "paper", "paper": dict.fromkeys(("NN", "FT", "ST", "DCG"), 0.5)}
-    lines = (
-        line("classic-mds", "mesh", title="Classic MDS", run_under=("view",), **paper),
-        line("classic-mds", "view", result(0.5), title="Classic MDS", run_under=("view",), **paper),
-        line("fast-mds", "mesh", title="Fast MDS", **paper),
-        line("fast-mds", "view", title="Fast MDS", **paper),
-    )
-    complete = replace(table(), frame=frame(lines)).of("mesh")
-    assert "Run only on the view input: Classic MDS." in notes(complete)
-    assert [line for line in notes(complete) if line.startswith("Not run")] == ["Not run: Fast MDS."]
-
-
-def test_latex_is_booktabs_escaped_and_stable():
-    text = latex(table())
-    assert text == latex(table())
-    assert text.startswith("% table-III-beasts, made from records ")
-    assert text.count(r"\toprule") == text.count(r"\bottomrule") == 1
-    assert r"\begin{tabular}{@{}l*{12}{r}@{}}" in text
-    assert r"X*{12}{r}@{}}" in text  # where the text is too narrow for labels on one line
-    assert r"\cmidrule(lr){2-5} \cmidrule(lr){6-9} \cmidrule(lr){10-13}" in text
-    assert r"50 \% of\_mine & -- & -- & -- & -- & \textbf{0.74}" in text
-    assert "generated stand-in 'beasts', not TOSCA" in text
-    assert r"Chance & 0.33 & 0.33 & 0.67 & 0.88" in text
-    for words in text.splitlines():
-        assert words.startswith("%") or "%" not in words.replace(r"\%", "")
-    body = text[text.index(r"\midrule") : text.index(r"\bottomrule")]
-    cells = [line.replace(r"\multicolumn{4}{c}", " &  &  & ") for line in body.splitlines() if line.endswith(r"\\")]
-    assert all(line.count(" & ") == 12 for line in cells)
-
-
-def test_json_and_csv_hold_one_row_per_input_and_method():
-    rows = rows_as_json([table()])
-    assert [(row["input"], row["method"], row["status"]) for row in rows] == [
-        ("mesh", "classic-mds", "ok"),
-        ("mesh", "fast-mds", "missing"),
-        ("mesh", "mine", "ok"),
-        ("view", "classic-mds", "ok"),
-        ("view", "fast-mds", "missing"),
-        ("view", "mine", "timeout"),
-    ]
-    assert rows[0]["stand_in"] is True
-    assert rows[0]["seconds"] == 1.5
-    assert rows[1]["NN"] is None
-    assert rows[2]["paper"] is None
-    assert rows[3]["unsupported"] == 1
-    lines = as_csv([table()]).splitlines()
-    assert len(lines) == 7
-    assert lines[0].startswith("table,dataset,stand_in,input,method,title,NN,FT,ST,DCG,paper_NN")
+    marks = view(*rows).marks["mesh", "NN"]
+    assert dict(marks) == {"best": "bold", "near": "italic", "far": "", "dna": "bold", "area": ""}
 
 
 @pytest.mark.parametrize(
-    ("before", "now", "said"),
-    [
-        ({"seed": 0}, {"seed": 1}, "seed changed from 0 to 1"),
-        ({"gallery": "a"}, {"gallery": "b"}, "the data changed"),
-        ({"parameters": {"k": 1}}, {"parameters": {"k": 2}}, "parameters changed: k 1 -> 2"),
-        (
-            {"versions": {"method/gps": "1", "measures": "1"}},
-            {"versions": {"method/gps": "2", "measures": "1"}},
-            "versions changed: method/gps",
-        ),
-        ({"plugin": {"a.py": "1"}}, {"plugin": {"a.py": "2"}}, "plugin changed: a.py 1 -> 2"),
-        ({"code": {}}, {"versions": {"measures": "1"}}, "made by version 0.2 or older"),
-        ({}, {}, "the recipe changed"),
-    ],
+    "spoiled",
+    [{"seen": ["cat0"]}, {"unsupported": [("cat0", "too thin")]}],
+    ids=["seen in training", "a shape refused"],
 )
-def test_a_stale_job_says_what_changed(before, now, said):
-    assert difference(before, now) == said
+def test_rows_that_are_incomplete_or_saw_shapes_in_training_have_no_mark(spoiled):
+    marks = view(record("best", 0.99, **spoiled), record("other", 0.5), record("third", 0.4)).marks["mesh", "NN"]
+    assert dict(marks) == {"best": "", "other": "bold", "third": ""}
 
 
-def test_an_outdated_row_has_a_mark_and_a_note_that_says_what_changed():
-    content = table()
-    content.frame.at[0, "outdated"] = "libigl 2.6.2 -> 2.6.3"
-    text = markdown(content)
-    assert "| Classic MDS (view: coverage 0.80) † " in text
-    assert text.count("†") == 2
-    assert "- † Classic MDS: made before the last change (libigl 2.6.2 -> 2.6.3)" in text.splitlines()
-    assert r"Classic MDS (view: coverage 0.80) \dag{} \cite{elad2003bending} & 0.74" in latex(content)
-    assert rows_as_json([content])[0]["outdated"] == "libigl 2.6.2 -> 2.6.3"
-    assert rows_as_json([content])[0]["title"] == "Classic MDS"
-    assert "†" not in markdown(table())
+def test_marks_do_not_change_with_the_methods_that_are_shown():
+    rows = [record("best", 0.9), record("near", by_class({"cat": 1.0, "dog": 0.7, "owl": 0.9})), record("far", 0.1)]
+    few = view(*rows, methods=["far"])
+    assert [row.method for row in few.printed_rows] == ["far"]
+    assert few.marks.loc["far"].tolist() == view(*rows).marks.loc["far"].tolist()
 
 
-def test_departures_from_sources_are_numbered_below_rows_with_scores():
-    content = table()
-    more = content.frame[content.frame["method"] == "mine"].assign(method="mine[a=1]")
-    departs = {
-        "classic-mds": "Fewer steps than in the source.",
-        "fast-mds": "Not run, so not told.",
-        "mine": "Three axes_of many.",
-        "mine[a=1]": "Fewer steps than in the source.",
-    }
-    rows = concat([content.frame, more])
-    departing = replace(content, frame=rows.assign(departs=rows["method"].map(departs)))
-    assert notes(departing)[-2:] == ["¹ Fewer steps than in the source.", "² Three axes_of many."]
-    assert notes(departing, most=1) == [f"{len(notes(departing))} more notes: 'tables' prints them."]
-    labels = [line.split("|")[1].strip() for line in markdown(departing).splitlines() if line.startswith("| ")]
-    assert [label[-1] for label in labels[2:6]] == ["¹", "S", "²", "¹"]
-    text = latex(departing)
-    assert r"50 \% of\_mine \textsuperscript{2}" in text
-    assert r"\textsuperscript{2} Three axes\_of many." in text
-    told = [row.get("departs") for row in rows_as_json([departing]) if row["input"] == "mesh"]
-    assert told == [*departs.values()]
+def test_chance_is_the_expectation_of_a_random_order():
+    chance = view(record()).chance["mesh"]
+    assert chance["NN"] == pytest.approx(3 / 11)
+    assert chance["FT"] == pytest.approx(3 / 11)
+    assert chance["ST"] == pytest.approx(6 / 11)
 
 
-def test_methods_of_the_suite_say_how_they_depart_from_what_they_cite():
-    said = {name: departs_of(name) for name in BUILT_IN}
-    assert "level sets" in said["skeleton"]
-    assert "Rustamov" in said["gps"]
-    assert departs_of("least-squares-mds[start=classic]") == said["least-squares-mds"] != ""
-    assert departs_of("of-a-plugin[a=1]") == ""
-    cites = {name: MethodSpec(name, BUILT_IN[name]).info.cite for name in BUILT_IN}
-    assert not [name for name, text in said.items() if text and not cites[name]]
-    assert not [text for text in said.values() if text and (not text.endswith(".") or text.count(". ") > 1)]
+def test_rows_on_another_version_of_the_data_are_left_out_and_named():
+    old = record("gps", 0.9, labels=LABELS[:8], gallery_digest="0", finished="2025-01-01T00:00:00+00:00")
+    table = view(old, record("skeleton", 0.5))
+    assert [row.method for row in table.rows] == ["skeleton"]
+    assert any("gps on rods, mesh" in note for note in table.notes)
+    assert table.size == "12 shapes of 3 classes"
+
+
+def test_local_rows_decide_which_version_of_the_data_is_shown():
+    here = record("gps", gallery_digest="0", finished="2025-01-01T00:00:00+00:00")
+    assert [row.method for row in view(here, record("skeleton", published=True)).rows] == ["gps"]
+
+
+def test_notes_name_each_kind_of_fact_once_and_are_at_most_eight():
+    refused = [("cat0", "two pieces"), ("dog4", "cannot be read")]
+    rows = [record(f"m{k}", 0.5, unsupported=refused, unprepared=["dog4"]) for k in range(9)]
+    found = view(*rows, *[failed(f"f{k}", "smooth.py:14: NameError") for k in range(9)]).notes
+    assert len(found) <= 8
+    assert sum("Refused shapes" in note for note in found) == 1
+    assert "Cannot be read or prepared, and counts 0 in every row: dog4." in found
+    assert sum("smooth.py:14" in note for note in found) == 1
+
+
+def test_seconds_are_those_of_form_and_geodesics():
+    assert view(record()).rows[0].seconds == 1.5
+
+
+def test_a_failed_row_is_shown_with_its_status():
+    table = view(failed("fell"), record())
+    (row,) = (row for row in as_json([table]) if row["method"] == "fell" and row["column"] == "mesh")
+    assert (row["status"], row["NN"]) == ("failed", None)
+
+
+def test_the_order_of_records_changes_nothing():
+    records = [record(f"m{k}", 0.1 * k, dataset=name) for k in range(5) for name in ("rods", "tosca")]
+    expected = table_files(table_views(records), records)
+    for seed in range(3):
+        random.Random(seed).shuffle(records)
+        files = table_files(table_views(records), records)
+        assert {name: files[name] for name in files if name != "scores.csv"} == {
+            name: expected[name] for name in expected if name != "scores.csv"
+        }
+        assert sorted(files["scores.csv"].splitlines()) == sorted(expected["scores.csv"].splitlines())
+
+
+def test_scores_are_one_value_a_line_with_all_measures():
+    frame = scores_frame([record("gps", 0.25, dataset="tosca")])
+    assert list(frame.columns) == ["table", "dataset", "method", "source", "fold", "measure", "value"]
+    ours = frame.query("table == 'III' and source == 'mesh'").set_index("measure")["value"]
+    assert ours["NN"] == 0.25
+    assert {"E", "mAP", *MEASURES} <= set(ours.index)
+    paper = frame.query("table == 'III' and source == 'paper' and method == 'gps'").set_index("measure")["value"]
+    assert dict(paper) == PRINTED["III"]["gps"]
+
+
+def test_changed_sets_and_quick_runs_are_in_no_table_of_full_runs():
+    records = [record(dataset="animals[noise=2]"), record(dataset="animals", quick=True)]
+    assert table_views(records) == []
+    assert [table.quick for table in table_views(records, quick=True)] == [True]
+    assert view(*records, datasets=["animals[noise=2]"]).dataset == "animals[noise=2]"

@@ -1,0 +1,105 @@
+"""Progress of long work on stderr: a bar in a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from datetime import timedelta
+from types import TracebackType
+from typing import TypeVar
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, track
+from rich.table import Column
+
+from benchmark.runs import Progress as State
+from benchmark.text import clean, say
+
+#: Seconds between lines of progress without a terminal.
+INTERVAL = 15.0
+
+T = TypeVar("T")
+
+
+class Bar:
+    """Progress of a run: forms and jobs that are done, time left, and what is being done.
+
+    Parameters
+    ----------
+    n_jobs
+        Number of jobs that run.
+    expected
+        Seconds that they are expected to take, which is the time left until the first form is done.
+    """
+
+    def __init__(self, n_jobs: int, expected: float) -> None:
+        self._n_jobs, self._expected, self._n_ended = n_jobs, expected, 0
+        self._start = self._shown = time.monotonic()
+        rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
+        self._bar = Progress(
+            BarColumn(16),
+            TextColumn("{task.fields[counts]}", table_column=Column(no_wrap=True), markup=False),
+            TextColumn("{task.description}", table_column=rest, markup=False),
+            console=Console(file=sys.stderr), expand=True, disable=not (n_jobs and sys.stderr.isatty()),
+        )  # fmt: skip
+        self._task = self._bar.add_task("starting", total=None, counts=self._counts(State(0, 0)))
+
+    def __enter__(self) -> Bar:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def watch(self, state: State) -> None:
+        """Show how far the run is."""
+        working = clean("; ".join(state.working)) or "ranking"
+        counts = self._counts(state)
+        self._bar.update(
+            self._task, completed=state.done, total=state.total or 1, counts=counts, description=working
+        )  # fmt: skip
+        now = time.monotonic()
+        if self._bar.disable and now - self._shown >= INTERVAL:
+            self._shown = now
+            self._say(f"{counts}, {working}")
+
+    def _counts(self, state: State) -> str:
+        elapsed = time.monotonic() - self._start
+        left = elapsed * (state.total - state.done) / state.done if state.done else self._expected - elapsed
+        remaining = f", {timedelta(seconds=round(left))} left" if left > 0 else ""
+        return f"{state.done}/{state.total} forms, {self._n_ended}/{self._n_jobs} jobs{remaining}"
+
+    def ended(self, line: str) -> None:
+        """Print the line of a finished job."""
+        self._n_ended += 1
+        if self._bar.disable:
+            self._say(line)
+        else:
+            self._bar.console.print(clean(line), highlight=False, markup=False, soft_wrap=True)
+
+    def _say(self, line: str) -> None:
+        with suppress(OSError):  # a closed output does not end the run
+            say(line, err=True)
+
+
+def counting(what: str, items: Sequence[T]) -> Iterator[T]:
+    """Yield items, such as the shapes of ``"checking humans"``, and show how many are left."""
+    title = clean(what)
+    if sys.stderr.isatty():
+        yield from track(items, escape(title), console=Console(file=sys.stderr))
+        return
+    say(f"{title}: 0 of {len(items)}", err=True)
+    start = shown = time.monotonic()
+    for number, item in enumerate(items):
+        now = time.monotonic()
+        if number and now - shown >= INTERVAL:
+            left = (now - start) / number * (len(items) - number)
+            say(f"{number} of {len(items)}, about {left:.0f} s left", err=True)
+            shown = now
+        yield item
+    say(f"{len(items)} of {len(items)}", err=True)

@@ -1,1 +1,0 @@
-"""Score the results of other programs: distance matrices, ranked lists, and forms in mesh files."""

@@ -1,0 +1,167 @@
+"""Draw surfaces and depth images without OpenGL, with the scorer's rasteriser and simple shading.
+
+On coloured surfaces, the colour shows how far a point is from the centre of the body.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.files import write_atomically
+from benchmark.geometry.camera import FRONT, Camera
+from benchmark.geometry.mesh import Mesh, Points, edges_of
+from benchmark.geometry.rasterise import depth_buffer
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Direction of the light in image coordinates: right, up, towards the viewer.
+_LAMP = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])
+
+#: Colours from the trunk to the tips of the limbs; distinct on white and black, and by lightness alone.
+PALETTE = ("#4a62b0", "#3a82be", "#4aaca8", "#96d088", "#f4d264", "#f69e5c")
+_RAMP = np.array([[int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in PALETTE]) / 255
+_PLAIN = np.array([0.60, 0.68, 0.77])
+
+_SOURCES = 48
+_FINER = 2
+
+#: Metadata by file extension, without the date and the version of matplotlib.
+_UNDATED: dict[str, dict[str, str | None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+
+#: File extensions of figures.
+ENDINGS = tuple(_UNDATED)
+
+
+def outwardness(mesh: Mesh) -> NDArray[np.float64]:
+    """Return how far each vertex is from the centre of its surface, shape (n,): 0 at the centre, 1 at the farthest tip.
+
+    This averages the mean distance along edges to samples all over the surface, scaled to [0, 1], and its rank. Both
+    hardly change when a limb bends, so each part of a body has the same colour in every pose.
+    """
+    edges = edges_of(mesh.faces).ends
+    lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
+    graph = coo_matrix((lengths + 1e-12, (edges[:, 0], edges[:, 1])), shape=(mesh.n_vertices,) * 2).tocsr()
+    sources = np.unique(np.linspace(0, mesh.n_vertices - 1, _SOURCES).astype(int))
+    along = dijkstra(graph, directed=False, indices=sources)
+    along[~np.isfinite(along)] = np.nan
+    far = np.nan_to_num(np.nanmean(along, axis=0))
+    share = (far - far.min()) / max(float(np.ptp(far)), 1e-12)
+    rank = np.argsort(np.argsort(far, kind="stable"), kind="stable") / max(len(far) - 1, 1)
+    return np.asarray((share + rank) / 2)  # most of a body is trunk, which would have a single colour without this step
+
+
+def shaded(
+    mesh: Mesh, camera: Camera = FRONT, size: int = 200, values: NDArray[np.float64] | None = None
+) -> Image.Image:
+    """Draw a mesh on white as a camera sees it.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    camera
+        The camera.
+    size
+        Pixels per side.
+    values
+        Value of each vertex from 0 to 1, shown as colour; None for one colour.
+    """
+    points = mesh.vertices @ camera.rotation.T
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = max(float((high - low)[:2].max()) / 2, 1e-12) / 0.94
+    scaled, fine = (points - (low + high) / 2) / half, size * _FINER
+    pixels = np.column_stack([(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]])
+    depth = depth_buffer(pixels, mesh.faces, fine, np.inf).astype(np.float64)
+    seen = np.isfinite(depth)
+    picture = np.ones((fine, fine, 3))
+    if seen.any():
+        colours = _PLAIN if values is None else _surface_colours(scaled, depth, seen, values)
+        picture[seen] = np.clip(colours * _light(depth, seen)[:, None], 0, 1)
+    blocks = picture.reshape(size, _FINER, size, _FINER, 3).mean(axis=(1, 3))
+    return Image.fromarray(np.round(255 * blocks).astype(np.uint8))
+
+
+def _surface_colours(
+    scaled: Points, depth: NDArray[np.float64], seen: NDArray[np.bool_], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    rows, columns = np.nonzero(seen)
+    places = np.column_stack([(columns + 0.5) * 2 / len(depth) - 1, 1 - (rows + 0.5) * 2 / len(depth), -depth[seen]])
+    away, nearest = cKDTree(scaled).query(places, k=range(1, min(3, len(scaled)) + 1))
+    shown = np.average(values[nearest], axis=1, weights=1 / np.maximum(away, 1e-6))
+    return np.stack([np.interp(shown, np.linspace(0, 1, len(_RAMP)), channel) for channel in _RAMP.T], axis=-1)
+
+
+def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the brightness of each pixel of the surface: directional and ambient light, and a dark rim."""
+    filled = np.where(seen, depth, np.max(depth, where=seen, initial=-np.inf))
+    down, right = np.gradient(filled, 2 / len(depth))
+    normal = np.stack([right[seen], -down[seen], np.ones(int(seen.sum()))], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.asarray(0.52 + 0.62 * np.clip(normal @ _LAMP, 0, 1) * (0.55 + 0.45 * normal[:, 2]))
+
+
+def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
+    """Return the picture, shape (h, h), of a larger depth image: near points are bright, the background is white."""
+    seen = depth > 0
+    low, high = (float(depth[seen].min()), float(depth[seen].max())) if seen.any() else (0.0, 0.0)
+    grey = np.where(seen, 0.15 + 0.75 * (depth - low) / max(high - low, 1e-9), 1.0)
+    picture = Image.fromarray(np.round(255 * grey).astype(np.uint8)).convert("RGB")
+    return picture.resize((size, size), Image.Resampling.BOX)
+
+
+def turned_like(form: Points, shape: Points) -> Points:
+    """Return the vertices of a form, turned or mirrored as its shape, vertex by vertex [Schönemann 1966].
+
+    Parameters
+    ----------
+    form, shape
+        Vertices, shape (n, 3); a form with others than its shape is returned as it is.
+    """
+    if form.shape != shape.shape:
+        return form
+    moving, fixed = form - form.mean(axis=0), shape - shape.mean(axis=0)
+    left, _, right = np.linalg.svd(moving.T @ fixed)
+    return np.asarray(moving @ (left @ right))
+
+
+def save_png(image: Image.Image, path: Path) -> None:
+    """Write a PNG without date; raise ``ConfigurationError`` for another extension or if writing fails."""
+    if path.suffix.lower() != ".png":
+        raise ConfigurationError(f"{path} is not the name of a PNG file", "use the extension .png")
+    try:
+        write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot write {path}: {error.strerror}", "choose another file with -o or --picture"
+        ) from error
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PDF, PNG or SVG by its extension, without dates; publishers take the fonts (Type 42)."""
+    import matplotlib as mpl
+
+    ending, stream = path.suffix.lower(), io.BytesIO()
+    if ending not in ENDINGS:
+        raise ConfigurationError(f"{path} is not the name of a figure", f"use {', '.join(ENDINGS)}")
+    options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
+    with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42, "ps.fonttype": 42}):
+        figure.savefig(stream, format=ending[1:], **options)
+    try:
+        write_atomically(path, lambda file: file.write(stream.getvalue()))
+    except OSError as error:
+        raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder") from error

@@ -1,0 +1,237 @@
+"""Figures for papers and pages, drawn by matplotlib from records and stored forms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.depth.frame import UPRIGHT
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline import read_distances
+from benchmark.pipeline.records import Record
+from benchmark.protocols.tables import TITLES, Kind
+from benchmark.report.drawing import outwardness, shaded
+from benchmark.report.forms import StoredForms
+from benchmark.report.sheets import spread
+from benchmark.report.tables import Row, TableView
+from benchmark.text import clean
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+#: Widths in inches of one column and of the text of a two-column paper.
+COLUMN, WIDTH = 3.5, 7.16
+
+#: Measure of charts that show one.
+MEASURE = "DCG"
+
+COLOURS: Mapping[Kind, str] = {"form": "#3a6ea5", "network": "#c8553d", "descriptor": "#4c956c", "external": "#777777"}
+
+#: Levels of recall at which precision is interpolated.
+RECALLS = np.round(np.arange(1, 21) * 0.05, 2)
+
+_SIZE = 7
+
+
+def scores_figure(view: TableView, measure: str = MEASURE) -> Figure:
+    """Draw the scores of a table with their intervals over classes (95 %), one line a row."""
+    titles = [column.title for column in view.columns]
+    figure, axes = _axes(WIDTH, 0.5 + 0.14 * len(view.printed_rows), len(titles), sharey=True)
+    rows = view.printed_rows[::-1]
+    for place, title in zip(axes, titles, strict=True):
+        for height, row in enumerate(rows):
+            if ends := view.intervals(row, title).get(measure):
+                place.plot(ends, [height, height], color=COLOURS[row.kind], lw=1)
+                place.plot(row.scored[title].means[measure], height, "o", ms=3, color=COLOURS[row.kind])
+        place.axvline(view.chance[title][measure], color="0.6", lw=0.8, ls="--", zorder=0)
+        place.set_xlim(0, 1.02)
+        place.set_xlabel(f"{measure}, {title}", fontsize=_SIZE)
+    axes[0].set_yticks(range(len(rows)), [clean(row.title) for row in rows], parse_math=False)
+    return figure
+
+
+def cost_figure(view: TableView, measure: str = MEASURE) -> Figure:
+    """Draw seconds a shape against a measure; no row is both faster and better than those on the line."""
+    points = costs(view, measure)
+    figure, (place,) = _axes(COLUMN, 2.8)
+    for row, seconds, score in points:
+        place.plot(seconds, score, "o", ms=3.5, color=COLOURS[row.kind])
+        place.annotate(clean(row.title), (seconds, score), (3, 2), textcoords="offset points", fontsize=5,
+                       parse_math=False)  # fmt: skip
+    front = pareto_front([(seconds, score) for _, seconds, score in points])
+    place.plot(*zip(*front, strict=True), color="0.7", lw=0.8, zorder=0) if front else None
+    place.set_xscale("log")
+    place.set_xlabel("seconds a shape: form and geodesics", fontsize=_SIZE)
+    place.set_ylabel(measure, fontsize=_SIZE)
+    return figure
+
+
+def costs(view: TableView, measure: str = MEASURE) -> list[tuple[Row, float, float]]:
+    """Return rows with their seconds a shape and their score in the first column."""
+    title = view.columns[0].title
+    return [
+        (row, max(row.seconds, 1e-3), row.scored[title].means[measure])
+        for row in view.printed_rows
+        if title in row.scored and row.seconds is not None
+    ]
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points with no other one of lower cost (first) and higher score (second), cheapest first."""
+    front: list[tuple[float, float]] = []
+    for cost, score in sorted(points, key=lambda point: (point[0], -point[1])):
+        if not front or score > front[-1][1]:
+            front.append((cost, score))
+    return front
+
+
+def precision_recall_figure(view: TableView, forms: StoredForms) -> Figure:
+    """Draw interpolated precision over recall, a mean over all queries; a refused shape finds nothing.
+
+    Raises
+    ------
+    ConfigurationError
+        If no distances of the table are stored.
+    """
+    curves = precision_recall(view, forms)
+    if not curves:
+        raise ConfigurationError(f"no distances of table {view.table.identifier} are stored here", "run it here")
+    figure, (place,) = _axes(COLUMN, 2.8)
+    for row in view.printed_rows:
+        if row.method in curves:
+            place.plot(RECALLS, curves[row.method], lw=1, label=clean(row.title))
+    place.set(xlim=(0, 1), ylim=(0, 1.02))
+    place.set_xlabel("recall", fontsize=_SIZE)
+    place.set_ylabel("precision", fontsize=_SIZE)
+    place.legend(fontsize=5, frameon=False)
+    return figure
+
+
+def precision_recall(view: TableView, forms: StoredForms) -> dict[str, NDArray[np.float64]]:
+    """Return mean interpolated precision at :data:`RECALLS` by method, for rows whose distances are all stored."""
+    title, curves = view.columns[0].title, {}
+    for row in view.printed_rows:
+        records = row.scored[title].all_records if title in row.scored else []
+        each = [(record, read_distances(forms.folder, record)) for record in records]
+        stored = [(record, matrix) for record, matrix in each if matrix is not None]
+        if records and len(stored) == len(records):
+            curves[row.method] = np.mean([_precision(record, matrix) for record, matrix in stored], axis=0)
+    return curves
+
+
+def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean precision of the queries of a record; refused shapes rank nothing and are found by nobody."""
+    refused = {shape for shape, _ in record.unsupported}
+    labels = np.array([label for s, label in zip(record.shapes, record.labels, strict=True) if s not in refused])
+    sizes = {label: record.labels.count(label) - 1 for label in set(record.labels)}
+    n_queries = sum(sizes[label] > 0 for label in record.labels)
+    total = np.zeros(len(RECALLS))
+    for query, label in enumerate(labels):
+        order = np.argsort(np.delete(matrix[query], query), kind="stable")
+        hits = np.cumsum(np.delete(labels, query)[order] == label)
+        if sizes[label] and len(hits):
+            precision = np.maximum.accumulate((hits / np.arange(1, len(hits) + 1))[::-1])[::-1]
+            places = np.searchsorted(hits, np.ceil(RECALLS * sizes[label] - 1e-9))
+            total += np.where(places < len(hits), precision[np.minimum(places, len(hits) - 1)], 0.0)
+    return total / max(n_queries, 1)
+
+
+def effect_figure(records: Sequence[Record], forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
+    """Draw some shapes in a row, and below them their forms by each method.
+
+    Parameters
+    ----------
+    records
+        Records of one gallery and input, one a method.
+    forms
+        Reader of the forms.
+    shapes
+        Names of the shapes; by default some poses of the first two classes.
+
+    Raises
+    ------
+    ConfigurationError
+        If no form of these shapes is stored.
+    """
+    names = list(shapes) or some_shapes(records[0])
+    lines: list[tuple[str, list[Mesh | None]]] = [("", [forms.shape(records[0], name) for name in names])]
+    lines += [(record.title, [forms.form(record, name) for name in names]) for record in records]
+    lines = [(title, meshes) for title, meshes in lines if any(meshes)]
+    if len(lines) < 2:
+        raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
+    figure, axes = _axes(WIDTH, WIDTH / len(names) * len(lines), len(names) * len(lines), columns=len(names))
+    for number, (title, meshes) in enumerate(lines):
+        for column, mesh in enumerate(meshes):
+            place = axes[number * len(names) + column]
+            place.axis("off")
+            if mesh is not None:
+                place.imshow(np.asarray(shaded(mesh, UPRIGHT, 280, values_like(mesh, lines[0][1][column]))))
+            if column == 0 and title:
+                place.set_title(clean(title), fontsize=_SIZE, loc="left", parse_math=False)
+    return figure
+
+
+def effect_records(view: TableView, most: int = 6) -> list[Record]:
+    """Return one record of the first gallery for some rows that make forms."""
+    title = view.columns[0].title
+    rows = [row for row in view.printed_rows if row.kind in ("form", "network") and title in row.scored]
+    every = [row.scored[title].all_records[0] for row in rows]
+    return [record for record in every if record.gallery == every[0].gallery][:most]
+
+
+def values_like(form: Mesh, shape: Mesh | None) -> NDArray[np.float64]:
+    """Return how far each vertex is from the centre of the body, on the shape where it has the same vertices."""
+    return outwardness(shape if shape is not None and np.array_equal(form.faces, shape.faces) else form)
+
+
+def some_shapes(record: Record, n_classes: int = 2, n_shapes: int = 3) -> list[str]:
+    """Return some shapes of some classes of a record that have a result."""
+    refused = {shape for shape, _ in record.unsupported}
+    classes: dict[str, list[str]] = {}
+    for shape, label in zip(record.shapes, record.labels, strict=True):
+        if shape not in refused:
+            classes.setdefault(label, []).append(shape)
+    return [shape for of_class in spread([*classes.values()], n_classes) for shape in spread(of_class, n_shapes)]
+
+
+def scorers_figure(scores: DataFrame, measure: str = MEASURE) -> Figure:
+    """Draw the scores of the paper's methods by two scorers with intervals over classes; crossing lines change order.
+
+    Parameters
+    ----------
+    scores
+        ``method``, ``scorer``, ``measure``, ``value``, ``low``, ``high``.
+    """
+    scorers = list(dict.fromkeys(scores["scorer"]))
+    figure, axes = _axes(COLUMN, 2.6)
+    for number, (method, of_method) in enumerate(scores[scores["measure"] == measure].groupby("method", sort=False)):
+        part = of_method.set_index("scorer").loc[scorers]
+        places, values = np.arange(len(scorers)) + 0.02 * (number - 3.5), part["value"].to_numpy()
+        errors = np.abs(part[["low", "high"]].to_numpy().T - values)
+        line = axes[0].errorbar(places, values, errors, marker="o", ms=3, lw=1, elinewidth=0.5)
+        axes[0].annotate(TITLES.get(str(method), str(method)), (places[-1], values[-1]), (4, -2), fontsize=5,
+                         textcoords="offset points", color=line[0].get_color())  # fmt: skip
+    axes[0].set_xticks(range(len(scorers)), scorers)
+    axes[0].set_xlim(-0.3, len(scorers) - 0.4)
+    axes[0].set_ylabel(measure, fontsize=_SIZE)
+    return figure
+
+
+def _axes(
+    width: float, height: float, count: int = 1, *, columns: int = 0, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    columns = columns or count
+    axes = figure.subplots(count // columns, columns, squeeze=False, **options).ravel().tolist()
+    for place in axes:
+        place.tick_params(labelsize=_SIZE - 1)
+        place.spines[["top", "right"]].set_visible(False)
+    return figure, axes

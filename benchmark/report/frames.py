@@ -1,0 +1,158 @@
+"""Records as data frames: scores, one value a line; jobs, one job a line; queries, one shape of a job a line.
+
+All tables are pure functions of records, so they need neither data nor methods.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
+from benchmark.protocols.tables import NETWORKS, TABLES, TRAINING_SEED, Kind, Table, own_table
+from benchmark.reference.paper import PRINTED
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+_CHANGED = re.compile(r"(?P<base>.+?)\[(?P<change>[a-z-]+)=(?P<strength>[^\[\]]+)\]")
+
+
+def changed(dataset: str) -> tuple[str, str, str] | None:
+    """Return base, change and strength of the name of a changed set, such as ``animals[noise=2]``; None otherwise."""
+    match = _CHANGED.fullmatch(dataset)
+    if match is None or any(dataset in table.datasets for table in TABLES) or match["change"] in ("draw", "n"):
+        return None
+    return match["base"], match["change"], match["strength"]
+
+
+def fold_of(record: Record) -> str:
+    """Return the part of the data set that a record ranks, such as ``"fold 0"``; "" for the whole set."""
+    return record.gallery.removeprefix(record.data.name).removesuffix(" (quick)").strip()
+
+
+def row_of(record: Record) -> str:
+    """Return the row of a record: its method, without the seed of a training."""
+    base, bracket, parameters = record.method.partition("[")
+    rest = [part for part in parameters.removesuffix("]").split(",") if not part.startswith(f"{TRAINING_SEED}=")]
+    return f"{base}[{','.join(rest)}]" if bracket and any(rest) else base
+
+
+def kind_of(record: Record) -> Kind:
+    """Return the block of a record: a descriptor has no scorer, and a network has models."""
+    if record.family == EXTERNAL:
+        return "external"
+    if not record.scorer:
+        return "descriptor"
+    is_network = bool(record.models) or record.method.startswith(NETWORKS)
+    return "network" if is_network else "form"
+
+
+def chosen_records(
+    records: Iterable[Record], *, quick: bool = False, scorer: str = DEFAULT_SCORER, seed: int = 0
+) -> list[Record]:
+    """Return the records that tables and comparisons show: of one scorer and seed; descriptors have no scorer."""
+    return [
+        record
+        for record in records
+        if record.data.quick == quick and record.seed == seed and record.scorer in (scorer, "")
+    ]
+
+
+@cache
+def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
+    """Return the tables that show a part of a data set; a set that no table uses has its own."""
+    known = tuple(table for table in TABLES if dataset in table.datasets and not table.is_robustness)
+    return tuple(table for table in known if fold in table.parts) if known else (own_table(dataset),)
+
+
+def jobs_frame(records: Iterable[Record]) -> DataFrame:
+    """Return one line a job, indexed by its key: where, how it ended, what it cost, and its scores."""
+    from pandas import DataFrame
+
+    rows = {
+        record.key: {
+            "dataset": record.data.name,
+            "fold": fold_of(record),
+            "quick": record.data.quick,
+            "input": record.input,
+            "method": record.method,
+            "title": record.title,
+            "kind": kind_of(record),
+            "scorer": record.scorer,
+            "seed": record.seed,
+            "status": record.status,
+            "reason": record.reason,
+            **record.scores,
+            "n_shapes": len(record.shapes),
+            "n_classes": len(set(record.labels)),
+            "coverage": record.coverage,
+            "seconds": seconds_of(record),
+            "published": record.published,
+            "commit": record.commit,
+            "finished": record.finished,
+        }
+        for record in records
+    }
+    return DataFrame.from_dict(rows, orient="index").rename_axis("job")
+
+
+def seconds_of(record: Record) -> float | None:
+    """Return the seconds a shape for form and geodesics; None if they were not measured."""
+    if "canonicalise" not in record.seconds:
+        return None
+    return record.seconds["canonicalise"] + record.seconds.get("geodesics", 0.0)
+
+
+def queries_frame(records: Iterable[Record]) -> DataFrame:
+    """Return one line for each shape of each job with scores: its class, and its measures as a query."""
+    from pandas import DataFrame, concat
+
+    frames = [
+        DataFrame({
+            "job": record.key, "dataset": record.data.name, "fold": fold_of(record), "input": record.input,
+            "method": record.method, "shape": record.shapes, "class": record.labels, **record.per_query,
+        })
+        for record in records
+        if record.status == "ok"
+    ]  # fmt: skip
+    return concat(frames, ignore_index=True) if frames else DataFrame()
+
+
+def scores_frame(records: Sequence[Record]) -> DataFrame:
+    """Return all scores of all tables, one value a line, beside those that the paper prints.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``table``, ``dataset``, ``method``, ``source`` (``"paper"``, ``"mesh"`` or ``"view"``), ``fold`` (part of the
+        data set; "" for the whole one), ``measure``, ``value``: the mean over queries, and over seeds of a training.
+    """
+    from pandas import DataFrame
+
+    names = ["table", "dataset", "method", "source", "fold", "measure", "value"]
+    frame = DataFrame([*_scores(records), *_printed(records)], columns=names)
+    return frame.groupby(names[:-1], sort=False, as_index=False)["value"].mean()
+
+
+def _scores(records: Iterable[Record]) -> Iterator[tuple[Any, ...]]:
+    for record in records:
+        where = record.data.name, row_of(record), record.input, fold_of(record)
+        for table in tables_of(record.data.name, where[-1]):
+            for measure, value in record.scores.items():
+                yield (table.identifier, *where, measure, value)
+
+
+def _printed(records: Iterable[Record]) -> Iterator[tuple[Any, ...]]:
+    shown = {
+        (table.identifier, record.data.name)
+        for record in records
+        for table in tables_of(record.data.name, fold_of(record))
+        if table.has_paper
+    }
+    for table, dataset in sorted(shown):
+        for method, figures in PRINTED[table].items():
+            for measure, value in figures.items():
+                yield (table, dataset, method, "paper", "", measure, value)

@@ -1,0 +1,426 @@
+"""The report as HTML pages that work without a network: overview, a page a table, forms in 3D, and worst queries."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from benchmark.depth.frame import UPRIGHT
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import decimate
+from benchmark.pipeline.records import Record
+from benchmark.reference.paper import MEASURES
+from benchmark.report.drawing import PALETTE, shaded
+from benchmark.report.figures import (
+    COLOURS,
+    RECALLS,
+    costs,
+    effect_records,
+    pareto_front,
+    precision_recall,
+    some_shapes,
+    values_like,
+)
+from benchmark.report.formats import BLANK, CHANCE, duration, heading, hundredths
+from benchmark.report.forms import StoredForms
+from benchmark.report.output import write_files
+from benchmark.report.results import Results
+from benchmark.report.tables import BLOCKS, PAPER, TableView
+from benchmark.text import brief, clean
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+#: Vertices of a form in 3D; forms side by side, which browsers limit; methods and queries on the page of queries.
+VERTICES, SIDE_BY_SIDE, METHODS, WORST, MATCHES = 700, 6, 6, 20, 5
+
+_PIXELS = 96
+
+ITSELF = "the shape"
+NO_FORMS = "No forms of this table are stored here. Make them with: {}"
+
+
+@dataclass
+class Pages:
+    """Pages and pictures under construction.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    forms
+        Reader of its forms.
+    views
+        The tables.
+    files
+        Contents by name.
+    """
+
+    results: Results
+    forms: StoredForms
+    views: Sequence[TableView]
+    files: dict[str, str | bytes] = field(default_factory=dict)
+
+    def add(self, name: str, title: str, body: Iterable[str], view: TableView | None = None) -> None:
+        """Add a page."""
+        links = [_link("index.html", "Overview", is_here=view is None)]
+        links += [_link(f"{v.stem}.html", _short(v), is_here=v is view) for v in self.views]
+        tabs = []
+        if view is not None:
+            places = {"": "Scores", "-forms": "Forms", "-queries": "Worst queries"}
+            names = {f"{view.stem}{ending}.html": text for ending, text in places.items()}
+            tabs = ["<nav>", *(_link(place, text, is_here=place == name) for place, text in names.items()), "</nav>"]
+        lines = [
+            "<!doctype html>", "<html lang='en'><head><meta charset='utf-8'>",
+            "<meta name='viewport' content='width=device-width, initial-scale=1'>",
+            "<link rel='icon' href='data:,'><link rel='stylesheet' href='style.css'>",
+            "<script src='plotly.min.js'></script>", f"<title>{_text(title)}</title></head><body>",
+            "<header><nav>", *links, "</nav></header>", f"<main><h1>{_text(title)}</h1>", *tabs, *body,
+            "</main></body></html>",
+        ]  # fmt: skip
+        self.files[name] = "\n".join(lines) + "\n"
+
+    def picture(self, record: Record, shape: str) -> str:
+        """Return an image of a shape; the name alone where it is not stored."""
+        name = f"pictures/{record.input}-{_safe(record.data.name)}-{_safe(shape)}.webp"
+        if name not in self.files:
+            mesh = self.forms.shape(record, shape)
+            if mesh is None:
+                return ""
+            stream = io.BytesIO()
+            shaded(mesh, UPRIGHT, _PIXELS).save(stream, format="WEBP", quality=80)
+            self.files[name] = stream.getvalue()
+        return f"<img src='{name}' width='{_PIXELS}' height='{_PIXELS}' alt='' loading='lazy'>"
+
+
+def write_report(
+    results: Results, views: Sequence[TableView], folder: Path, *, data_root: Path | None = None, force: bool = False,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[str]:  # fmt: skip
+    """Write the report into its folder.
+
+    Parameters
+    ----------
+    results
+        The results, whose stored forms and distances the pages show.
+    views
+        The tables.
+    folder
+        Folder of the report.
+    data_root
+        Folder of the official data sets, whose cameras say which side of a shape is up.
+    force
+        Whether to replace files that were edited or come from elsewhere.
+    say
+        Called with each progress message.
+
+    Returns
+    -------
+    list of str
+        Names of the written files.
+
+    Raises
+    ------
+    ConfigurationError
+        If a file would be replaced that the report did not write.
+    """
+    from plotly.offline import get_plotlyjs
+
+    pages = Pages(results, StoredForms(results.folder, data_root), views)
+    style = resources.files("benchmark.report").joinpath("style.css").read_text(encoding="utf-8")
+    pages.files |= {"plotly.min.js": get_plotlyjs(), "style.css": style}
+    pages.add("index.html", "Canonical forms benchmark", overview(pages))
+    for view in views:
+        say(f"table {view.table.identifier}, {view.dataset}")
+        pages.add(f"{view.stem}.html", _title(view), table_page(pages, view), view)
+        pages.add(f"{view.stem}-forms.html", f"{_title(view)}: forms", forms_page(pages, view), view)
+        pages.add(f"{view.stem}-queries.html", f"{_title(view)}: worst queries", queries_page(pages, view), view)
+    write_files(folder, pages.files, force=force)
+    return list(pages.files)
+
+
+def overview(pages: Pages) -> Iterator[str]:
+    """Yield the first page: all tables, and what failed."""
+    for view in pages.views:
+        yield f"<h2>{_link(f'{view.stem}.html', _title(view))}</h2>"
+        yield from html_table(view)
+    failed = [
+        [_short(view), row.title, record.input, record.status, brief(record.reason)]
+        for view in pages.views for row in view.printed_rows for record in row.failed
+    ]  # fmt: skip
+    yield "<h2>Failures</h2>"
+    yield from _plain_table(["Table", "Method", "Input", "Status", "Reason"], failed) if failed else ["<p>None.</p>"]
+
+
+def table_page(pages: Pages, view: TableView) -> Iterator[str]:
+    """Yield the page of a table: scores with intervals, cost against score, and precision over recall."""
+    yield from html_table(view)
+    yield from ("<ul>", *(f"<li>{_text(note)}</li>" for note in view.notes), "</ul>")
+    yield "<h2>Scores with intervals</h2><p>95 % of resampled classes; dotted: a random order.</p>"
+    yield _html(scores_chart(view))
+    yield "<h2>Score against cost</h2><p>No row is both faster and better than those on the line.</p>"
+    yield _html(cost_chart(view))
+    curves = precision_recall(view, pages.forms)
+    if curves:
+        yield "<h2>Precision over recall</h2><p>Mean over all queries; a refused shape finds nothing.</p>"
+        yield _html(precision_chart(view, curves))
+
+
+def html_table(view: TableView) -> Iterator[str]:
+    """Yield a table with its blocks and marks."""
+    groups = list(dict.fromkeys(group for group, _ in view.scores.columns))
+    heads = "".join(f"<th colspan='{len(MEASURES)}'>{_text(group)}</th>" for group in groups)
+    yield f"<p>{_text(view.caption)}</p><div class='frame'><table><thead><tr><th></th>{heads}<th></th></tr>"
+    names = "".join(f"<th>{name}</th>" for _, name in view.scores.columns)
+    yield f"<tr><th>Method</th>{names}<th title='seconds a shape'>s</th></tr></thead><tbody>"
+    for kind in BLOCKS:
+        rows = [row for row in view.printed_rows if row.kind == kind]
+        if rows:
+            name = _text(heading(kind, view.columns))
+            yield f"<tr class='block'><th colspan='{view.scores.shape[1] + 2}'>{name}</th></tr>"
+        for row in rows:
+            cells = []
+            for group, name in view.scores.columns:
+                text = hundredths(view.scores.loc[row.method, (group, name)])
+                text = "" if text == BLANK and group == PAPER else text
+                cells.append(f"<td class='{view.marks.loc[row.method, (group, name)]}'>{text}</td>")
+            yield f"<tr><th>{_text(row.title)}</th>{''.join(cells)}<td>{duration(row.seconds)}</td></tr>"
+    chance = [view.chance.get(group, {}).get(name) for group, name in view.scores.columns]
+    cells = [f"<td>{'' if value is None else hundredths(value)}</td>" for value in chance]
+    yield f"<tr class='chance'><th>{CHANCE}</th>{''.join(cells)}<td></td></tr></tbody></table></div>"
+
+
+def scores_chart(view: TableView, measure: str = "DCG") -> Figure:
+    """Return a chart of scores with intervals, a line a row."""
+    from plotly.graph_objects import Figure, Scatter
+
+    figure = Figure()
+    titles = [column.title for column in view.columns]
+    for title in titles:
+        rows = [row for row in view.printed_rows if title in row.scored][::-1]
+        means = np.array([row.scored[title].means[measure] for row in rows])
+        ends = np.array([view.intervals(row, title)[measure] for row in rows]).reshape(-1, 2)
+        figure.add_trace(Scatter(
+            x=means, y=[_text(row.title) for row in rows], mode="markers", name=_text(title),
+            marker={"color": [COLOURS[row.kind] for row in rows] if len(titles) == 1 else None},
+            error_x={"array": ends[:, 1] - means, "arrayminus": means - ends[:, 0], "thickness": 1, "width": 0},
+        ))  # fmt: skip
+        figure.add_vline(view.chance[title][measure], line={"dash": "dot", "width": 1, "color": "grey"})
+    return _laid_out(figure, 120 + 19 * len(view.printed_rows), measure, "", [0, 1.02])
+
+
+def cost_chart(view: TableView, measure: str = "DCG") -> Figure:
+    """Return a chart of seconds a shape against a measure."""
+    from plotly.graph_objects import Figure, Scatter
+
+    figure, points = Figure(), costs(view, measure)
+    for kind, name in BLOCKS.items():
+        part = [(row.title, seconds, score) for row, seconds, score in points if row.kind == kind]
+        if part:
+            texts, seconds, scores = zip(*part, strict=True)
+            figure.add_trace(Scatter(
+                x=seconds, y=scores, text=[_text(text) for text in texts], mode="markers", name=name,
+                hovertemplate="%{text}: %{y:.2f}, %{x:.2g} s<extra></extra>",
+                marker={"color": COLOURS[kind], "size": 9},
+            ))  # fmt: skip
+    front = pareto_front([(seconds, score) for _, seconds, score in points])
+    if front:
+        figure.add_trace(Scatter(
+            x=[x for x, _ in front], y=[y for _, y in front], mode="lines", showlegend=False, hoverinfo="skip",
+            line={"color": "lightgrey"},
+        ))  # fmt: skip
+    figure.update_xaxes(type="log")
+    return _laid_out(figure, 420, "seconds a shape: form and geodesics", measure)
+
+
+def precision_chart(view: TableView, curves: Mapping[str, Any]) -> Figure:
+    """Return a chart of precision over recall."""
+    from plotly.graph_objects import Figure, Scatter
+
+    titles = {row.method: row.title for row in view.rows}
+    figure = Figure()
+    for method, precision in curves.items():
+        figure.add_trace(Scatter(x=RECALLS, y=precision, mode="lines", name=_text(titles[method])))
+    return _laid_out(figure, 420, "recall", "precision", [0, 1])
+
+
+def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
+    """Yield the page of forms: a shape with its forms by several methods, and poses of one subject."""
+    records = effect_records(view, len(view.rows))
+    samples = {shape: _forms_of(pages, records, shape) for shape in (some_shapes(records[0]) if records else ())}
+    samples = {shape: meshes for shape, meshes in samples.items() if len(meshes) > 1}
+    if not samples:
+        yield f"<p>{NO_FORMS.format(f'<code>{_text(_command(view))}</code>')}</p>"
+        return
+    yield "<p>Drag to turn, scroll to zoom. The colour shows how far a point is from the centre of the body.</p>"
+    yield "<h2>One shape by several methods</h2>"
+    yield _html(meshes_chart(samples))
+    labels = dict(zip(records[0].shapes, records[0].labels, strict=True))
+    subject = [shape for shape in samples if labels[shape] == labels[next(iter(samples))]]
+    if len(subject) > 1:
+        yield f"<h2>Poses of {_text(labels[subject[0]])} by each method</h2>"
+        names = list(dict.fromkeys(title for shape in subject for title in samples[shape]))
+        poses = {
+            title: {shape: samples[shape][title] for shape in subject if title in samples[shape]} for title in names
+        }
+        yield _html(meshes_chart(poses))
+
+
+def _forms_of(pages: Pages, records: Sequence[Record], shape: str) -> dict[str, Mesh]:
+    """Return a shape and its stored forms by title."""
+    meshes: dict[str, Mesh] = {}
+    for record in records:
+        if len(meshes) < SIDE_BY_SIDE and shape in record.shapes and (form := pages.forms.form(record, shape)):
+            surface = pages.forms.shape(record, shape)
+            if surface is not None:
+                meshes.setdefault(ITSELF, surface)
+            meshes[clean(record.title)] = form
+    return meshes
+
+
+def meshes_chart(groups: Mapping[str, Mapping[str, Mesh]]) -> Figure:
+    """Return meshes side by side in 3D; a menu chooses between groups."""
+    from plotly.graph_objects import Mesh3d
+    from plotly.subplots import make_subplots
+
+    most = min(max(map(len, groups.values())), SIDE_BY_SIDE)
+    columns = min(most, 3)
+    n_rows = -(-most // columns)
+    spec = [[{"type": "scene"}] * columns for _ in range(n_rows)]
+    figure: Figure = make_subplots(n_rows, columns, specs=spec, horizontal_spacing=0.01, vertical_spacing=0.06)
+    owners: list[str] = []
+    labels = {}
+    for name, meshes in groups.items():
+        labels[name] = list(meshes)[:most]
+        for place, (title, mesh) in enumerate(list(meshes.items())[:most]):
+            small = decimate(mesh, VERTICES) if mesh.n_vertices > VERTICES else mesh
+            values = values_like(mesh, meshes.get(ITSELF))[cKDTree(mesh.vertices).query(small.vertices)[1]]
+            x, y, z = small.vertices.T.round(3)
+            figure.add_trace(
+                Mesh3d(
+                    x=x, y=-z, z=y, i=small.faces[:, 0], j=small.faces[:, 1], k=small.faces[:, 2],
+                    intensity=values.round(2), colorscale=list(PALETTE), showscale=False, name=_text(title),
+                    hoverinfo="name", visible=not owners or owners[0] == name,
+                ),
+                place // columns + 1, place % columns + 1,
+            )  # fmt: skip
+            owners.append(name)
+    plain = {"visible": False}
+    figure.update_scenes(
+        xaxis=plain, yaxis=plain, zaxis=plain, aspectmode="data",
+        camera={"eye": {"x": 0, "y": -1.9, "z": 0.2}, "projection": {"type": "orthographic"}},
+    )  # fmt: skip
+    buttons = [
+        {"label": _text(name), "method": "update",
+         "args": [{"visible": [owner == name for owner in owners]}, {"annotations": _captions(figure, labels[name])}]}
+        for name in groups
+    ]  # fmt: skip
+    figure.update_layout(
+        height=60 + 300 * n_rows, margin={"l": 0, "r": 0, "t": 60, "b": 0},
+        updatemenus=[{"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}],
+        annotations=_captions(figure, labels[next(iter(groups))]),
+    )  # fmt: skip
+    return figure
+
+
+def _captions(figure: Figure, titles: Sequence[str]) -> list[dict[str, Any]]:
+    """Return a caption below each scene."""
+    scenes = [figure.layout[f"scene{number or ''}"].domain for number in (0, *range(2, len(titles) + 1))]
+    return [
+        {"text": _text(title), "x": sum(scene.x) / 2, "y": scene.y[0], "xref": "paper", "yref": "paper",
+         "showarrow": False, "font": {"size": 11}, "yanchor": "bottom"}
+        for title, scene in zip(titles, scenes, strict=False)
+    ]  # fmt: skip
+
+
+def queries_page(pages: Pages, view: TableView) -> Iterator[str]:
+    """Yield the page of queries: for each method, those that find least, with their nearest matches."""
+    title, count = view.columns[0].title, 0
+    for row in view.printed_rows:
+        for record in row.scored[title].all_records[:1] if title in row.scored else ():
+            if count < METHODS and (lines := _worst(pages, record)):
+                count += 1
+                yield f"<h2>{_text(row.title)}</h2><div class='frame'><table class='queries'><tbody>"
+                yield from lines
+                yield "</tbody></table></div>"
+    if not count:
+        yield f"<p>No distances of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
+
+
+def _worst(pages: Pages, record: Record) -> list[str]:
+    """Return a table row for each of the worst queries of a job; none if its distances are not stored."""
+    labels = dict(zip(record.shapes, record.labels, strict=True))
+    scores = dict(zip(record.shapes, record.per_query["DCG"], strict=True))
+    refused = {shape for shape, _ in record.unsupported}
+    ranked = [shape for shape, score in scores.items() if score is not None and shape not in refused]
+    lines = []
+    for query in sorted(ranked, key=lambda shape: (scores[shape], shape))[:WORST]:
+        try:
+            matches = pages.results.matches(record.key, query, MATCHES)
+        except ConfigurationError:
+            return []
+        cells = [f"<th>{pages.picture(record, query)}<br>{_text(query)}<br>DCG {hundredths(scores[query])}</th>"]
+        for shape in matches["shape"]:
+            mark = "hit" if labels[shape] == labels[query] else "miss"
+            cells.append(f"<td class='{mark}'>{pages.picture(record, shape)}<br>{_text(shape)}</td>")
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    return lines
+
+
+_CONFIG = {"displayModeBar": False, "responsive": True}
+
+
+def _html(figure: Figure) -> str:
+    return str(figure.to_html(full_html=False, include_plotlyjs=False, config=_CONFIG))
+
+
+def _laid_out(figure: Figure, height: int, x: str, y: str, x_range: Sequence[float] | None = None) -> Figure:
+    figure.update_xaxes(title=x, range=x_range)
+    figure.update_yaxes(title=y, automargin=True)
+    return figure.update_layout(
+        height=height, margin={"l": 10, "r": 10, "t": 20, "b": 40}, template="plotly_white", font={"size": 11},
+        legend={"orientation": "h", "y": -0.25 if y else 1.0, "yanchor": "top" if y else "bottom"},
+    )  # fmt: skip
+
+
+def _plain_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    yield "<div class='frame'><table><thead><tr>"
+    yield "".join(f"<th>{_text(name)}</th>" for name in head) + "</tr></thead><tbody>"
+    for row in rows:
+        yield f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>"
+    yield "</tbody></table></div>"
+
+
+def _command(view: TableView) -> str:
+    table = view.table.part_of or view.table.identifier
+    chosen = f"-t {table}" if view.table.identifier != view.dataset else f"-d {view.dataset}"
+    return f"python -m benchmark run {chosen}{' --quick' if view.quick else ''}"
+
+
+def _title(view: TableView) -> str:
+    return f"Table {view.table.identifier}. {view.table.caption}"
+
+
+def _short(view: TableView) -> str:
+    return view.table.identifier if view.table.identifier == view.dataset else f"{view.table.identifier} {view.dataset}"
+
+
+def _link(address: str, text: str, *, is_here: bool = False) -> str:
+    return f"<a href='{address}'{' aria-current=page' if is_here else ''}>{_text(text)}</a>"
+
+
+def _safe(name: str) -> str:
+    return "".join(c if c.isascii() and (c.isalnum() or c in "-_") else f"{ord(c):x}" for c in name)[:100]
+
+
+def _text(text: str) -> str:
+    return escape(clean(text), quote=True)

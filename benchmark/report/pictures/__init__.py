@@ -1,1 +1,0 @@
-"""Pictures of meshes, depth images, data sets and canonical forms."""

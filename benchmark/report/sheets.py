@@ -1,0 +1,178 @@
+"""Sheets of pictures: a data set at a glance, the steps from a depth image to a form, and retrieved shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.depth.frame import UPRIGHT
+from benchmark.depth.reading import Depths, Mask
+from benchmark.errors import ConfigurationError, DatasetError, ShapeError
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.cleaning import clean
+from benchmark.geometry.depth import common_half_width, fit_half_width, render_depth
+from benchmark.geometry.mesh import Mesh
+from benchmark.report.drawing import depth_picture, shaded
+
+T = TypeVar("T")
+
+#: Default number of poses of each subject, and width of a sheet in pixels.
+POSES, WIDTH = 8, 1600
+
+_SMALLEST, _LARGEST = 40, 160
+_GAP, _LINE = 10, 18
+
+#: Height of the picture of a depth image, and side of that of a retrieved form, in pixels.
+_HEIGHT, _SIDE = 300, 180
+_OBJECT = np.array([0.95, 0.55, 0.2])
+_FONT = ImageFont.load_default(12)  # bundled with Pillow, so sheets look the same on every machine
+
+
+@dataclass(frozen=True)
+class ContactSheet:
+    """Picture of a data set, and a line for each shape that cannot be drawn and is crossed out."""
+
+    image: Image.Image
+    problems: tuple[str, ...]
+
+
+def contact_sheet(shapes: ShapeSet, n_subjects: int | None = None, n_poses: int = POSES) -> ContactSheet:
+    """Draw some poses of some subjects, each as a shaded surface and as a depth image at the scale of the data set.
+
+    Parameters
+    ----------
+    shapes
+        The data set.
+    n_subjects
+        Number of rows; None shows all subjects.
+    n_poses
+        Number of columns.
+
+    Raises
+    ------
+    ConfigurationError
+        If a number is not positive, or the poses do not fit the width.
+    DatasetError
+        If the data set is empty.
+    """
+    if n_poses < 1 or (n_subjects is not None and n_subjects < 1):
+        raise ConfigurationError("a sheet shows at least one subject in one pose", "pass positive numbers")
+    if not shapes.shapes:
+        raise DatasetError(f"data set '{shapes.name}' has no meshes", "check its folder")
+    by_subject: dict[str, list[Entry]] = {}
+    for entry in shapes.shapes:
+        by_subject.setdefault(entry.subject, []).append(entry)
+    rows = [spread(of, n_poses) for of in spread([*by_subject.values()], n_subjects or len(by_subject))]
+    n_columns = max(map(len, rows))
+    indent = _GAP + int(max(_FONT.getlength(row[0].subject) for row in rows)) + _GAP
+    side = min((WIDTH - indent) // n_columns // 2 - _GAP // 2, _LARGEST)
+    if side < _SMALLEST:
+        raise ConfigurationError(f"{n_columns} poses do not fit a width of {WIDTH} pixels", "show fewer poses")
+    height = side + _LINE + _GAP
+    sheet = Image.new("RGB", (indent + n_columns * (2 * side + _GAP), 2 * _LINE + len(rows) * height), "white")
+    pen = ImageDraw.Draw(sheet)
+    shown = f"{len(rows)} of {len(by_subject)} subjects, {sum(map(len, rows))} of {len(shapes.shapes)} shapes"
+    pen.text((_GAP, 4), f"{shapes.title}: {shown}", fill="black", font=_FONT)
+    pictures, problems = _pictures(shapes, [entry for row in rows for entry in row], side)
+    for i, row in enumerate(rows):
+        top = 2 * _LINE + i * height
+        pen.text((_GAP, top + side // 2), row[0].subject, fill="black", font=_FONT)
+        for j, entry in enumerate(row):
+            left = indent + j * (2 * side + _GAP)
+            for k, picture in enumerate(pictures.get(entry.identifier, ())):
+                sheet.paste(picture, (left + k * side, top))
+            if entry.identifier not in pictures:
+                pen.line((left, top, left + side, top + side), fill="grey")
+                pen.line((left, top + side, left + side, top), fill="grey")
+            pen.text((left, top + side), entry.pose[: side // 4], fill="grey", font=_FONT)
+    # A palette of two ramps reduces files to a third.
+    few = sheet.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    return ContactSheet(few, tuple(problems))
+
+
+def spread(values: Sequence[T], most: int) -> list[T]:
+    """Return at most ``most`` evenly spaced values, including the first and the last."""
+    places = np.unique(np.linspace(0, max(len(values) - 1, 0), min(most, len(values))).astype(int))
+    return [values[place] for place in places.tolist()]
+
+
+def _pictures(shapes: ShapeSet, entries: Sequence[Entry], side: int) -> tuple[dict[str, list[Image.Image]], list[str]]:
+    """Return surface and depth image of each shape, and what is wrong with the others."""
+    meshes, problems = {}, []
+    for entry in entries:
+        try:
+            meshes[entry.identifier] = clean(shapes.load(entry))[0]
+        except ShapeError as error:
+            problems.append(f"{entry.identifier}: {error}")
+    drawn = [entry for entry in entries if entry.identifier in meshes]
+    each = [fit_half_width([meshes[entry.identifier]], shapes.camera(entry)) for entry in drawn]
+    half_width = shapes.half_width or (common_half_width(each) if each else 1.0)
+    pictures = {}
+    for entry in drawn:
+        mesh, camera, sensor = meshes[entry.identifier], shapes.camera(entry), shapes.sensor(entry)
+        depth = render_depth(mesh, camera, half_width, 3 * side)
+        depth = depth if sensor is None else sensor.perturbed(depth)
+        pictures[entry.identifier] = [shaded(mesh, camera, side), depth_picture(depth, side)]
+    return pictures, problems
+
+
+def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
+    """Draw depths, the object in them, and its canonical form, as a depth image and as a surface.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing values.
+    mask
+        Pixels of the object, shape (h, w).
+    form
+        Vertices: right, up, towards the viewer.
+    """
+    seen = depths > 0
+    near, far = np.percentile(depths[seen], (1, 99)) if seen.any() else (0.0, 1.0)
+    shade = 0.9 - 0.75 * np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
+    grey = np.repeat(np.where(seen, shade, 1.0)[..., None], 3, axis=2)  # near points are bright, missing values white
+    marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
+    canonical = render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), 3 * _HEIGHT)
+    scaled = []
+    for picture in (grey, marked):
+        image = Image.fromarray(np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8))
+        size = (max(1, round(image.width * _HEIGHT / image.height)), _HEIGHT)
+        scaled.append(image.resize(size, Image.Resampling.LANCZOS))
+    pictures = [*scaled, depth_picture(canonical, _HEIGHT), shaded(form, UPRIGHT, _HEIGHT)]
+    return _beside(("depth", "object", "canonical depth", "canonical form"), pictures, 14)
+
+
+def mesh_picture(mesh: Mesh, form: Mesh) -> Image.Image:
+    """Draw a mesh (z up, facing -y) and its canonical form side by side."""
+    return _beside(("shape", "canonical form"), [shaded(mesh, FRONT, _HEIGHT), shaded(form, UPRIGHT, _HEIGHT)], 14)
+
+
+def retrieved_picture(panels: Sequence[tuple[str, Mesh | None]]) -> Image.Image:
+    """Draw forms side by side, each below its text.
+
+    Parameters
+    ----------
+    panels
+        Lines of text, and a form (right, up, towards the viewer) or None for no picture; the query comes first.
+    """
+    blank = Image.new("RGB", (_SIDE, _SIDE), "white")
+    return _beside([text for text, _ in panels], [shaded(m, UPRIGHT, _SIDE) if m else blank for _, m in panels], 12)
+
+
+def _beside(texts: Sequence[str], pictures: Sequence[Image.Image], font_size: int) -> Image.Image:
+    """Combine pictures of one height side by side, each below its text."""
+    head = max(text.count("\n") + 1 for text in texts) * (font_size + 6) + 3
+    width = sum(picture.width for picture in pictures) + _GAP * (len(pictures) + 1)
+    sheet = Image.new("RGB", (width, head + pictures[0].height + _GAP), "white")
+    pen, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(font_size), _GAP
+    for text, picture in zip(texts, pictures, strict=True):
+        pen.multiline_text((left, 3), text, fill="black", font=font, spacing=3)
+        sheet.paste(picture, (left, head))
+        left += picture.width + _GAP
+    return sheet

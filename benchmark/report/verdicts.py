@@ -1,0 +1,190 @@
+"""What of the paper holds: verdicts on its figures for TOSCA, the only official set here, and on its claims.
+
+The rules were fixed before any of our scores was known. Stand-ins give no verdicts on figures, because an equal figure
+on other data shows nothing; claims and orders can be compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from textwrap import wrap
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.pipeline.records import Record
+from benchmark.protocols.tables import TITLES
+from benchmark.reference.paper import CLAIMS, CLASSICAL, MEASURES, PRINTED, Claim
+from benchmark.report.statistics import ALPHA, class_test, holm
+from benchmark.report.tables import Scored, TableView, table_views
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Verdict = Literal["reproduced", "same order", "otherwise", "no figure"]
+Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
+
+#: Largest difference of a reproduced score from the paper's: two hundredths more than the standard deviation of NN over
+#: draws of the codebook on a hundred shapes (median .026).
+TOLERANCE = 0.05
+
+#: Least share of comparisons with other rows that agree with the paper. Of seven coin tosses, six or more are
+#: heads with probability 1/16.
+AGREEING = 0.75
+
+_SLACK = 5e-7
+_MARKS = {"reproduced": "=", "same order": "~", "otherwise": "x", "no figure": ""}
+
+
+def verdicts(records: Iterable[Record]) -> DataFrame:
+    """Return a verdict on each classical figure of Table III on TOSCA, from complete surfaces and all rows.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``method``, ``measure``, ``paper``, ``ours`` (NaN if missing), ``verdict``; empty without results on TOSCA.
+    """
+    from pandas import DataFrame
+
+    view = next(iter(table_views(records, ["III"], datasets=["tosca"])), None)
+    if view is None or view.table.identifier != "III":
+        return DataFrame()
+    rows = []
+    for measure in MEASURES:
+        ours = {row.method: one.means[measure] for row in view.rows for one in row.scored.values() if one.is_complete}
+        printed = {name: PRINTED["III"][name][measure] for name in CLASSICAL}
+        for name, theirs in printed.items():
+            verdict = verdict_of(name, printed, ours)
+            rows.append({"method": name, "measure": measure, "paper": theirs, "ours": ours.get(name, np.nan),
+                         "verdict": verdict})  # fmt: skip
+    return DataFrame(rows)
+
+
+def verdict_of(name: str, printed: Mapping[str, float], ours: Mapping[str, float]) -> Verdict:
+    """Return the verdict on the figure of a row, given all figures of its column."""
+    if name not in ours:
+        return "no figure"
+    if abs(printed[name] - ours[name]) <= TOLERANCE + _SLACK:
+        return "reproduced"
+    others = [other for other in printed if other in ours and printed[other] != printed[name]]
+    agreeing = sum(
+        (printed[name] - printed[other]) * round(ours[name] - ours[other], 6) > 0 for other in others
+    )  # a tie of ours disagrees
+    return "same order" if len(others) >= 3 and agreeing >= AGREEING * len(others) else "otherwise"
+
+
+@dataclass(frozen=True)
+class AssessedClaim:
+    """Outcome of a claim.
+
+    Parameters
+    ----------
+    claim
+        The claim.
+    decision
+        Supported: the row leads in every comparison, and each lead is significant over classes. Contradicted: it is
+        significantly behind in at least one. Undecided: neither.
+    leads, certain, n_comparisons
+        Comparisons (rows times measures) in which it leads, whose sign is significant, and all.
+    missing
+        Rows without complete scores.
+    """
+
+    claim: Claim
+    decision: Decision
+    leads: int = 0
+    certain: int = 0
+    n_comparisons: int = 0
+    missing: tuple[str, ...] = ()
+
+
+def assess(claim: Claim, view: TableView) -> AssessedClaim:
+    """Judge a claim by the test over classes, with Holm's correction; on the five subjects of Table I."""
+    titles = [column.title for column in view.columns]
+    title = "5 subjects" if "5 subjects" in titles else titles[0]
+    labels = view.labels[title]
+    scored = {row.method: row.scored[title] for row in view.rows if title in row.scored}
+    scored = {method: one for method, one in scored.items() if not one.missing}
+    if missing := tuple(name for name in (claim.better, *claim.others) if name not in scored):
+        return AssessedClaim(claim, "not comparable", missing=missing)
+    places = [MEASURES.index(name) for name in claim.measures]
+    pairs = [_lead(scored[claim.better], scored[name], labels) for name in claim.others]
+    leads = np.concatenate([lead[places] for lead, _ in pairs])
+    certain = holm(np.concatenate([probability[places] for _, probability in pairs])) < ALPHA
+    decision: Decision = "undecided"
+    if np.any(certain & (leads < 0)):
+        decision = "contradicted"
+    elif np.all(certain & (leads > 0)):
+        decision = "supported"
+    return AssessedClaim(claim, decision, int((leads > 0).sum()), int(certain.sum()), len(leads))
+
+
+def _lead(better: Scored, other: Scored, labels: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the total lead of a row by measure, and its largest p-value over pairs of trainings."""
+    lead = (better.values - other.values).sum(axis=0)
+    differences = [one - two for one, two in product(_trainings(better), _trainings(other))]
+    tests = [np.where(np.sign(d.sum(axis=0)) == np.sign(lead), class_test(d, labels), 1.0) for d in differences]
+    return lead, np.max(tests, axis=0)
+
+
+def _trainings(one: Scored) -> list[NDArray[np.float64]]:
+    """Return the queries of each training; galleries with fewer trainings repeat theirs."""
+    count = max(map(len, one.records.values()))
+    if count == 1:
+        return [one.values]
+    sets = [[records[k % len(records)] for records in one.records.values()] for k in range(count)]
+    return [
+        np.concatenate([np.array([r.per_query[name] for name in MEASURES], dtype=float).T for r in records])
+        for records in sets
+    ]
+
+
+def claims(records: Sequence[Record]) -> list[AssessedClaim]:
+    """Judge the paper's claims, all methods on one view, on official data or the stand-in."""
+    assessed = []
+    views: dict[str, TableView] = {}
+    for view in table_views(records):
+        views.setdefault(view.table.identifier, view)
+    for claim in CLAIMS:
+        name = "IV" if claim.table == "IV" else f"{claim.table}-view"
+        absent = AssessedClaim(claim, "not comparable", missing=(claim.better,))
+        assessed.append(assess(claim, views[name]) if name in views else absent)
+    return assessed
+
+
+def verdicts_markdown(records: Sequence[Record]) -> str:
+    """Return verdicts and claims as Markdown."""
+    from benchmark.report.formats import hundredths, markdown_table
+
+    frame, lines = verdicts(records), ["**What of the paper holds up.**", ""]
+    if len(frame):
+        counts = frame["verdict"].value_counts()
+        lines += wrap(
+            f"Table III, TOSCA, complete surfaces: {counts.get('reproduced', 0)} of {len(frame)} classical figures are "
+            f"reproduced (`=`, at most .05 apart), {counts.get('same order', 0)} keep the order (`~`, at least three "
+            f"quarters of the comparisons with other rows agree), {counts.get('otherwise', 0)} do neither (`x`). "
+            "Each cell: the paper's figure, ours.",
+            100,
+        )
+        body = []
+        for name, of_row in frame.groupby("method", sort=False):
+            cells = zip(of_row["paper"], of_row["ours"], of_row["verdict"], strict=True)
+            texts = (f"{hundredths(theirs)} {hundredths(ours)} {_MARKS[verdict]}" for theirs, ours, verdict in cells)
+            body.append([TITLES[str(name)], *map(str.strip, texts)])
+        lines += ["", *markdown_table(["Method", *MEASURES], body), ""]
+    lines += wrap(
+        "The paper's claims, all methods on one depth view. Leads: comparisons (rows times measures) in which the row "
+        "is ahead; certain: those significant over whole classes, in either direction (Holm's correction, 5 %; among "
+        "five classes none can be).", 100,
+    )  # fmt: skip
+    rows = []
+    for one in claims(records):
+        absent = f": not all of {', '.join(TITLES.get(m, m) for m in one.missing[:2])}" if one.missing else ""
+        counted = [f"{one.leads} of {one.n_comparisons}", f"{one.certain}"] if one.n_comparisons else ["", ""]
+        row = one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, f"{one.decision}{absent}"
+        rows.append([*row, *counted])
+    head = ["Claim", "row", "table", "decision", "leads", "certain"]
+    return "\n".join([*lines, "", *markdown_table(head, rows)]) + "\n"

@@ -1,0 +1,131 @@
+"""Tables as Markdown, LaTeX, HTML and text: widths, rounding, hostile names."""
+
+import json
+import math
+import re
+import shutil
+import subprocess
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmark.report.formats import as_json, duration, hundredths, latex, latex_text, markdown, markdown_text, text
+from benchmark.report.pages import html_table
+from benchmark.report.tables import table_views
+from tests.report.records import failed, record
+
+HOSTILE = [
+    "<script>alert(1)</script>", "</td><img src=x onerror=alert(1)>", "&lt;b&gt;", "a|b|c", "**bold**", "[x](http://y)",
+    "`code`", "\\input{/etc/passwd}", "$x_{1}^2$", "50 % & more #1", "{\\bf x}", "~^_", "../../etc/passwd", "a\nb\tc",
+    "\x1b[31mred\x1b[0m", "\x00\x07", "\u202egnp.exe", "'\"", "naïve café", "漢字 🐈",
+]  # fmt: skip
+
+
+def views():
+    names = [name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)]  # records refuse the others
+    records = [record(f"m{k}", k / 20, title=name, dataset="tosca") for k, name in enumerate(names)]
+    records += [failed("fell", reason, dataset="tosca") for reason in ["<b>\x1b[31m\n|*_$ \\end{table}"]]
+    return table_views([*records, record("gps", 0.5, dataset="tosca")])
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(0.125, ".13"), (0.004999, ".00"), (0.995, "1.00"), (1.0, "1.00"), (0.0, ".00"), (0.574999, ".57"), (0.575, ".58"),
+     (math.nan, "--"), (None, "--")],
+)  # fmt: skip
+def test_scores_have_two_decimals_and_no_leading_zero(value, shown):
+    assert hundredths(value) == shown
+
+
+@given(st.integers(0, 999_999))
+def test_rounding_is_that_of_whole_millionths(millionths):
+    assert hundredths(millionths / 1e6) == f"{(millionths + 5000) // 10_000 / 100:.2f}".removeprefix("0")
+
+
+def test_durations_have_two_digits():
+    assert [duration(x) for x in (None, 0.004, 0.61, 3.94, 42.4)] == ["--", ".00", ".61", "3.9", "42"]
+
+
+def test_every_name_is_text_in_markdown():
+    shown = markdown(views()[0])
+    table = [line for line in shown.splitlines() if line.startswith("|")]
+    assert len({len(re.findall(r"(?<!\\)\|", line)) for line in table}) == 1
+    assert "<" not in shown.replace("&lt;", "")
+    assert "\x1b" not in shown
+    assert "\\[x\\](http://y)" in shown
+
+
+def test_every_name_is_text_in_html():
+    shown = "".join(html_table(views()[0]))
+    assert not re.search(r"<(script|img|b)\b", shown)
+    assert "&lt;script&gt;" in shown
+
+
+def test_every_name_is_text_in_a_terminal():
+    shown = text(views()[0], 80)
+    assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", shown)
+
+
+def test_every_name_is_text_in_latex():
+    shown = latex(views()[0]).replace(r"\allowbreak{}", "")
+    assert "\\input" not in shown
+    assert shown.count("\\end{table}") == 1
+    assert "\\textbackslash{}input\\{/etc/passwd\\}" in shown
+
+
+@given(st.text(max_size=30))
+def test_latex_text_is_ascii_or_accented_and_has_no_open_group(words):
+    shown = latex_text(words)
+    assert all(ord(character) < 0x180 for character in shown)
+    bare = re.sub(r"\\[{}&%$#_]", "", shown)
+    assert bare.count("{") == bare.count("}") == len(re.findall(r"\\text\w+\{\}|\{\[\}", shown))
+    assert "|" not in re.sub(r"\\\|", "", markdown_text(words))
+
+
+WIDE = [
+    record(
+        name, 1.0, dataset="humans", fold=fold, stand_in_for="shrec14-synthetic", title="A rather long title of a row"
+    )
+    for name in ("gps", "a-method-of-mine", "skeleton")
+    for fold in ("", "fold 0", "fold 1", "fold 2")
+]
+
+
+def test_markdown_fits_100_columns_and_a_terminal_80():
+    table = table_views(WIDE, ["I"])[0]
+    assert max(map(len, markdown(table).splitlines())) <= 100
+    for width in (80, 100, 160):
+        assert max(map(len, text(table, width).splitlines())) <= width
+    assert all(title in text(table, 40) for title in ("15 subjects", "5 subjects", "paper"))
+
+
+def test_json_keeps_its_keys():
+    (row, *_) = as_json(table_views([record("gps", 0.25, dataset="tosca")], ["III"]))
+    assert json.loads(json.dumps(row)) == row
+    assert row.keys() >= {"table", "dataset", "stand_in", "input", "method", "title", "NN", "FT", "ST", "DCG", "paper",
+                          "chance", "n_shapes", "n_classes", "coverage", "seconds", "status"}  # fmt: skip
+    assert (row["method"], row["paper"]["NN"], row["seconds"]) == ("classic-mds", 0.74, None)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("pdflatex"), reason="no pdflatex")
+@pytest.mark.parametrize("name", ["IEEEtran", "llncs", "article"])
+def test_latex_compiles_without_an_overfull_box(tmp_path, name):
+    if not subprocess.run(["kpsewhich", f"{name}.cls"], capture_output=True, check=False).stdout:
+        pytest.skip(f"no {name}")
+    body = "\n\\clearpage\n".join(latex(view) for view in (*views(), *table_views(WIDE)))
+    shapes = [f"\\DeclareFontShape{{OT1}}{{ptm}}{{{a}}}{{{b}}}{{<->ssub*cmr/{'bx' if a != 'm' else 'm'}/{b}}}{{}}"
+              for a in ("m", "b", "bx") for b in ("n", "it")]  # fmt: skip
+    shapes += [shape.replace("{OT1}{ptm}", "{TS1}{ptm}") for shape in shapes]
+    fonts = (
+        ["\\DeclareFontFamily{OT1}{ptm}{}", "\\DeclareFontFamily{TS1}{ptm}{}", *shapes] if name == "IEEEtran" else []
+    )  # Times is not everywhere
+    preamble = [*fonts, f"\\documentclass{{{name}}}", "\\usepackage{array,booktabs}", "\\begin{document}"]
+    (tmp_path / "paper.tex").write_text("\n".join([*preamble, body, "\\end{document}"]))
+    done = subprocess.run(
+        ["pdflatex", "-interaction=nonstopmode", "paper.tex"], cwd=tmp_path, capture_output=True, text=True,
+        timeout=200, check=False, errors="replace",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert "Overfull" not in done.stdout

@@ -1,0 +1,172 @@
+"""Pages of a report, figures and sheets, from records alone and from stored forms."""
+
+import re
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmark.api import Entry, ShapeSet
+from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.geometry.mesh import Mesh
+from benchmark.report.drawing import save, shaded, turned_like
+from benchmark.report.figures import (
+    RECALLS,
+    _precision,
+    cost_figure,
+    effect_figure,
+    effect_records,
+    pareto_front,
+    precision_recall,
+    scores_figure,
+)
+from benchmark.report.forms import StoredForms
+from benchmark.report.pages import write_report
+from benchmark.report.results import Results
+from benchmark.report.sheets import WIDTH, contact_sheet, spread
+from benchmark.report.tables import table_views
+from tests.report.records import failed, record
+from tests.report.test_formats import HOSTILE
+from tests.toy import rod
+
+
+def pages(folder, *records):
+    write_report(Results(folder, records), table_views(records), folder / "report")
+    return {path.name: path.read_text() for path in (folder / "report").glob("*.html")}
+
+
+def test_records_alone_make_pages_that_say_once_how_to_make_forms(tmp_path):
+    found = pages(tmp_path, record(), failed("fell", "it <b>fell</b>"))
+    assert found.keys() == {"index.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html"}
+    assert "it &lt;b&gt;fell&lt;/b&gt;" in found["index.html"]
+    assert found["table-rods-forms.html"].count("python -m benchmark run -d rods") == 1
+
+
+def test_pages_ask_no_network_and_find_their_files(tmp_path):
+    for text in pages(tmp_path, record()).values():
+        assert not re.search(r"(src|href)=.?(https?:|//)", text)
+        for name in re.findall(r"(?:src|href)='([^'#]+)'", text):
+            assert name.startswith("data:") or (tmp_path / "report" / name).is_file(), name
+
+
+@pytest.mark.parametrize("name", [name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)])
+def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path, name):
+    found = pages(tmp_path, record("gps", dataset=name, title=name), failed("fell", name))
+    assert all(re.fullmatch(r"[\w.-]+", path) for path in found)
+    for text in found.values():
+        assert not re.search(r"<(script>alert|img src=x|b>)", text)
+        assert "\u202e" not in text
+
+
+def test_stored_forms_and_distances_are_shown(results, tmp_path):
+    views = table_views(results.records)
+    files = write_report(results, views, tmp_path)
+    stem = views[0].stem
+    forms, queries = ((tmp_path / f"{stem}-{kind}.html").read_text() for kind in ("forms", "queries"))
+    assert '"type":"mesh3d"' in forms
+    assert "One shape by several methods" in forms
+    assert queries.count("<tr>") >= 2 * len(results.records[0].shapes)
+    pictures = [name for name in files if name.endswith(".webp")]
+    assert len(pictures) == len(results.records[0].shapes)
+    assert Image.open(tmp_path / pictures[0]).size == (96, 96)
+
+
+def test_400_shapes_are_written_soon_and_small(tmp_path):
+    labels = [f"s{k // 10}" for k in range(400)]
+    records = [record(f"m{k}", k / 20, labels=labels) for k in range(12)]
+    start = time.monotonic()
+    found = pages(tmp_path, *records)
+    assert time.monotonic() - start < 60
+    assert max(map(len, found.values())) < 1_000_000
+
+
+# Figures -------------------------------------------------------------------------------------------------------------
+
+
+def test_figures_have_fonts_that_publishers_take(results, tmp_path):
+    view = table_views(results.records)[0]
+    forms = StoredForms(results.folder)
+    figures = [scores_figure(view), cost_figure(view), effect_figure(effect_records(view), forms)]
+    for number, figure in enumerate(figures):
+        save(figure, tmp_path / f"{number}.pdf")
+        data = (tmp_path / f"{number}.pdf").read_bytes()
+        assert b"/Type3" not in data
+        assert b"CreationDate" not in data
+    with pytest.raises(ConfigurationError, match="not the name of a figure"):
+        save(figures[0], tmp_path / "figure.gif")
+
+
+def test_a_figure_of_forms_says_that_none_are_stored(tmp_path):
+    with pytest.raises(ConfigurationError, match="no forms of these shapes are stored"):
+        effect_figure([record()], StoredForms(tmp_path))
+
+
+def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
+    matrix = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], dtype=float)
+    whole = _precision(record(labels=["a", "a", "b", "b"]), matrix)
+    assert whole == pytest.approx(np.ones(len(RECALLS)))
+    refused = record(labels=["a", "a", "a", "b", "b"], unsupported=[("a2", "too thin")])
+    # Queries a0 and a1 find one of two; a2 finds nothing: at recall .5 and below 4 of 5 queries have precision 1.
+    assert _precision(refused, matrix)[RECALLS <= 0.5] == pytest.approx(0.8)
+    assert _precision(refused, matrix)[RECALLS > 0.5] == pytest.approx(0.4)
+
+
+def test_precision_is_that_of_the_stored_distances(results):
+    curves = precision_recall(table_views(results.records)[0], StoredForms(results.folder))
+    assert curves.keys() == {"gps", "identity", "surface-area"}
+    assert all((np.diff(curve) <= 1e-12).all() for curve in curves.values())
+
+
+def test_no_point_of_the_front_is_dominated():
+    assert pareto_front([(1.0, 0.5), (2.0, 0.4), (3.0, 0.9), (0.5, 0.1)]) == [(0.5, 0.1), (1.0, 0.5), (3.0, 0.9)]
+
+
+def test_a_form_is_turned_as_its_shape():
+    points = rod(0.1, 1.0).vertices
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    assert turned_like(points @ turn, points) == pytest.approx(points - points.mean(axis=0))
+    assert turned_like(points[:5], points) is not None
+
+
+def test_the_nearer_of_two_surfaces_is_drawn():
+    square = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], dtype=float)
+    vertices = np.concatenate([square, square / 2 + [0, -1, 0]])  # a small one before a large one
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    picture = np.asarray(shaded(Mesh(vertices, faces), size=64, values=np.repeat([0.0, 1.0], 4))).astype(int)
+    middle, rim = picture[32, 32], picture[32, 8]
+    assert middle[0] > middle[2]  # orange
+    assert rim[2] > rim[0]  # blue
+    assert (picture[0, 0] == 255).all()
+
+
+# Sheets --------------------------------------------------------------------------------------------------------------
+
+
+def shapes(n_classes=3, n_poses=4, broken=()):
+    entries = tuple(Entry(f"s{c}-{p}", f"s{c}", str(p)) for c in range(n_classes) for p in range(n_poses))
+
+    def load(entry):
+        if entry.identifier in broken:
+            raise InvalidMesh("it has no faces", "repair it")
+        return rod(0.1, 0.5 + int(entry.pose))
+
+    return ShapeSet(name="rods", shapes=entries, load=load, key=lambda entry: entry.identifier)
+
+
+def test_a_sheet_shows_each_subject_and_crosses_out_what_cannot_be_read():
+    sheet = contact_sheet(shapes(broken={"s1-2"}), 2, 3)
+    assert sheet.image.width <= WIDTH
+    assert contact_sheet(shapes(), 3, 3).image.height > contact_sheet(shapes(), 2, 3).image.height
+    assert [line.partition(":")[0] for line in contact_sheet(shapes(broken={"s2-0"})).problems] == ["s2-0"]
+
+
+@pytest.mark.parametrize(("subjects", "poses"), [(0, 3), (2, 0), (2, 90)])
+def test_numbers_that_make_no_sheet_are_refused(subjects, poses):
+    with pytest.raises(ConfigurationError):
+        contact_sheet(shapes(n_poses=90), subjects, poses)
+
+
+def test_some_of_many_are_spread_evenly():
+    assert spread(range(10), 4) == [0, 3, 6, 9]
+    assert spread([1], 4) == [1]

@@ -1,0 +1,51 @@
+"""Floors of published figures: by hand, and on Tables I to III."""
+
+import numpy as np
+import pytest
+
+from benchmark.reference.paper import CLASSICAL, MEASURES, PRINTED
+from retrieval.chance import chance_levels
+from tools.plausible import ROUNDING, chance, least_dcg, measures, pose_first, report
+
+SIZES = {"I": (5, 20), "II": (40, 10)}
+
+
+@pytest.mark.parametrize("sizes", SIZES.values())
+def test_chance_is_that_of_the_tables(sizes):
+    labels = np.repeat(np.arange(sizes[0]), sizes[1])
+    assert chance(*sizes) == pytest.approx([chance_levels(labels)[name] for name in MEASURES])
+
+
+def test_measures_by_hand():
+    relevant = np.array([[True, False, False, True, False], [False, True, True, False, False]])
+    nn, first, second, dcg = measures(relevant, 2)[0]
+    assert (nn, first, second) == (1, 0.5, 1)
+    assert dcg == pytest.approx((1 + 1 / 2) / 2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_ranking_has_a_lower_dcg_than_the_bound(seed):
+    generator = np.random.default_rng(seed)
+    relevant = np.array([generator.permutation([True] * 19 + [False] * 80) for _ in range(30)])
+    means = measures(relevant, 19).mean(axis=0)
+    assert means[3] >= least_dcg(dict(zip(MEASURES, means, strict=True)), 5, 20)
+
+
+@pytest.mark.parametrize("table", SIZES)
+def test_every_row_is_arithmetically_possible(table):
+    assert all(
+        PRINTED[table][name]["DCG"] + ROUNDING >= least_dcg(PRINTED[table][name], *SIZES[table]) for name in CLASSICAL
+    )
+
+
+def test_rows_of_table_one_lie_below_simulated_galleries_of_five_but_not_all():
+    floor = dict(zip(MEASURES, pose_first(5, 20, 300), strict=True))
+    below = {name for name in CLASSICAL for m in ("ST", "DCG") if PRINTED["I"][name][m] + ROUNDING < floor[m]}
+    assert {"constrained-mds", "least-squares-mds", "skeleton"} <= below
+    assert "classic-mds" not in below
+
+
+def test_no_row_of_table_two_lies_below_the_floor_of_its_gallery():
+    lines = report({name: PRINTED["II"][name] for name in CLASSICAL}, 40, 10, draws=27)
+    assert lines[0] == "40 classes of 10 shapes"
+    assert not any("impossible" in line for line in lines)
