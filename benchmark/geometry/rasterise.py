@@ -83,8 +83,14 @@ def draw_triangles(
     # Rows and columns are clipped to the image before drawing, so vertices may lie arbitrarily far outside.
     height, width = image.shape
     for f in range(faces.shape[0]):
-        # Edges are always traversed from the upper end, so both adjacent triangles compute the same x.
-        i, j, k = _by_height(points, faces[f, 0], faces[f, 1], faces[f, 2])
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        # Sorted by y: edges are always traversed from the upper end, so both adjacent triangles compute the same x.
+        if points[j, 1] < points[i, 1]:
+            i, j = j, i
+        if points[k, 1] < points[j, 1]:
+            j, k = k, j
+            if points[j, 1] < points[i, 1]:
+                i, j = j, i
         x0, y0, z0 = points[i, 0], points[i, 1], points[i, 2]
         x1, y1, z1 = points[j, 0], points[j, 1], points[j, 2]
         x2, y2, z2 = points[k, 0], points[k, 1], points[k, 2]
@@ -109,17 +115,6 @@ def draw_triangles(
                     t = (y - y1) / (y2 - y1)
                     right, right_depth = x1 + t * (x2 - x1), z1 + t * (z2 - z1)
                 _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _by_height(points, i, j, k):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    if points[j, 1] < points[i, 1]:
-        i, j = j, i
-    if points[k, 1] < points[j, 1]:
-        j, k = k, j
-        if points[j, 1] < points[i, 1]:
-            i, j = j, i
-    return i, j, k
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
