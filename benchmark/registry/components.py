@@ -185,10 +185,15 @@ class Component:
 
     @property
     def _unknown_code(self) -> str:
-        """A text without equal for an object whose code is in no file, for example in a notebook; else ""."""
+        """A text of its own for an object whose code is in no file, for example in a notebook; else ""."""
         module = sys.modules.get(self.target.partition(":")[0])
-        is_here = self.given is not None and self.plugin is None and not getattr(module, "__file__", None)
-        return secrets.token_hex(8) if is_here else ""
+        if self.given is None or self.plugin is not None or getattr(module, "__file__", None):
+            return ""
+        return _TOKENS.setdefault(id(self.given), (self.given, secrets.token_hex(8)))[1]
+
+
+#: Objects whose code is in no file, so that no other object gets their identity, with a text for each.
+_TOKENS: dict[int, tuple[Any, str]] = {}
 
 
 def component_of(value: Any) -> Component:
