@@ -380,7 +380,7 @@ def score(
 ) -> None:
     """Score the distances of any program.
 
-    DISTANCES is an N x N matrix: text, CSV, .npy, .npz or .mat.
+    DISTANCES is a symmetric N x N matrix: .npy, .npz, .txt, .csv or .mat.
     """
     from benchmark.cli.score import score
 

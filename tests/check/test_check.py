@@ -256,8 +256,7 @@ def test_a_data_set_is_checked(body, name, check_name, message, tmp_path):
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("[x for x in iter(int, 1)]", "no answer after 1 s on one shape; find the endless loop"),
-        ("time.sleep(3600)", "no answer after 1 s on one shape"),
+        ("[x for x in iter(int, 1)]", "no answer after 15 s on one shape; find the endless loop"),
         ("os._exit(0)", "ended its process with exit code 0"),
         ("os.kill(os.getpid(), 11)", "ended its process with SIGSEGV"),
     ],
@@ -265,11 +264,11 @@ def test_a_data_set_is_checked(body, name, check_name, message, tmp_path):
 def test_a_loop_or_a_crash_fails_its_check(body, message, tmp_path):
     component = written(tmp_path / "tried.py", FORM + f"if len(x) == 3: {body}\n        return shape.form(x)")
     begun, found = time.monotonic(), {}
-    for finding in check(component, limit=8.0 if body.startswith("os") else 4.0):
+    for finding in check(component, limit=60.0 if body.startswith("os") else 15.0):
         found[finding.name] = finding
-    assert time.monotonic() - begun < 60
+    assert time.monotonic() - begun < 120
     assert [name for name, finding in found.items() if finding.outcome == "failed"] == ["awkward shapes"]
-    assert message.replace("1 s", "4 s") in found["awkward shapes"].explanation
+    assert message in found["awkward shapes"].explanation
 
 
 def test_prints_do_not_stand_among_findings(tmp_path, capfd):
