@@ -206,7 +206,7 @@ def galleries(
     chosen: list[Gallery] = []
     for table, name in places:
         try:
-            found = _galleries(table, name, data_root, quick=quick)
+            found = list(_galleries(table, name, data_root, quick=quick))
             chosen += (replace(gallery, named=frozenset(named)) for gallery in found)
         except DatasetError:
             if not table.part_of or table.identifier in wanted:

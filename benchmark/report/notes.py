@@ -26,6 +26,7 @@ def notes(view: TableView) -> list[str]:
     rows = view.printed_rows
     found = (
         _columns(view), _failed(rows), _unreadable(rows), _refused(rows), _seen(rows), _missing(rows), _left_out(view),
+        _joined(rows),
     )  # fmt: skip
     pointer = "How a method departs from its source: 'python -m benchmark describe METHOD'."
     return [*[_MARKS, *(note for part in found for note in part)][:7], pointer]
@@ -102,6 +103,12 @@ def _missing(rows: Iterable[Row]) -> Iterator[str]:
 def _left_out(view: TableView) -> Iterator[str]:
     if view.left_out:
         yield f"Left out, because they rank another version of the data: {_listed(view.left_out)}; run them again."
+
+
+def _joined(rows: Iterable[Row]) -> Iterator[str]:
+    found = [record.notes["bridges"].max for record in _records(rows) if "bridges" in record.notes]
+    if found and max(found) > 0:
+        yield f"Shapes of several pieces are joined, by at most {max(found):.0f} bridges."
 
 
 def _records(rows: Iterable[Row]) -> Iterator[Record]:

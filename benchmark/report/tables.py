@@ -167,7 +167,7 @@ class TableView:
     def stem(self) -> str:
         """Name of its files."""
         name = f"table-{self.table.identifier}"
-        name += f"-{self.dataset}" if self.dataset not in (self.table.identifier, self.table.dataset) else ""
+        name += f"-{self.dataset}" if self.dataset != self.table.identifier else ""
         safe = "".join(c if c.isascii() and (c.isalnum() or c in ".-_") else "-" for c in name)
         return f"{safe[:80].strip('-')}{'-quick' if self.quick else ''}"
 
