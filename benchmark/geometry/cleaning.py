@@ -154,10 +154,7 @@ def connected_components(mesh: Mesh) -> IntArray:
 
     An isolated vertex is a separate component.
     """
-    tails, heads = sides_of(mesh.faces)
-    labels = _labels(tails, heads, mesh.n_vertices)
-    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[inverse.reshape(-1)].astype(np.int64)
+    return _labels(*sides_of(mesh.faces), mesh.n_vertices)
 
 
 def largest_component(mesh: Mesh) -> Mesh:
@@ -231,7 +228,7 @@ def _fans(faces: IntArray, n_vertices: int) -> IntArray:
 
 
 def _labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:
-    """Return the connected component of each of ``count`` nodes of a graph from its edges."""
+    """Return the connected component of each of ``count`` nodes of a graph from its edges, in order of first nodes."""
     from scipy.sparse import coo_array, csgraph  # lazy: the import takes a third of a second
 
     graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(count, count))

@@ -65,13 +65,8 @@ def read_mesh(path: Path | str) -> Mesh:
         ) from error
     if not len(faces):
         raise InvalidMesh(f"{path}: there are no faces", "export a surface, not a point cloud")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise InvalidMesh(
-            f"{path}: faces name vertices {faces.min()} to {faces.max()}, but there are {len(vertices)}, from 0",
-            "check whether the file counts from 1 or was truncated",
-        )
     try:
-        return Mesh(vertices, faces.astype(np.int32))
+        return Mesh(vertices, faces)  # type: ignore[arg-type]
     except InvalidMesh as error:
         raise InvalidMesh(f"{path}: {error.problem}", error.hint) from error
 

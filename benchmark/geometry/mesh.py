@@ -44,10 +44,9 @@ class Mesh:
             raise InvalidMesh(
                 f"{bad} of {self.n_vertices} vertices are NaN or infinite", "repair or re-export the mesh"
             )
-        if self.n_faces and (self.faces.min() < 0 or self.faces.max() >= self.n_vertices):
+        if self.n_faces and self.faces.max() >= self.n_vertices:
             raise InvalidMesh(
-                f"a face names vertex {int(self.faces.max())} or {int(self.faces.min())} "
-                f"but there are {self.n_vertices} vertices, counted from 0",
+                f"faces name vertices {self.faces.min()} to {self.faces.max()} of {self.n_vertices}, counted from 0",
                 "check whether the file counts from 1 or was truncated",
             )
 

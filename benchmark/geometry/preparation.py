@@ -109,7 +109,9 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     cleaned, cleaning = clean(mesh.with_vertices(mesh.vertices / unit))
     _require_surface(cleaned, cleaning)
     centre, size = cleaned.vertices.mean(axis=0), np.sqrt(cleaned.area)
-    whole = in_spatial_order(cleaned.with_vertices(np.round((cleaned.vertices - centre) / size, DECIMALS)))
+    scaled = cleaned.with_vertices((cleaned.vertices - centre) / size)
+    rounded = scaled.with_vertices(np.round(scaled.vertices, DECIMALS))
+    whole = in_spatial_order(rounded if (rounded.face_areas > 0).all() else scaled)
     parts, dropped = _without_debris(make_manifold(whole))
     reduced = opened = decimate(parts, n_vertices)
     if reduced is not parts:

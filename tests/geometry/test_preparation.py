@@ -21,6 +21,7 @@ from benchmark.geometry.preparation import Prepared, decimate, isotropic_remesh,
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, sphere
 
 TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
+SQUARE = flat_grid(2)
 
 
 def moved(mesh: Mesh, *offset: float, scale: float = 1.0) -> Mesh:
@@ -91,6 +92,12 @@ def test_seven_digits_and_single_precision_hardly_matter() -> None:
     for vertices in (mesh.vertices.astype(np.float32), np.round(mesh.vertices, 5)):
         other = prepare(Mesh(vertices, mesh.faces), 500).mesh
         assert np.linalg.norm(first.vertices[:, None] - other.vertices[None], axis=2).min(axis=1).max() < 1e-4
+
+
+def test_rounding_flattens_no_triangle() -> None:
+    needle = Mesh([*SQUARE.vertices, [0.5, -1e-8, 0]], [*SQUARE.faces, [0, 4, 1]])
+    assert prepare(needle).mesh.n_faces == 3
+    assert (prepare(needle).mesh.face_areas > 0).all()
 
 
 @pytest.mark.parametrize("mesh", [limbed_body(3), flat_grid(12), joined(sphere(1), flat_grid(4))])
@@ -239,8 +246,8 @@ def test_edges_of_any_triangles_are_those_of_numpy(triangles: list[tuple[int, in
     ("vertices", "faces", "words"),
     [
         ([[0, 0, np.nan], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "NaN"),
-        (TRIANGLE, [[0, 1, 3]], "vertex 3"),
-        (TRIANGLE, [[-1, 1, 2]], "-1"),
+        (TRIANGLE, [[0, 1, 3]], "name vertices 0 to 3 of 3, counted from 0"),
+        (TRIANGLE, [[-1, 1, 2]], "name vertices -1 to 2"),
         (TRIANGLE, [[0, 1, 2, 2]], "shape"),
         (TRIANGLE + 0j, [[0, 1, 2]], "vertices are of type complex128, not real numbers"),
         (TRIANGLE, [[0.0, 1.0, 2.0]], "faces are of type float64, not integers"),
@@ -271,7 +278,6 @@ def assert_one_oriented_manifold(mesh: Mesh) -> None:
     assert eigenpairs(cotangent_laplacian(mesh), 2)[0][1] > 1e-9
 
 
-SQUARE = flat_grid(2)
 LONE = Mesh([[0, 0, 0], [1, 0, 0], [0.5, 0.9, 0]], [[0, 1, 2]])  # type: ignore[arg-type]
 ANGLES = np.arange(12) / 12 * 2 * np.pi
 BRIDGED = {
