@@ -100,7 +100,7 @@ def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
         ("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "1 of 3 vertices are NaN or infinite; "),
         (
             "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 1 2 3\n",
-            "faces name vertices 1 to 3, but there are 3, from 0; .* counts from 1",
+            "faces name vertices 1 to 3 of 3, counted from 0; .* counts from 1",
         ),
         ("OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "there are no faces; "),
         ("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "no face has an area; export the mesh again"),

@@ -39,7 +39,7 @@ REFUSED = {
     "booleans": (CanonicalForm(V > 0, F), "vertices are of type bool"),
     "flat": (CanonicalForm(V[:, :2], F), r"vertices have shape \(290, 2\)"),
     "transposed": (CanonicalForm(V.T, F), r"vertices have shape \(3, 290\)"),
-    "fewer vertices": (CanonicalForm(V[:-5], F), "a face names vertex 289"),
+    "fewer vertices": (CanonicalForm(V[:-5], F), "faces name vertices 0 to 289 of"),
     "indices that would wrap": (
         CanonicalForm(V, F.astype(np.uint64) + np.uint64(2**32)),
         "faces name vertices 4294967296",
