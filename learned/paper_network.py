@@ -2,14 +2,12 @@
 
 "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
 Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask) = DPR(I, Y_SRF, Y_LRF), each of the size
-of the image. The paper counts the blocks of SRF in three ways: five convolution layers, nine blocks of a convolution
-and a transposed one, and a figure of nine blocks. This SRF has five convolutions and four transposed ones; with stride
-1 both compute the same functions.
+of the image. Transposed convolutions of the paper that keep the size (stride 1) are convolutions here, because both
+compute the same functions.
 """
 
 from __future__ import annotations
 
-from functools import partial
 from typing import cast
 
 import torch
@@ -19,8 +17,9 @@ from torch.nn import functional
 SLOPE = 0.2
 """Slope of LeakyReLU below zero."""
 
-DILATIONS = (2, 3, 4, 5, 6)
-"""Dilations of the blocks of LRF."""
+SHORT_RANGE_BLOCKS = 9
+DILATIONS = (2, 2, 3, 3, 4, 4, 5, 5, 6, 6)
+"""Dilations of LRF: each of its five blocks has a convolution and, by the caption of the figure, a transposed one."""
 
 RESOLUTIONS = range(32, 2049)
 """Pixels per side of an image."""
@@ -30,41 +29,22 @@ MASK_LOGIT = -2.5
 mostly background, saturate the sigmoid, and the mask stays at zero."""
 
 
-class SameSizeDeconvolution(nn.ConvTranspose2d):
-    """Transposed convolution of stride 1, computed as a convolution with the kernel rotated by 180 degrees.
-
-    In bfloat16, torch takes half as long for the gradients of a convolution as for those of a transposed one.
-    """
-
-    def forward(self, x: Tensor, output_size: list[int] | None = None) -> Tensor:
-        """Compute the transposed convolution, shape (n, channels_out, h, w), of a kernel of 3 x 3 with same padding."""
-        kernel = self.weight.transpose(0, 1).flip(2, 3)
-        return functional.conv2d(x, kernel, self.bias, padding=self.dilation, dilation=self.dilation)
-
-
-def _block(kind: type[nn.Conv2d | nn.ConvTranspose2d], before: int, after: int, dilation: int = 1) -> nn.Sequential:
+def _block(before: int, after: int, dilation: int = 1) -> nn.Sequential:
     # In place, because no gradient needs the input of the activation.
-    return nn.Sequential(kind(before, after, 3, padding=dilation, dilation=dilation), nn.LeakyReLU(SLOPE, inplace=True))
+    convolution = nn.Conv2d(before, after, 3, padding=dilation, dilation=dilation)
+    return nn.Sequential(convolution, nn.LeakyReLU(SLOPE, inplace=True))
 
 
 def short_range_features(width: int) -> nn.Sequential:
-    """Return SRF: nine blocks at full size, five convolutions and four transposed ones, with one output channel."""
-    channels = [1, *[width] * 8, 1]
-    return nn.Sequential(*map(_block, [nn.Conv2d] * 5 + [SameSizeDeconvolution] * 4, channels[:-1], channels[1:]))
+    """Return SRF: nine convolutions at full size, with one output channel."""
+    channels = [1, *[width] * (SHORT_RANGE_BLOCKS - 1), 1]
+    return nn.Sequential(*map(_block, channels[:-1], channels[1:]))
 
 
 def long_range_features(channels_in: int, width: int) -> nn.Sequential:
-    """Return LRF: five blocks with dilations 2 to 6 at full size, with one output channel.
-
-    A transposed convolution of the same dilation follows each convolution, according to the caption of the paper's
-    figure but not to its text.
-    """
-    blocks = []
-    for place, dilation in enumerate(DILATIONS):
-        before, after = width if place else channels_in, width if place < len(DILATIONS) - 1 else 1
-        inner = _block(nn.Conv2d, before, width, dilation), _block(SameSizeDeconvolution, width, after, dilation)
-        blocks.append(nn.Sequential(*inner[0], *inner[1]))
-    return nn.Sequential(*blocks)
+    """Return LRF: ten dilated convolutions at full size, with one output channel."""
+    channels = [channels_in, *[width] * (len(DILATIONS) - 1), 1]
+    return nn.Sequential(*map(_block, channels[:-1], channels[1:], DILATIONS))
 
 
 class EncoderDecoder(nn.Module):
@@ -82,7 +62,7 @@ class EncoderDecoder(nn.Module):
         super().__init__()
         widths = [width, 2 * width, 4 * width, 8 * width]
         inward = widths[::-1]
-        self.encoder = nn.ModuleList(map(partial(_block, nn.Conv2d), [channels_in, *widths[:-1]], widths))
+        self.encoder = nn.ModuleList(map(_block, [channels_in, *widths[:-1]], widths))
         # 4x4 kernels cover every pixel of the doubled size equally often; 3x3 kernels make a checkerboard.
         self.decoder = nn.ModuleList(
             nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
