@@ -465,8 +465,8 @@ def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 
 def _in_words(name: str, before: str, now: str) -> str:
-    if name.startswith("its ") or name.startswith("the "):
+    if name.startswith(("its ", "the ")):
         return f"{name} changed"
-    if "/" in name or name.endswith(".py"):
+    if re.fullmatch("[0-9a-f]{16}", now or before):  # the digest of a file
         return f"{Path(name).name} changed"
     return f"{name} {before or 'none'} -> {now or 'none'}"

@@ -8,7 +8,6 @@ from typing import Any
 
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.records import Record
-from benchmark.pipeline.shapes import as_shape_set
 from benchmark.registry import select
 from benchmark.runs import Planned, plan, run
 
@@ -17,7 +16,7 @@ FAULTS = Path(__file__).with_name("faults.py")
 
 def gallery(folder: Path | str) -> Any:
     """All shapes of a data set, with whatever methods are selected."""
-    shapes = as_shape_set(open_dataset(str(folder), None))
+    shapes = open_dataset(str(folder))
     return SimpleNamespace(
         table=None, name=shapes.name, source=str(folder), dataset=shapes, entries=shapes.shapes, quick=False,
         inputs=("mesh", "view"), data_root=None, rows=lambda methods, _: methods,

@@ -1,0 +1,184 @@
+"""What runs again after a change, and what the plan says of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmark import code_digest
+from benchmark.pipeline import keys
+from benchmark.pipeline.records import read_records
+from benchmark.runs import tasks
+from tests.runs.toy import planned, run_toy
+
+PLUGIN = '''"""A plugin."""
+from dataclasses import dataclass
+from typing import ClassVar
+from benchmark.api import CanonicalForm, MethodInfo, Shape
+from lengthen import factor
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Stretch a shape."""
+    info: ClassVar[MethodInfo] = MethodInfo(name="stretch", title="Stretch", files=("table.csv",))
+    power: float = 1.0
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        return shape.form(shape.mesh.vertices * factor() ** self.power + shape.geodesics()[0, 0])
+'''
+HELPER = """from numba import njit
+
+@njit
+def kernel(value):
+    return value * 2.0
+
+def factor():
+    return kernel(1.0)
+"""
+
+
+class World:
+    """A plugin with a helper and a table, and a folder of rods; methods are planned as by a new process."""
+
+    def __init__(self, folder: Path, rods: Path) -> None:
+        self.plugin, self.rods, self.results = folder / "stretch.py", folder / "rods", folder / "results"
+        self.plugin.write_text(PLUGIN)
+        (folder / "lengthen.py").write_text(HELPER)
+        (folder / "table.csv").write_text("1,2\n")
+        shutil.copytree(rods, self.rods)
+        self.names = ["stretch", "gps", "identity", "surface-area"]
+
+    def plan(self, *names: str):
+        self.forget_code()
+        return planned(self.rods, self.results, *(names or self.names), plugins=(self.plugin,))
+
+    def forget_code(self) -> None:
+        for name in [name for name in sys.modules if name.startswith("plugin_stretch") or name == "lengthen"]:
+            del sys.modules[name]
+        for module in (code_digest, keys, tasks):
+            for value in vars(module).values():
+                if hasattr(value, "cache_clear"):
+                    value.cache_clear()
+
+    def stale(self) -> dict[str, str]:
+        """Return what would run again, and why."""
+        return {job.job.method.base_name: job.reason for job in self.plan() if job.state != "finished"}
+
+
+@pytest.fixture
+def world(tmp_path, rods, monkeypatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    world = World(tmp_path, rods)
+    world.forget_code()
+    run_toy(world.rods, world.results, *world.names, plugins=(world.plugin,))
+    assert world.stale() == {}
+    return world
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+
+
+@pytest.fixture
+def edited(monkeypatch):
+    """Return a function that makes one file of the suite look edited."""
+    real = code_digest._parsed
+
+    def pretend(name):
+
+        def parsed(path):
+            module = real(path)
+            return dataclasses.replace(module, digest="edited") if str(path).endswith(name) else module
+
+        monkeypatch.setattr(code_digest, "_parsed", parsed)
+
+    return pretend
+
+
+EVERYTHING = {"gps", "identity", "surface-area", "stretch"}
+TOUCHED = {
+    "baselines/gps.py": {"gps"},
+    "geometry/geodesics.py": EVERYTHING,
+    "retrieval/clock.py": EVERYTHING - {"surface-area"},
+    "retrieval/metrics.py": EVERYTHING,
+    "baselines/classic_mds.py": set(),
+}
+
+
+def test_an_edit_of_the_suite_runs_what_it_touches(world, edited):
+    for name, methods in TOUCHED.items():
+        edited(name)
+        assert world.stale() == {method: f"{Path(name).name} changed" for method in methods}
+
+
+def test_an_edit_of_a_plugin_or_of_what_it_uses_runs_it_alone(world):
+    folder = world.plugin.parent
+    for path, old, new in [
+        (world.plugin, "* factor()", "/ factor()"),
+        (folder / "lengthen.py", "value * 2.0", "value * 3.0"),
+        (folder / "table.csv", "1,2", "1,3"),
+    ]:
+        before = path.read_text()
+        edit(path, old, new)
+        assert world.stale() == {"stretch": f"{path.name} changed"}
+        path.write_text(before)
+    assert world.stale() == {}
+
+
+def test_docstrings_comments_and_the_name_of_a_plugin_change_nothing(world):
+    edit(world.plugin, '"""Stretch a shape."""', '"""Lengthen it."""  # by twice')
+    assert world.stale() == {}
+    world.plugin = world.plugin.rename(world.plugin.with_name("stretch_it.py"))
+    assert world.stale() == {}
+
+
+def test_another_version_of_a_package_runs_what_imports_it(world, monkeypatch):
+    real = code_digest._versions
+    monkeypatch.setattr(
+        code_digest, "_versions", lambda top: {**real(top), **({"numba": "9.9"} if top == "numba" else {})}
+    )
+    reasons = world.stale()
+    assert "stretch" in reasons
+    assert all(reason.startswith("numba ") and reason.endswith(" -> 9.9") for reason in reasons.values())
+
+
+def test_other_data_run_everything_on_the_shapes_that_changed_alone(world):
+    edit(world.rods / "thin0.off", "OFF\n", "OFF\n# moved\n")
+    assert world.stale() == dict.fromkeys(world.names, "the data changed")
+    before = set((world.results / "runs" / "forms").iterdir())
+    run_toy(world.rods, world.results, "identity")
+    assert len(set((world.results / "runs" / "forms").iterdir()) - before) == 1
+
+
+def test_a_parameter_makes_a_row_of_its_own_and_its_default_is_the_same_row(world):
+    states = [[(job.state, job.reason) for job in world.plan(f"stretch[power={p}]")] for p in ("2", "1.0")]
+    assert states == [[("missing", "never run")], [("finished", "")]]
+
+
+def test_an_edit_of_the_measures_ranks_again_and_makes_no_form(world, edited):
+    files = {path: path.stat().st_mtime_ns for path in (world.results / "runs" / "signatures").iterdir()}
+    edited("retrieval/metrics.py")
+    jobs = world.plan("identity")
+    from tests.runs.toy import done
+
+    assert done(jobs, world.results, size=0)["identity"].status == "ok"
+    assert {path: path.stat().st_mtime_ns for path in (world.results / "runs" / "signatures").iterdir()} == files
+
+
+def test_the_next_run_of_a_job_replaces_its_record_and_until_then_its_forms_are_there(world):
+    from benchmark.pipeline import read_distances, read_form
+
+    edit(world.plugin, "* factor()", "/ factor()")
+    (old,) = [record for record in read_records(world.results) if record.method == "stretch"]
+    assert read_form(world.results, old, "thin1") is not None
+    assert read_distances(world.results, old).shape == (4, 4)
+    from tests.runs.toy import done
+
+    new = done(world.plan("stretch"), world.results, size=0)["stretch"]
+    assert [record.key for record in read_records(world.results) if record.method == "stretch"] == [new.key]
+    assert new.key != old.key
