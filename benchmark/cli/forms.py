@@ -6,7 +6,7 @@ import glob
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,32 +14,33 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.api.contracts import CanonicalForm, Shape
+from benchmark.api.contracts import CanonicalForm, Input, Shape
+from benchmark.api.datasets import ShapeSet
 from benchmark.cli.methods import trained_on_people
 from benchmark.cli.options import Selection, explained
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.folder import folder_set
-from benchmark.depth.frame import FrameFiles
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.execution.processes.calls import call_apart
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
-from benchmark.pipeline.method_run import MethodRun, Preparation, shape_of
-from benchmark.pipeline.retrieval import SearchResult, input_for, search
-from benchmark.pipeline.stages.shapes import N_VERTICES, half_width_of, seen
-from benchmark.pipeline.storage.store import Store
-from benchmark.plugins.registry import methods, variant
-from benchmark.plugins.scorers import scorer_of, scorers
+from benchmark.pipeline import read_form
+from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.forms import shape_of
+from benchmark.pipeline.preparation import N_VERTICES, fit_frame, prepare_mesh, prepare_view
+from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.search import search
+from benchmark.pipeline.shapes import Preparation
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import own_table
-from benchmark.registry import select_one
+from benchmark.registry import Component, select_one
 from benchmark.report.drawing import save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.text import aligned, say
@@ -47,12 +48,8 @@ from benchmark.text import aligned, say
 #: Fewest vertices of a prepared mesh.
 FEWEST_VERTICES = 4
 
-#: A form in JSON types: vertices, faces and notes.
-Plain = tuple[list[list[float]], list[list[int]], Mapping[str, float | str]]
-
 #: Characters of method names that are replaced in file names.
 _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
-
 
 #: One depth image, with the files for its form and, on request, its picture.
 FrameJob = tuple[FrameFiles, Path, Path | None]
@@ -74,12 +71,11 @@ class Camera:
 
 @dataclass(frozen=True)
 class Request:
-    """A method, the plugin files that may define it, seed, limit in seconds, and the camera of depth images."""
+    """A method, the plugin files that may define it, seed, and the camera of depth images."""
 
     method: str
     plugins: tuple[Path, ...] = ()
     seed: int = 0
-    timeout: float = 600.0
     camera: Camera = Camera()
 
 
@@ -105,12 +101,11 @@ def canonicalise(
     target = _mesh_target(output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    points, faces, notes = _apart(plain_form, paths[0], request, vertex_count(vertices), shape=str(paths[0]))
-    form = Mesh(np.array(points), np.array(faces))
-    write_form(target, form)  # here, so that the file exists only if the method succeeded
+    form = form_of_mesh(paths[0], request, vertex_count(vertices))
+    write_form(target, form.mesh)
     if picture is not None:
-        save_png(mesh_picture(read_mesh(paths[0]), form), picture)
-    say(", ".join([f"{target}: {len(points)} vertices", *_facts(notes)]))
+        save_png(mesh_picture(read_mesh(paths[0]), form.mesh), picture)
+    say(", ".join([f"{target}: {len(form.vertices)} vertices", *_facts(form.notes)]))
     return True
 
 
@@ -129,15 +124,6 @@ def require_png(picture: Path) -> None:
     """Raise ``ConfigurationError`` for a picture that cannot be written, before anything is computed."""
     if picture.suffix.lower() != ".png":
         raise ConfigurationError(f"{picture} is not the name of a picture", "use .png")
-
-
-def _apart(
-    function: Callable[..., Any], first: object, request: Request, *more: object, shape: str, kind: str = "shape",
-    say: Callable[[str], None] | None = None,
-) -> Any:  # fmt: skip
-    """Call a function that runs the method on a shape, or an image, in a child process."""
-    what, hint = f"method '{request.method}' on {shape}", f"try another {kind}, or correct the method"
-    return call_apart(function, first, request, *more, what=what, hint=hint, limit=request.timeout, say=say)
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
@@ -179,8 +165,8 @@ def _facts(notes: Mapping[str, float | str]) -> list[str]:
     return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
 
 
-def plain_form(source: Path, request: Request, vertices: int | str | None = None) -> Plain:
-    """Prepare a mesh as in the benchmark and return its form in JSON types.
+def form_of_mesh(source: Path, request: Request, vertices: int | str | None = None) -> CanonicalForm:
+    """Prepare a mesh as in the benchmark and return its form.
 
     A method that accepts only views gets the view of a camera in front of the mesh (z up, facing -y), in a frame that
     fits the mesh.
@@ -210,18 +196,15 @@ def plain_form(source: Path, request: Request, vertices: int | str | None = None
         raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --vertices")
     mesh = read_mesh(source)
     if not reads_meshes:
-        arrays = seen(mesh, FRONT, half_width_of(mesh, FRONT))
-        form = form_with_fit(maker, shape_of(arrays, source.stem, request.seed), {})
-    else:
-        prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
-        shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.seed)
-        form = form_with_fit(maker, shape, prepared.notes)
-        numbers = prepared.numbers_of(mesh)
-        if numbers is not None and np.array_equal(form.faces, prepared.mesh.faces):
-            form = CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)  # in the numbering of the file
-        elif vertices == "all":
-            form = _at_vertices(mesh, prepared, form, spec.info.name)
-    return form.vertices.tolist(), form.faces.tolist(), form.notes
+        arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
+        return form_with_fit(maker, shape_of(arrays, source.stem, request.seed), {})
+    prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
+    shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.seed)
+    form = form_with_fit(maker, shape, prepared.notes)
+    numbers = prepared.numbers_of(mesh)
+    if numbers is not None and np.array_equal(form.faces, prepared.mesh.faces):
+        return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)  # in the numbering of the file
+    return _at_vertices(mesh, prepared, form, spec.info.name) if vertices == "all" else form
 
 
 def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: str) -> CanonicalForm:
@@ -277,16 +260,7 @@ def _frame_jobs(paths: Sequence[Path], request: Request, output: Path | None, pi
 
 
 def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
-    """Write the forms of depth images, computed in one child process; return whether all have one."""
-    others = f" and {len(jobs) - 1} others" if len(jobs) > 1 else ""
-    failures: int = _apart(write_forms, jobs, request, shape=f"{jobs[0][0].image}{others}", kind="image", say=say)
-    if failures:
-        say(f"{failures} of {len(jobs)} images have no form", err=True)
-    return not failures
-
-
-def write_forms(jobs: Sequence[FrameJob], request: Request, report: Callable[[str], None]) -> int:
-    """Write and report the form and picture of each frame; return the number of frames without a form."""
+    """Write and report the form and picture of each frame; return whether all have a form."""
     maker = method_of_depth(request.method, request.plugins)
     failures = 0
     for number, (files, target, picture) in enumerate(jobs, 1):
@@ -298,63 +272,88 @@ def write_forms(jobs: Sequence[FrameJob], request: Request, report: Callable[[st
             if len(jobs) == 1:
                 raise
             failures += 1
-            report(f"{place}{files.image}: {error}")
+            say(f"{place}{files.image}: {error}")
             continue
         seconds = time.perf_counter() - start
         write_form(target, result.form.mesh)
         if picture:
             save_png(frame_picture(result.observed.depths, result.observed.mask, result.form.mesh), picture)
         facts = [fact for fact in _facts(result.form.notes) if len(jobs) == 1 or fact.startswith("doubt")]
-        report(", ".join([f"{place}{target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
-    return failures
+        say(", ".join([f"{place}{target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
+    if failures:
+        say(f"{failures} of {len(jobs)} images have no form", err=True)
+    return not failures
 
 
 # Retrieval -----------------------------------------------------------------------------------------------------------
 
 
-def retrieve(
-    query: Path, gallery: str, request: Request, options: Selection, k: int, picture: Path | None = None
-) -> None:
-    """Print the nearest shapes."""
+def retrieve(query: Path, name: str, request: Request, options: Selection, k: int, picture: Path | None = None) -> None:
+    """Print the shapes of a gallery that are nearest to a query."""
     if picture is not None:
         require_png(picture)
-    options.require_data_root()
-    with explained(gallery, "data set"):
-        (source,) = sources([gallery], options.plugins)
-    for line in _apart(_retrieved, source, request, query, options, k, picture, shape=str(query)):
+    start, component = time.perf_counter(), select_one(request.method, request.plugins)
+    with explained(name, "data set"):
+        (source,) = sources([name], options.plugins)
+    shapes = open_dataset(source, options.require_data_root())
+    input_ = _input(query, shapes, component)
+    record = _record(options, shapes.name, input_, component)
+    shape = query_shape(query, Preparation(shapes, input_, Cache(options.results)), request)
+    gallery = Gallery(own_table(shapes.name), source, shapes, shapes.shapes, data_root=options.data_root)
+    method, scorer = _method(component, gallery, options.results), select_one(options.scorer, options.plugins, "scorer")
+    itself = [e.identifier for e in shapes.shapes if e.path and e.path.exists() and e.path.samefile(query)]
+    nearest = search(options.results, record, shape, method, scorer.create(), itself)
+    hits = nearest.hits[:k]
+    rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
+    for line in aligned([("rank", "name", "class", "distance"), *rows]):
         say(line)
-
-
-def _retrieved(
-    source: str, request: Request, query: Path, options: Selection, k: int, picture: Path | None
-) -> Iterable[str]:
-    """Search a gallery in a child process; return lines with the nearest shapes."""
-    start = time.perf_counter()
-    spec, dataset = variant(request.method, methods(options.plugins)), open_dataset(source, options.data_root)
-    store = Store.open(options.results)
-    gallery = Gallery(own_table(dataset.name), source, dataset, dataset.shapes, data_root=options.data_root)
-    models = find_models(spec, gallery, store.models)
-    preparation = Preparation(dataset, input_for(query, dataset, spec), store)
-    run = MethodRun(preparation, store, spec, options.seed, models, scorer_of(options.scorer, scorers(options.plugins)))
-    frame = request.camera.files(query) if query.suffix.lower() in EXTENSIONS else None
-    nearest = search(run, query, frame, source)
-    seconds = time.perf_counter() - start
-    rows = [("rank", "name", "class", "distance")]
-    panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or nearest.query.mesh)]
-    for rank, hit in enumerate(nearest.hits[:k], 1):
-        identifier, subject, distance = hit.entry.identifier, hit.entry.subject, f"{hit.distance:.4g}"
-        rows.append((str(rank), identifier, subject, distance))
-        if picture:
-            form = None if run.describes else run.stored_form(hit.entry)
-            panels.append((f"{rank}. {identifier}\n{subject}\n{distance}", form))
     if picture:
+        panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or shape.mesh)]
+        for rank, *texts in rows:
+            panels.append((f"{rank}. " + "\n".join(texts), read_form(options.results, record, texts[0])))
         save_png(retrieved_picture(panels), picture)
-    return [*aligned(rows), _summary(nearest, seconds)]
+    margin = f"by a margin of {nearest.margin:.1%} over the second class"
+    say(f"class {hits[0].subject}, {margin}; {time.perf_counter() - start:.1f} s")
 
 
-def _summary(nearest: SearchResult, seconds: float) -> str:
-    added = f", {nearest.n_computed} made from their forms and kept" if nearest.n_computed else ""
-    return (
-        f"class {nearest.hits[0].entry.subject}, by a margin of {nearest.margin:.1%} over the second class; "
-        f"{nearest.n_read} signatures read{added}, {seconds:.1f} s"
+def _input(query: Path, shapes: ShapeSet, component: Component) -> Input:
+    """Return the input for a query and a gallery: a view if either is a depth image, or the method's only input."""
+    is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in shapes.inputs
+    input_: Input = "view" if is_view or "mesh" not in component.info.inputs else "mesh"
+    if input_ not in component.info.inputs:
+        raise ConfigurationError(
+            f"method '{component.name}' needs complete surfaces, and {query} is compared with views",
+            "choose a method that accepts views",
+        )
+    return input_
+
+
+def _record(options: Selection, name: str, input_: Input, component: Component) -> Record:
+    wanted = (name, input_, component.name, options.seed)
+    for record in read_records(options.results, published=False):
+        place = (record.gallery, record.input, record.method, record.seed)
+        if place == wanted and record.scorer in ("", options.scorer):
+            return record
+    raise ConfigurationError(
+        f"no form of {name} by {component.name} is kept in {options.results}",
+        f"run `python -m benchmark run -m {component.name} -d {name} --input {input_}` first",
     )
+
+
+def query_shape(query: Path, preparation: Preparation, request: Request) -> Shape:
+    """Return a mesh or depth image as it is passed to the method, in the frame of the gallery."""
+    if query.suffix.lower() in EXTENSIONS:
+        width = preparation.shapes.half_width or HALF_WIDTH
+        arrays = prepare_view(request.camera.files(query).observe().surface, UPRIGHT, width)
+    elif preparation.input == "mesh":
+        arrays = prepare_mesh(read_mesh(query))
+    else:
+        arrays = prepare_view(read_mesh(query), FRONT, preparation.half_width)
+    return shape_of(arrays, query.stem, request.seed)
+
+
+def _method(component: Component, gallery: Gallery, results: Path) -> Any:
+    """Return a method, a learner with its model for the first shape of a gallery."""
+    models = find_models(component, gallery, results / "models")
+    created = component.create()
+    return next((created.load(model.folder) for model in models.values()), created)

@@ -29,6 +29,7 @@ from benchmark.runs import Planned, estimate
 from benchmark.runs import plan as make_plan
 from benchmark.runs import run as run_jobs
 from benchmark.runs.planning import Again
+from benchmark.scoring.rows import score_forms as score_folder
 from benchmark.text import brief, clean, say, say_lines
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
@@ -117,8 +118,6 @@ def outcome(record: Record) -> str:
 
 def score_forms(selection: Selection, forms: Sequence[str]) -> None:
     """Score forms of other programs, ``NAME=DIR`` each, beside the rows of a data set, and print its tables."""
-    from benchmark.scoring.rows import score_forms as score_folder
-
     folders = {title: Path(folder) for title, _, folder in (form.partition("=") for form in forms)}
     if len(folders) < len(forms) or not all(map(str, folders)) or not selection.datasets or selection.methods:
         raise ConfigurationError(

@@ -12,10 +12,9 @@ from benchmark.api.parameters import assignments
 from benchmark.check import check as run_check
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError
-from benchmark.plugins.registry import methods, variant
 from benchmark.protocols.tables import trainings_of
 from benchmark.protocols.trainings import Training, find_training, own_training
-from benchmark.registry import find
+from benchmark.registry import find, methods, select_one
 from benchmark.text import say
 
 
@@ -46,7 +45,7 @@ def train(
     parameters
         Parameters of the method.
     """
-    spec = variant(method, methods(options.plugins))
+    spec = select_one(method, options.plugins)
     if not spec.learns:
         raise _no_learner(method, options.plugins)
     spec = spec.with_parameters({name: value for name, value in parameters.items() if value is not None})

@@ -198,7 +198,6 @@ def canonicalise(
         Option("-o", "--output", metavar="OUT", help="Mesh file [IN-METHOD.off], or folder for several [forms]."),
     ] = None,
     plugins: shared.Plugins = [],
-    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
     seed: shared.Seed = 0,
     vertices: Annotated[
         str, Option("--vertices", metavar="N|all", help="Number of vertices, or all of the file. [2000]")
@@ -215,7 +214,7 @@ def canonicalise(
     from benchmark.cli import forms as body
 
     camera = body.Camera(intrinsics, mask, depth_scale)
-    request = body.Request(method, tuple(plugins), seed, timeout, camera)
+    request = body.Request(method, tuple(plugins), seed, camera)
     _end(body.canonicalise(paths, request, output, vertices, picture))
 
 
@@ -228,7 +227,6 @@ def retrieve(
     plugins: shared.Plugins = [],
     results: shared.Results = RESULTS,
     data_root: shared.DataRoot = None,
-    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
     seed: shared.Seed = 0,
     intrinsics: shared.Intrinsics = "",
     mask: shared.Mask = None,
@@ -240,7 +238,7 @@ def retrieve(
 
     selection = Selection(scorer=scorer, plugins=tuple(plugins), results=results, data_root=data_root, seed=seed)
     camera = body.Camera(intrinsics, mask, depth_scale)
-    body.retrieve(query, dataset, body.Request(method, tuple(plugins), seed, timeout, camera), selection, k, picture)
+    body.retrieve(query, dataset, body.Request(method, tuple(plugins), seed, camera), selection, k, picture)
 
 
 def new(
