@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 
@@ -43,10 +44,12 @@ def _galleries(selection: Selection) -> list[Gallery]:
     own = tuple(name for name, component in data_sets(selection.plugins).items() if component.plugin)
     names = sources(selection.datasets if named else own, selection.plugins)
     chosen = galleries(selection.tables, names, root, selection.quick, set(selection.methods) - {EVERY})
-    if selection.input:
-        for gallery in chosen:
-            gallery.check_input(selection.input)
-    return chosen
+    if not selection.input:
+        return chosen
+    fitting = [gallery for gallery in chosen if selection.input in gallery.inputs]
+    if not fitting:
+        chosen[0].check_input(selection.input)
+    return fitting
 
 
 def planned_jobs(selection: Selection, again: Again = "") -> list[Planned]:
@@ -190,8 +193,8 @@ def _estimate(jobs: Sequence[Planned], results: Path) -> list[str]:
     expected, cores = estimate(to_run, results), available_cores()
     lines = [f"{len(to_run)} of {len(jobs)} jobs to run"]
     if expected.seconds:
-        wall = duration(expected.seconds / cores)
-        lines += [f"at most about {duration(expected.seconds)} of work, {wall} with {cores} processes"]
+        work, wall = (timedelta(seconds=round(each)) for each in (expected.seconds, expected.seconds / cores))
+        lines += [f"at most about {work} of work, {wall} with {cores} processes"]
     if expected.unknown:
         lines += [f"{expected.unknown} of them cannot be estimated: no job of their method has finished"]
     return lines
