@@ -19,7 +19,6 @@ from benchmark.cli.verbs import OF_DATA, VERBS
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
-from benchmark.plugins import close_process
 from benchmark.text import say
 
 #: Name of the program in messages.
@@ -62,15 +61,9 @@ cli.add_typer(data, name="data")
 
 
 def program() -> None:
-    """Run the command line as a program; this process imports no plugin."""
-    close_process()
+    """Run the command line; an error that the user can correct is printed on one line, with exit code 2."""
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _interrupt)
-    main()
-
-
-def main() -> None:
-    """Run the command line; an error that the user can correct is printed on one line, with exit code 2."""
     pin_threads()
     choose_kernel_cache()
     _open_streams()

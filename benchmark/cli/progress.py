@@ -33,19 +33,22 @@ class Bar:
         Number of jobs that run.
     expected
         Seconds that they are expected to take, which is the time left until the first form is done.
+    console
+        Where it is shown; stderr by default.
     """
 
-    def __init__(self, n_jobs: int, expected: float) -> None:
-        self._n_jobs, self._expected, self._n_ended = n_jobs, expected, 0
+    def __init__(self, n_jobs: int, expected: float, console: Console | None = None) -> None:
+        self._n_jobs, self._expected, self._n_ended, self._state = n_jobs, expected, 0, State(0, 0)
         self._start = self._shown = time.monotonic()
+        console = console or Console(file=sys.stderr)
         rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
         self._bar = Progress(
             BarColumn(16),
             TextColumn("{task.fields[counts]}", table_column=Column(no_wrap=True), markup=False),
             TextColumn("{task.description}", table_column=rest, markup=False),
-            console=Console(file=sys.stderr), expand=True, disable=not (n_jobs and sys.stderr.isatty()),
+            console=console, expand=True, disable=not (n_jobs and console.is_terminal),
         )  # fmt: skip
-        self._task = self._bar.add_task("starting", total=None, counts=self._counts(State(0, 0)))
+        self._task = self._bar.add_task("starting", total=None, counts=self._counts())
 
     def __enter__(self) -> Bar:
         self._bar.start()
@@ -58,8 +61,9 @@ class Bar:
 
     def watch(self, state: State) -> None:
         """Show how far the run is."""
+        self._state = state
         working = clean("; ".join(state.working)) or "ranking"
-        counts = self._counts(state)
+        counts = self._counts()
         self._bar.update(
             self._task, completed=state.done, total=state.total or 1, counts=counts, description=working
         )  # fmt: skip
@@ -68,7 +72,8 @@ class Bar:
             self._shown = now
             self._say(f"{counts}, {working}")
 
-    def _counts(self, state: State) -> str:
+    def _counts(self) -> str:
+        state = self._state
         elapsed = time.monotonic() - self._start
         left = elapsed * (state.total - state.done) / state.done if state.done else self._expected - elapsed
         remaining = f", {timedelta(seconds=round(left))} left" if left > 0 else ""
@@ -77,6 +82,7 @@ class Bar:
     def ended(self, line: str) -> None:
         """Print the line of a finished job."""
         self._n_ended += 1
+        self._bar.update(self._task, counts=self._counts())
         if self._bar.disable:
             self._say(line)
         else:

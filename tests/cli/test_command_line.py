@@ -1,8 +1,8 @@
-"""The suite as its users meet it: through the command line."""
+"""The command line as a whole: its size, what it imports, what it refuses, and what it never overwrites."""
 
+import importlib.metadata
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -10,104 +10,142 @@ import time
 from pathlib import Path
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
+from benchmark.cli.main import cli
+from benchmark.errors import ConfigurationError
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]
-SCORES = ("table", "dataset", "input", "method", "NN", "FT", "ST", "DCG", "n_shapes", "unsupported", "status")
-METHODS = ("-m", "identity", "-m", "classic-mds", "-m", "surface-area")
+VERBS = typer.main.get_command(cli).commands
+ALL = {**VERBS, **{f"data {name}": verb for name, verb in VERBS["data"].commands.items()}}
 
 
-def command(*arguments):
-    return [sys.executable, "-m", "benchmark", *map(str, arguments)]
-
-
-def benchmark(*arguments, env=None, **options):
+def benchmark(*arguments, **options):
     clean = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
+    command = [sys.executable, "-m", "benchmark", *map(str, arguments)]
     return subprocess.run(
-        command(*arguments),
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=280,
-        check=False,
-        env=clean | (env or {}),
-        **options,
+        command, capture_output=True, text=True, cwd=ROOT, timeout=280, check=False, env=clean, **options
     )
 
 
-def scores(arguments):
-    rows = json.loads(benchmark("tables", *arguments, "--format", "json").stdout)
-    return [{name: row[name] for name in SCORES} for row in rows]
+def refusal(*words):
+    """The error of a verb that refuses, as the program prints it on one line."""
+    error = CliRunner().invoke(cli, list(map(str, words))).exception
+    assert isinstance(error, ConfigurationError), error
+    return str(error)
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A finished run of three methods on both inputs, two jobs at a time."""
-    folder = tmp_path_factory.mktemp("finished")
-    arguments = ("-d", write_rods(folder / "rods"), *METHODS, "--results", folder / "results")
-    return arguments, benchmark("run", *arguments, "-j", 2)
+@pytest.mark.parametrize("name", ALL)
+def test_the_help_of_a_verb_fits_a_screen(name):
+    done = CliRunner().invoke(cli, [*name.split(), "--help"], env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"})
+    assert done.exit_code == 0
+    assert len(done.output.splitlines()) <= 45
+    assert "..." not in done.output.partition("Commands:")[2]
 
 
-def test_help_and_lists_answer_at_once():
-    # Time of the processor, for the machine may be busy; best of three, for the first call may write bytecode.
-    for arguments, limit in (("--help",), 0.3), (("list", "methods"), 0.5):
-        seconds = []
-        for _ in range(3):
-            before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            assert benchmark(*arguments).returncode == 0
-            after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            seconds.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
-        assert min(seconds) < 2 * limit
+def test_there_are_few_verbs_and_options():
+    options = {option for verb in ALL.values() for p in verb.params for option in p.opts if option.startswith("--")}
+    assert len(VERBS) <= 16
+    assert len(options) <= 43
 
 
-def test_the_help_of_a_verb_imports_none():
+def test_help_imports_no_numerical_library():
     program = """
 import sys
 from typer.testing import CliRunner
 from benchmark.cli.main import cli
-from typer.main import get_command
-for name, command in get_command(cli).commands.items():
-    for words in [[name], *([name, inner] for inner in getattr(command, "commands", ()))]:
-        assert CliRunner().invoke(cli, [*words, "--help"]).exit_code == 0
-print({"numpy", "scipy", "pandas", "torch", "rich"} & sys.modules.keys())
+assert CliRunner().invoke(cli, ["run", "--help"]).exit_code == 0
+print({"numpy", "scipy", "pandas", "torch"} & sys.modules.keys())
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == "set()\n"
 
 
+def test_the_version_is_that_of_the_package():
+    assert (
+        benchmark("--version").stdout == f"canonical-forms {importlib.metadata.version('canonical-forms-benchmark')}\n"
+    )
+
+
+# The folder of official data -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "line", ["list methods", "list scorers", "describe gps", "tables --published -t III", "compare gps gps --published"]
+)
+def test_what_reads_no_data_does_not_look_for_it(line):
+    done = CliRunner().invoke(cli, line.split(), env={"CANONICAL_FORMS_DATA": "/no/such/folder"})
+    assert "/no/such/folder" not in f"{done.output}{done.exception}"
+
+
+@pytest.mark.parametrize("line", ["list datasets", "plan -t III", "data check animals"])
+def test_what_reads_data_says_that_the_folder_is_missing(line):
+    assert "data root no-such is not a readable folder" in refusal(*line.split(), "--data-root", "no-such")
+
+
+@pytest.mark.parametrize(("given", "right"), [("sets/tosca", "sets"), (".", "sets"), ("sets", ""), ("other/a", "")])
+def test_a_wrong_data_root_is_refused_with_the_right_one(tmp_path, given, right):
+    (tmp_path / "sets" / "tosca").mkdir(parents=True)
+    (tmp_path / "other" / "a" / "b").mkdir(parents=True)
+    if right:
+        assert f"pass --data-root {tmp_path / right}" in refusal("list", "datasets", "--data-root", tmp_path / given)
+    else:
+        assert CliRunner().invoke(cli, ["list", "datasets", "--data-root", str(tmp_path / given)]).exit_code == 0
+
+
+# Files of the user ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A finished run of two methods on both inputs."""
+    folder = tmp_path_factory.mktemp("finished")
+    arguments = ("-d", write_rods(folder / "rods"), "-m", "identity", "-m", "surface-area")
+    assert benchmark("run", *arguments, "--results", folder / "results", "-j", 2).returncode == 0
+    return arguments, folder / "results"
+
+
+def test_an_edited_table_is_not_overwritten(finished, tmp_path):
+    words = ("tables", "--results", finished[1], "-o", tmp_path / "out")
+    assert CliRunner().invoke(cli, list(map(str, words))).exit_code == 0
+    (table, *_) = (tmp_path / "out").glob("*.md")
+    table.write_text("edited")
+    assert f"{table} was edited" in refusal(*words)
+    assert table.read_text() == "edited"
+    assert CliRunner().invoke(cli, [*map(str, words), "--force"]).exit_code == 0
+    assert table.read_text() != "edited"
+
+
+def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):
+    words = ("report", "--results", finished[1], "--of", "cost", "--figure", tmp_path / "cost.png")
+    (tmp_path / "cost.png").write_text("mine")
+    assert "pass --force" in refusal(*words)
+    assert (tmp_path / "cost.png").read_text() == "mine"
+
+
+# Runs ----------------------------------------------------------------------------------------------------------------
+
+
 @pytest.mark.slow
 def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
-    arguments, _ = finished
-    other = (*arguments[:-1], tmp_path / "killed")
-    process = subprocess.Popen(
-        command("run", *other, "-j", "1"),
-        cwd=ROOT,
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    folder = tmp_path / "killed" / "runs" / "records"
+    arguments, results = finished
+    command = [sys.executable, "-m", "benchmark", "run", *map(str, arguments), "--results", str(tmp_path), "-j", "1"]
+    process = subprocess.Popen(command, cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL)
+    records = tmp_path / "runs" / "records"
     deadline = time.monotonic() + 200
-    while len(list(folder.glob("*.json"))) < 2 and time.monotonic() < deadline:
-        time.sleep(0.1)
+    while len(list(records.glob("*.json"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    kept = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.json")}
-    assert 2 <= len(kept) < 6
-    again = benchmark("run", *other)
-    assert again.stdout.startswith(f"{6 - len(kept)} of 6 jobs to run, {len(kept)} finished before")
-    assert kept == {name: (folder / name).stat().st_mtime_ns for name in kept}
-    assert scores(other) == scores(arguments)
-
-
-@pytest.mark.slow
-@pytest.mark.data
-def test_cats_and_horses_of_tosca_are_told_apart(data_root, tmp_path):
-    arguments = ("-t", "III-held-out", "--input", "mesh", "-m", "classic-mds", "--data-root", data_root)
-    done = benchmark("run", *arguments, "--results", tmp_path)
-    assert done.returncode == 0, done.stderr
-    told = benchmark("tables", *arguments, "--results", tmp_path, "--format", "json").stdout
-    row = next(row for row in json.loads(told) if row["method"] == "classic-mds")
-    assert (row["dataset"], row["n_shapes"], row["n_classes"]) == ("tosca", 19, 2)
-    assert row["NN"] >= 0.9
+    kept = {path.name: path.stat().st_mtime_ns for path in records.glob("*.json")}
+    assert 2 <= len(kept) <= 4
+    again = benchmark("run", *arguments, "--results", tmp_path)
+    assert f"{4 - len(kept)} of 4 jobs to run, {len(kept)} finished before" in again.stdout
+    assert kept == {name: (records / name).stat().st_mtime_ns for name in kept}
+    rows = [
+        json.loads(benchmark("tables", "--results", folder, "--format", "json").stdout)
+        for folder in (tmp_path, results)
+    ]
+    assert [[{**row, "seconds": 0} for row in found] for found in rows][0] == [{**row, "seconds": 0} for row in rows[1]]

@@ -1,34 +1,42 @@
-"""Progress of a run where there is no terminal."""
+"""Progress of a run: counts and the time left are never cut."""
 
-from pathlib import Path
-from types import SimpleNamespace
+import io
+import re
 
 import pytest
-from typer.testing import CliRunner
+from rich.console import Console
 
-from benchmark.cli import run as run_module
-from benchmark.cli.main import cli
-from tests.execution.test_executors import orders
-from tests.toy import write_rods
+from benchmark.cli.progress import Bar
+from benchmark.runs import Progress
+
+WORKING = (
+    "mesh-unfolding[iterations=200,step=0.25], woman-3_standing-on-one-leg",
+    "learned-without-weighting, man-a1_x",
+)
 
 
-def test_one_shape_that_is_waited_for_is_named_in_place_of_an_estimate(tmp_path, monkeypatch, capsys):
-    clock = iter([0.0, *range(1, 100, 15)])
-    monkeypatch.setattr(run_module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
-    display = run_module._Display(orders(tmp_path, ("identity",)))
-    for done in (0, 1, 2, 2):
-        display.watch(["rods mesh identity, big"], done)
+@pytest.mark.parametrize("width", [80, 160])
+def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
+    screen = io.StringIO()
+    with Bar(12, 90.0, Console(file=screen, force_terminal=True, width=width, color_system=None)) as bar:
+        for done in range(0, 161, 40):
+            bar.watch(Progress(done, 160, WORKING))
+        bar.ended("ok           animals mesh gps  NN .98 FT .76 ST .90 DCG .93  (.12 s a shape)")
+    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()).replace("\r", "\n")
+    lines = [line.rstrip() for line in shown.split("\n") if "forms" in line]
+    assert max(map(len, lines)) <= width
+    assert "0/12 jobs, 0:01:30 left" in lines[0]
+    assert "160/160 forms, 1/12 jobs" in lines[-1]
+    assert "left" not in lines[-1]
+    assert any("mesh-unf" in line for line in lines)
+
+
+def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
+    monkeypatch.setattr("benchmark.cli.progress.INTERVAL", 0.0)
+    with Bar(2, 60.0) as bar:
+        bar.watch(Progress(0, 10, ("gps, cat0",)))
+        bar.ended("ok           rods mesh gps")
     assert capsys.readouterr().err.splitlines() == [
-        "1 of 3 shapes after 16 s, about 32 s left",
-        "2 of 3 shapes after 31 s, about 16 s left",
-        "2 of 3 shapes after 46 s, rods mesh identity, big",
+        "0/10 forms, 0/2 jobs, 0:01:00 left, gps, cat0",
+        "ok           rods mesh gps",
     ]
-
-
-@pytest.mark.parametrize("compiled", [[], [Path("module.kernel.nbi")]])
-def test_the_first_run_says_that_kernels_are_compiled(compiled, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_module, "compiled_kernels", lambda source: compiled)
-    words = ["-d", str(write_rods(tmp_path / "rods")), "-m", "surface-area", "--input", "mesh", "-j", "0"]
-    done = CliRunner().invoke(cli, ["run", *words, "--results", str(tmp_path / "results")])
-    assert done.exit_code == 0, done.output
-    assert ("compiles kernels" in done.stderr) == (not compiled)
