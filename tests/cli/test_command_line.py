@@ -144,8 +144,7 @@ def test_a_run_killed_in_the_middle_goes_on_where_it_was(finished, tmp_path):
     again = benchmark("run", *arguments, "--results", tmp_path)
     assert f"{4 - len(kept)} of 4 jobs to run, {len(kept)} finished before" in again.stdout
     assert kept == {name: (records / name).stat().st_mtime_ns for name in kept}
-    rows = [
-        json.loads(benchmark("tables", "--results", folder, "--format", "json").stdout)
-        for folder in (tmp_path, results)
-    ]
-    assert [[{**row, "seconds": 0} for row in found] for found in rows][0] == [{**row, "seconds": 0} for row in rows[1]]
+    folders = (tmp_path, results)
+    rows = [json.loads(benchmark("tables", "--results", each, "--format", "json").stdout) for each in folders]
+    killed, whole = ([{**row, "seconds": 0} for row in found] for found in rows)
+    assert killed == whole
