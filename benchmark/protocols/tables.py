@@ -52,6 +52,7 @@ TITLES: Mapping[str, str] = {
     "learned": "Depth network, 128 px",
     "learned-size-free": "Depth network, size unknown",
     "learned-wide-extra": "Depth network, extra data",
+    "learned-wide-extra[training=animals-sampled]": "Depth network, extra animals",
     "learned-streamed": "Depth network, streamed",
     "learned-strict": "strict training",
     "learned-without-srf": "without SRF",

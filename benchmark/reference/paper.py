@@ -103,15 +103,15 @@ class Claim:
 _WITHOUT_ST = ("NN", "FT", "DCG")
 
 CLAIMS: tuple[Claim, ...] = (
-    *(Claim("The network beats all classical forms: synthetic humans.", "I", name, CLASSICAL) for name in NETWORKS),
-    *(Claim("... real humans.", "II", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
-    *(Claim("... animals and people.", "III", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
+    *(Claim("The network beats all classical forms.", "I", name, CLASSICAL) for name in NETWORKS),
+    *(Claim("The network beats all classical forms.", "II", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
+    *(Claim("The network beats all classical forms.", "III", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
     Claim("Short-range features help.", "IV", "learned", ("learned-without-srf",)),
     Claim("Long-range features help.", "IV", "learned", ("learned-without-lrf",)),
     Claim("Progressive weighting of the losses helps.", "IV", "learned", ("learned-without-weighting",)),
-    Claim("Poses seen in training are found better than unseen ones.", "IV", "learned", ("learned-strict",)),
+    Claim("Poses seen in training are found better.", "IV", "learned", ("learned-strict",)),
     Claim(
-        "Of the classical forms, GPS has the highest NN on synthetic humans.", "I", "gps",
+        "GPS has the highest NN of the classical forms.", "I", "gps",
         tuple(name for name in CLASSICAL if name != "gps"), ("NN",),
     ),
 )  # fmt: skip

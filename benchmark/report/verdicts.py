@@ -177,14 +177,12 @@ def verdicts_markdown(records: Sequence[Record]) -> str:
         lines += ["", *markdown_table(["Method", *MEASURES], body), ""]
     lines += wrap(
         "The paper's claims, all methods on one depth view. Leads: comparisons (rows times measures) in which the row "
-        "is ahead; certain: those significant over whole classes, in either direction (Holm's correction, 5 %; among "
-        "five classes none can be).", 100,
+        "is ahead; certain: those significant over whole classes, in either direction (Holm's correction, 5 %).", 100,
     )  # fmt: skip
     rows = []
     for one in claims(records):
-        absent = f": not all of {', '.join(TITLES.get(m, m) for m in one.missing[:2])}" if one.missing else ""
         counted = [f"{one.leads} of {one.n_comparisons}", f"{one.certain}"] if one.n_comparisons else ["", ""]
-        row = one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, f"{one.decision}{absent}"
+        row = one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, one.decision
         rows.append([*row, *counted])
     head = ["Claim", "row", "table", "decision", "leads", "certain"]
     return "\n".join([*lines, "", *markdown_table(head, rows)]) + "\n"

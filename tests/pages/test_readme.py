@@ -1,140 +1,114 @@
-"""What the README and the pages that it leads to promise is what the project does."""
+"""What the README and the page on reproduction say of the tables is what the published records say."""
 
 import json
 import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from benchmark.cli.main import cli
-from benchmark.reference import paper
-from retrieval.chance import chance_levels
-from retrieval.measures import PRINTED
-from tests.rows import is_form
+from benchmark.pipeline.records import read_records
+from benchmark.reference.paper import CLASSICAL, MEASURES, PRINTED
+from benchmark.report.formats import hundredths
+from benchmark.report.tables import table_views
+from benchmark.report.verdicts import claims, verdicts
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-IN_PYTHON = (ROOT / "docs" / "how-to" / "results.md").read_text(encoding="utf-8")
-REPRODUCTION = (ROOT / "results" / "tables" / "reproduction.md").read_text(encoding="utf-8")
+REPRODUCTION = (ROOT / "docs" / "explanation" / "reproduction.md").read_text(encoding="utf-8")
 
 
-def python_with(text: str) -> str:
-    """The one block of Python with a text in it."""
-    blocks = re.findall(r"```python\n(.*?)```", README + IN_PYTHON, re.DOTALL)
-    (block,) = (block for block in blocks if text in block)
-    return block
+@pytest.fixture(scope="module")
+def records():
+    return read_records(ROOT / "results", local=False).records
 
 
-def plugin() -> str:
-    return python_with("class Smooth")
+@pytest.fixture(scope="module")
+def views(records):
+    return {view.table.identifier: view for view in table_views(records) if view.dataset != "animals"}
 
 
-@pytest.fixture
-def clone(tmp_path, monkeypatch):
-    """The current folder is one with the published results and nothing that ran here, without official data."""
-    (tmp_path / "results").mkdir()
-    (tmp_path / "results" / "records").symlink_to(ROOT / "results" / "records")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("CANONICAL_FORMS_DATA", raising=False)
-    return tmp_path
+def shown(view, title, column):
+    """NN and DCG of a row as printed; "" if it has none."""
+    if title == "Random order":
+        scores = view.chance[column]
+    else:
+        row = next(row for row in view.rows if row.title == title)
+        scores = row.scored[column].means if column in row.scored else {}
+    return f"{hundredths(scores['NN'])} {hundredths(scores['DCG'])}" if scores else ""
 
 
-@pytest.mark.slow
-def test_results_are_read_as_shown_after_a_quick_run(clone):
-    """As a script of its own, word by word; a job of `make bench` is all that it needs."""
-    quick = ["run", "-t", "III", "-m", "gps", "--input", "mesh", "--quick", "-j", "0"]
-    assert CliRunner().invoke(cli, quick).exit_code == 0
-    told = "\nprint(len(queries), distances.shape, len(forms), min(form.n_faces for form in forms.values()) > 100)\n"
-    (clone / "script.py").write_text(python_with("open_results") + told)
-    done = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, timeout=100, check=False)
-    assert (done.stdout, done.stderr) == ("80 (26, 26) 26 True\n", "")
-
-
-def test_the_first_half_of_that_works_with_what_came_with_the_suite(clone):
-    found: dict[str, Any] = {}
-    exec(python_with("open_results").partition("\nhere")[0], found)  # noqa: S102
-    assert len(found["queries"]) == 80
-    assert {"shape", "subject", "NN", "FT", "ST", "DCG", "E", "mAP"} <= set(found["queries"].columns)
-
-
-@pytest.mark.slow
-def test_the_plugin_appears_as_a_row(tmp_path):
-    (tmp_path / "smooth.py").write_text(plugin())
-    write_rods(tmp_path / "rods")
-    words = ["run", "-d", tmp_path / "rods", "-m", "identity", "--input", "mesh", "--results", tmp_path / "results"]
-    command = [sys.executable, "-m", "benchmark", *words, "--plugin", tmp_path / "smooth.py"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=280, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "| Smoothed" in done.stdout
-
-
-def rows_in(text: str) -> list[dict[str, str]]:
-    """Rows of the table of a Markdown text, by the heads of its columns."""
-    lines = re.findall(r"^\|(.*)\|$", text, re.MULTILINE)
-    head, _, *rows = ([cell.strip() for cell in line.split("|")] for line in lines)
-    return [dict(zip(head, row, strict=True)) for row in rows]
-
-
-def test_the_rows_of_the_readme_are_those_of_table_three():
-    table = (ROOT / "results" / "tables" / "table-III-tosca.md").read_text(encoding="utf-8")
-    committed = rows_in(re.sub(" [⁰¹²³⁴⁵⁶⁷⁸⁹]+", "", table))  # the numbers are those of notes below that table
-    rows = rows_in(README)
+def test_the_rows_of_the_readme_are_those_of_the_tables(views):
+    lines = re.findall(r"^\|([^|]+)\|([^|]*)\|([^|]*)\|([^|]*)\|$", README, re.MULTILINE)
+    rows = [[cell.strip() for cell in line] for line in lines if line[0].strip() not in ("Method", "---")]
     assert len(rows) == 6
-    assert f"Six of the {len(committed) - 1} rows" in README
-    assert [row for row in rows if not any(row.items() <= full.items() for full in committed)] == []
+    for title, paper, surfaces, view in rows:
+        assert view == shown(views["III-view"], title, "all shapes")
+        if not title.startswith("Depth"):
+            assert surfaces == shown(views["III"], title, "ours")
+        if paper:
+            figures = PRINTED["III"][next(row.method for row in views["III"].rows if row.title == title)]
+            assert paper == f"{hundredths(figures['NN'])} {hundredths(figures['DCG'])}"
 
 
-def shown() -> dict[tuple[str, str, str], dict[str, float]]:
-    """Our scores in the committed tables by table, input and method; of Table III that of TOSCA."""
-    rows = json.loads((ROOT / "results" / "tables" / "tables.json").read_text(encoding="utf-8"))
-    chosen = [row for row in rows if row["NN"] is not None and row["dataset"] != "animals"]
-    found = {(row["table"], row["input"], row["method"]): row for row in chosen}
-    assert len(found) == len(chosen)
-    return found
-
-
-def forms(table: str, input_: str) -> dict[str, dict[str, float]]:
-    """Scores of the canonical forms that need no training, by method."""
-    return {
-        method: row
-        for (of_table, of_input, method), row in shown().items()
-        if (of_table, of_input) == (table, input_) and is_form(method)
-    }
-
-
-def test_the_classical_rows_of_tosca_come_out_again():
-    outcomes = {
-        name: sum(int(cell) for cell in line.split("|")[4:5])
-        for line in REPRODUCTION.partition("**The paper's claims.**")[0].splitlines()
-        if (name := "|".join(line.split("|")[1:3]).strip()).startswith("III | mesh")
-    }
-    assert list(outcomes.values()) == [23]
+def test_23_of_32_classical_figures_of_tosca_come_out_again(records):
+    counts = verdicts(records)["verdict"].value_counts()
+    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (23, 3, 6)
     assert "23 of 32 figures within .05" in README
-    near = [
-        abs(row.values["III"][measure] - forms("III", "mesh")[name][measure]) <= 0.05 + 5e-7
-        for name, row in paper.rows("III").items()
-        if name != "learned"
-        for measure in PRINTED
-    ]
-    assert (sum(near), len(near)) == (23, 32)
+    assert "23 of 32 classical figures are at most .05 apart, three more" in REPRODUCTION
 
 
-def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can() -> None:
-    rows = [row for name, row in paper.rows("II").items() if name != "learned"]
-    chance = chance_levels([subject for subject in range(40) for _ in range(10)])
-    near = [abs(row.values["II"][measure] - chance[measure]) <= 0.05 for row in rows for measure in PRINTED]
+def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views):
+    chance = views["II"].chance["ours"]
+    near = [abs(PRINTED["II"][name][m] - chance[m]) <= 0.05 for name in CLASSICAL for m in MEASURES]
     assert f"within .05 of {sum(near)} of its {len(near)}" in README
-    assert all(row["NN"] < 0.1 for name, row in forms("II", "view").items() if name not in {"gps"} and "[" not in name)
+    fair = {row.method: row.scored["ours"].means["NN"] for row in views["II-view"].rows if row.scored}
+    assert all(fair[name] < 0.1 for name in CLASSICAL if name != "gps")
 
 
 @pytest.mark.parametrize("table", ["I", "III"])
-def test_the_surface_area_beats_every_canonical_form_of_complete_surfaces(table):
-    area, rows = shown()[table, "mesh", "surface-area"], forms(table, "mesh")
-    assert len(rows) >= 10
-    assert all(area[measure] > row[measure] for row in rows.values() for measure in PRINTED)
-    assert all(shown()[numeral, "mesh", "si-hks"]["NN"] >= 0.975 - 5e-7 for numeral in ("I", "II", "III"))
+def test_the_surface_area_beats_every_canonical_form_of_complete_surfaces(views, table):
+    for column in views[table].columns:
+        scores = {row.method: row.scored[column.title].means for row in views[table].rows if column.title in row.scored}
+        forms = [row.method for row in views[table].rows if row.kind == "form" and row.method in scores]
+        assert len(forms) >= 10
+        assert all(scores["surface-area"][m] > scores[name][m] for name in forms for m in MEASURES)
+        assert scores["si-hks"]["NN"] >= 0.975 - 5e-7
+
+
+def test_claims_are_decided_as_the_page_says(records):
+    found = {(one.claim.words, one.claim.better): one.decision for one in claims(records)}
+    assert found["Poses seen in training are found better.", "learned"] == "supported"
+    assert found["Long-range features help.", "learned"] == "undecided"
+
+
+def test_of_the_galleries_that_the_text_allows_only_all_80_shapes_fit_table_three():
+    values = [PRINTED["III"][name]["NN"] for name in CLASSICAL]
+
+    def fits(value: float, queries: int) -> bool:
+        return any(abs(round(hits / queries + 1e-9, 2) - value) < 1e-9 for hits in range(queries + 1))
+
+    assert [all(fits(value, n) for value in values) for n in (19, 41, 80)] == [False, False, True]
+
+
+def test_committed_tables_are_those_of_the_published_records():
+    command = [sys.executable, "-m", "benchmark", "tables", "--check", "-o", "results/tables"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads((ROOT / "results" / "tables" / "tables.json").read_text())
+
+
+@pytest.mark.slow
+def test_the_plugin_of_the_readme_appears_as_a_row(tmp_path):
+    (block,) = (block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "class" in block)
+    (tmp_path / "own.py").write_text(block)
+    write_rods(tmp_path / "rods")
+    words = ["run", "-d", tmp_path / "rods", "-m", "identity", "--input", "mesh", "--results", tmp_path / "results"]
+    command = [sys.executable, "-m", "benchmark", *words, "--plugin", tmp_path / "own.py"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=280, check=False)
+    assert done.returncode == 0, done.stderr
+    title = re.search(r'title="([^"]+)"', block)
+    assert title
+    assert f"|{title[1]}" in done.stdout
