@@ -1,14 +1,26 @@
-"""The harness: what to run, running it, showing it."""
+"""Canonical forms for non-rigid shape retrieval: run methods, score them, and show the results."""
 
+from __future__ import annotations
+
+from importlib import import_module
 from typing import Any
 
-#: What is offered here, and the module that has it: none is imported before it is asked for.
-_OFFERED = {"open_results": "benchmark.report.results", "score": "benchmark.scoring.evaluation"}
+#: Module of each name; none is imported before it is used.
+_OFFERED = {
+    "canonicalise": "benchmark.notebook",
+    "open_results": "benchmark.report.results",
+    "run": "benchmark.notebook",
+    "score": "benchmark.scoring.evaluation",
+}
+
+__all__ = sorted(_OFFERED)
 
 
 def __getattr__(name: str) -> Any:
     if name not in _OFFERED:
         raise AttributeError(f"module 'benchmark' has no attribute '{name}'")
-    from importlib import import_module
-
     return getattr(import_module(_OFFERED[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 import trimesh
 
-from benchmark.api import DatasetInfo, Entry, Mesh
+from benchmark.api import Entry, Mesh, ShapeSet
 
 #: Half the two widths of each class; half the length is 1.
 WIDTHS = {"flat": (0.12, 0.4), "round": (0.2, 0.2), "thick": (0.4, 0.35)}
@@ -18,27 +14,21 @@ WIDTHS = {"flat": (0.12, 0.4), "round": (0.2, 0.2), "thick": (0.4, 0.35)}
 BENDS = (0.3, 0.8, 1.3, 1.8)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BentEllipsoids:
-    """Three classes in four poses; bending keeps distances along the middle, as a joint does."""
+def bent_ellipsoid(entry: Entry) -> Mesh:
+    """Return the mesh of a shape; bending keeps distances along the middle, as a joint does."""
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    x, y, along = (sphere.vertices * [*WIDTHS[entry.subject], 1.0]).T
+    bend = BENDS[int(entry.pose)]
+    radius = 1 / bend - x
+    bent = np.stack([1 / bend - radius * np.cos(bend * along), y, radius * np.sin(bend * along)], axis=1)
+    return Mesh(bent, sphere.faces)
 
-    info: ClassVar[DatasetInfo] = DatasetInfo(
-        name="bent-ellipsoids",
-        title="Bent Ellipsoids",
-        summary="bent ellipsoids, 3 classes x 4 poses",
-    )
 
-    def entries(self) -> Iterable[Entry]:
-        """List the shapes by class; ``subject`` is what has to be found again, ``pose`` what must not matter."""
-        for subject in WIDTHS:
-            for number in range(len(BENDS)):
-                yield Entry(identifier=f"{subject}{number}", subject=subject, pose=str(number))
-
-    def load(self, entry: Entry) -> Mesh:
-        """Make the mesh of a shape; leave this out if every entry has the ``path`` of a mesh file."""
-        sphere = trimesh.creation.icosphere(subdivisions=3)
-        x, y, along = (sphere.vertices * [*WIDTHS[entry.subject], 1.0]).T
-        bend = BENDS[int(entry.pose)]
-        radius = 1 / bend - x
-        bent = np.stack([1 / bend - radius * np.cos(bend * along), y, radius * np.sin(bend * along)], axis=1)
-        return Mesh(bent, sphere.faces)
+#: Each shape has a name of its own, a class that has to be found again, and a pose that must not matter.
+BENT_ELLIPSOIDS = ShapeSet(
+    name="bent-ellipsoids",
+    title="Bent Ellipsoids",
+    summary="bent ellipsoids, 3 classes x 4 poses",
+    shapes=tuple(Entry(f"{name}{pose}", name, str(pose)) for name in WIDTHS for pose in range(len(BENDS))),
+    load=bent_ellipsoid,
+)

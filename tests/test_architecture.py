@@ -24,7 +24,7 @@ LAYERS = (
     ("benchmark.pipeline",),
     ("benchmark.execution", "benchmark.runs", "benchmark.protocols.pairs"),
     ("benchmark.report",),
-    ("benchmark.depth_forms", "benchmark.scoring"),
+    ("benchmark.depth_forms", "benchmark.notebook", "benchmark.scoring"),
     ("benchmark.cli", "benchmark.kernels.__main__"),
     ("benchmark.__main__",),
 )

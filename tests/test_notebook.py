@@ -1,24 +1,89 @@
-"""The notebook of the examples runs from its first cell to its last."""
+"""The benchmark from Python: names, objects and functions among the methods, in this process."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 import pytest
+
+import benchmark
+from baselines.classic_mds import ClassicMDS
+from baselines.gps import GPS
+from benchmark.api import Shape
+from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.geometry.preparation import prepare
+from tests.toy import rod, write_rods
 
 NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_table.ipynb"
 
 
+def flat_shape(shape):
+    return shape.mesh.vertices * [1, 1, 0.5]
+
+
+def broken(shape):
+    return topp  # noqa: F821
+
+
+def test_dir_lists_what_there_is():
+    assert dir(benchmark) == ["canonicalise", "open_results", "run", "score"]
+    with pytest.raises(AttributeError, match="module 'benchmark' has no attribute 'rum'"):
+        _ = benchmark.rum
+
+
+def test_jobs_run_in_this_process_once_and_silently(tmp_path, capfd):
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    methods = ["identity", ClassicMDS(), flat_shape, broken]
+    jobs = benchmark.run(rods, methods, results=tmp_path / "results")
+    jobs = jobs.reset_index().set_index("method")
+    assert list(jobs.index) == ["classic-mds", "identity", "flat-shape", "broken"]
+    assert list(jobs["status"]) == ["ok", "ok", "ok", "failed"]
+    assert re.search(r"test_notebook.py:\d+: NameError: name 'topp' is not defined", jobs.loc["broken", "reason"])
+    assert capfd.readouterr() == ("", "")
+    again = benchmark.run(rods, methods[:3], results=tmp_path / "results").set_index("method")
+    assert list(again["finished"]) == list(jobs["finished"][:3])
+    keys = jobs["job"]
+    form = benchmark.open_results(tmp_path / "results").form(keys["flat-shape"], "thin0")
+    prepared = benchmark.open_results(tmp_path / "results").form(keys["identity"], "thin0")
+    np.testing.assert_allclose(form.vertices, prepared.vertices * [1, 1, 0.5], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("data", "methods", "message"),
+    [("rods", ["gsp"], "unknown method 'gsp'; did you mean gps"), ("nowhere", ["gps"], "nowhere")],
+)
+def test_what_is_unknown_is_raised(data, methods, message, tmp_path, monkeypatch):
+    write_rods(tmp_path / "rods")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigurationError, match=message):
+        benchmark.run(data, methods)
+
+
+def test_a_surface_is_prepared_as_in_a_run():
+    mesh = rod(0.1, 1.0)
+    form = benchmark.canonicalise(mesh.vertices, mesh.faces, "gps")
+    prepared = Shape(identifier="rod", mesh=prepare(mesh).mesh)
+    np.testing.assert_array_equal(form.vertices, GPS().canonicalise(prepared).vertices)
+    np.testing.assert_array_equal(benchmark.canonicalise(mesh.vertices, mesh.faces, GPS()).vertices, form.vertices)
+    assert benchmark.canonicalise(mesh.vertices, mesh.faces, flat_shape, n_vertices=100).vertices.shape[1] == 3
+    with pytest.raises(ConfigurationError, match="'shape-dna' computes no forms"):
+        benchmark.canonicalise(mesh.vertices, mesh.faces, "shape-dna")
+    with pytest.raises(InvalidMesh):
+        benchmark.canonicalise(mesh.vertices * np.nan, mesh.faces)
+
+
 @pytest.mark.slow
-def test_the_cells_run_one_after_the_other(tmp_path, monkeypatch):
+def test_the_cells_of_the_notebook_run_one_after_the_other(tmp_path, monkeypatch):
     mpl.use("Agg")
     monkeypatch.chdir(tmp_path)
     found: dict[str, Any] = {}
     for cell in json.loads(NOTEBOOK.read_text())["cells"]:
         if cell["cell_type"] == "code":
             exec("".join(cell["source"]), found)  # noqa: S102
-    assert list(found["jobs"]["status"]) == ["ok", "ok"]
+    assert list(found["jobs"]["status"]) == ["ok"] * 3
     assert len(found["sweep"]) == 3
     assert len(found["curves"]) == 8
     assert found["form"].n_vertices > 100

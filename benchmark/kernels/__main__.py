@@ -64,10 +64,10 @@ def compile_learners() -> None:
     """Apply the default model of a learner of each module to a small figure."""
     from benchmark.api.contracts import Shape
     from benchmark.check.shapes import figure
-    from benchmark.plugins.registry import methods
     from benchmark.protocols.models import with_model
+    from benchmark.registry import methods
 
-    of_module = {spec.module: spec for spec in methods().values() if spec.learns}
+    of_module = {spec.target.partition(":")[0]: spec for spec in methods().values() if spec.learns}
     for spec in of_module.values():
         with suppress(ConfigurationError, ShapeError):
             with_model(spec).canonicalise(Shape(identifier="figure", mesh=figure()))

@@ -216,9 +216,9 @@ def component_of(value: Any) -> Component:
     if not (isinstance(value, contract) and isinstance(info, info_type)):
         problem = f"{value!r:.80} is no method, scorer or data set: it has {lacking}, or no info"
         raise ConfigurationError(problem, "see docs/reference/plugins.md")
-    file = getattr(sys.modules.get(cls.__module__), "__file__", None)
-    module = str(Path(file).resolve()) if file and file.endswith(".py") else cls.__module__
-    if cls.__module__.partition(".")[0] in FIRST_PARTY:
-        module = cls.__module__
+    module = cls.__module__ or ""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file and file.endswith(".py") and module.partition(".")[0] not in FIRST_PARTY:
+        module = str(Path(file).resolve())
     chosen = non_default_values(cls, parameter_values(value))
     return Component(kind, str(info.name), f"{module}:{cls.__qualname__}", chosen, given=value)
