@@ -16,6 +16,7 @@ import yaml
 from numpy.typing import NDArray
 
 from benchmark.depth.errors import InvalidIntrinsics
+from benchmark.geometry.io import named_errors
 
 Rays = NDArray[np.float64]
 
@@ -155,21 +156,12 @@ def read_intrinsics(path: Path) -> Intrinsics:
     InvalidIntrinsics
         If the file is missing, holds no intrinsics, or those of a lens that is not a pinhole with Brown's distortion.
     """
-    try:
+    with named_errors(path, "file of intrinsics", InvalidIntrinsics, _HINT):
         if path.stat().st_size > _LARGEST_FILE:
             raise InvalidIntrinsics("it is too large for intrinsics", _HINT)
         text = path.read_bytes().decode("utf-8-sig")
         content = _parsed(text)
         return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
-    except InvalidIntrinsics as error:
-        raise InvalidIntrinsics(f"{path}: {error.problem}", error.hint) from error
-    except OSError as error:
-        raise InvalidIntrinsics(f"{path}: {error.strerror}", f"check the path; {_HINT}") from error
-    except UnicodeDecodeError as error:
-        raise InvalidIntrinsics(f"{path} is no text, as an image is none", _HINT) from error
-    except (ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError) as error:
-        what = f"{path} holds no intrinsics: {type(error).__name__} {' '.join(str(error).split())}"
-        raise InvalidIntrinsics(f"{what:.300}", _HINT) from error
 
 
 def _parsed(text: str) -> Any:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmark.depth.errors import InvalidDepth, InvalidMask, UnreadableDepth
+from benchmark.geometry.io import named_errors
 
 Depths = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -65,16 +66,10 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
         As in :func:`in_metres`.
     """
     suffix = path.suffix.lower()
-    if suffix not in EXTENSIONS:
-        raise UnreadableDepth(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}")
-    try:
+    with named_errors(path, f"{suffix[1:]} file", UnreadableDepth, "export the image again"):
+        if suffix not in EXTENSIONS:
+            raise UnreadableDepth(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}")
         return in_metres(_array(path) if suffix in (".npy", ".npz") else _pixels(path), scale)
-    except (InvalidDepth, UnreadableDepth) as error:
-        raise type(error)(f"{path}: {error.problem}", error.hint) from error
-    except Exception as error:  # any failure on a damaged file excludes this file only
-        what = f"not a readable {suffix[1:]} file: {' '.join(str(error).split()) or type(error).__name__}"
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else f"{what:.300}"
-        raise UnreadableDepth(f"{path}: {reason}", "check the path, or export the image again") from error
 
 
 def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
@@ -193,16 +188,11 @@ def read_mask(path: Path) -> Mask:
     InvalidMask
         If the file is unreadable.
     """
-    try:
-        with Image.open(path) as image:
-            if max(image.size) > LARGEST_SIDE:
-                raise InvalidMask(f"{path} has {image.size[0]} x {image.size[1]} pixels", "pass a mask of the image")
-            values = np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image)
-    except InvalidMask:
-        raise
-    except Exception as error:
-        what = f"{path} is no readable mask: {' '.join(str(error).split())}"
-        raise InvalidMask(f"{what:.300}", "pass a PNG that is white on the object and black elsewhere") from error
+    hint = "pass a PNG that is white on the object and black elsewhere"
+    with named_errors(path, "mask", InvalidMask, hint), Image.open(path) as image:
+        if max(image.size) > LARGEST_SIDE:
+            raise InvalidMask(f"it has {image.size[0]} x {image.size[1]} pixels", "pass a mask of the image")
+        values = np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image)
     if values.ndim == 2:
         return np.asarray(values > 0)
     bright = values[..., :3].any(axis=-1)

@@ -7,14 +7,15 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
+from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, ShapeError, UnreadableMesh
 from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.mesh import Mesh
 
@@ -48,27 +49,42 @@ def read_mesh(path: Path | str) -> Mesh:
     """
     path = Path(path)
     suffix = mesh_suffix(path)
-    if suffix == ".tri":
-        raise UnreadableMesh(f"{path} holds triangles alone", f"name {path.with_suffix('.vert').name}, its vertices")
-    if suffix not in READABLE:
-        raise UnreadableMesh(f"{path}: unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
-    data = _load(path)
-    try:
+    with named_errors(path, f"{suffix[1:]} file", UnreadableMesh, "fetch or export the file again"):
+        if suffix == ".tri":
+            raise UnreadableMesh("it holds triangles alone", f"name {path.with_suffix('.vert').name}, its vertices")
+        if suffix not in READABLE:
+            raise UnreadableMesh(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of readers, about damaged files
-            vertices, faces = _READERS[suffix](data, path)
-    except Exception as error:  # any failure of a reader on a damaged file excludes this file only
-        reason = " ".join(str(error).split()) if isinstance(error, ValueError) else ""
-        raise UnreadableMesh(
-            f"{path}: not a readable {suffix[1:]} file: {reason or f'{type(error).__name__} {error}':.200}",
-            "fetch or export the file again",
-        ) from error
-    if not len(faces):
-        raise InvalidMesh(f"{path}: there are no faces", "export a surface, not a point cloud")
-    try:
+            vertices, faces = _READERS[suffix](_load(path), path)
+        if not len(faces):
+            raise InvalidMesh("there are no faces", "export a surface, not a point cloud")
         return Mesh(vertices, faces)  # type: ignore[arg-type]
-    except InvalidMesh as error:
-        raise InvalidMesh(f"{path}: {error.problem}", error.hint) from error
+
+
+@contextmanager
+def named_errors(path: Path, what: str, kind: type[ShapeError], hint: str) -> Iterator[None]:
+    """Let any failure to read a file name it in one line; it excludes this file only.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what
+        What it should be.
+    kind, hint
+        Class and hint of failures that are no ``BenchmarkError``; those keep their own.
+    """
+    try:
+        yield
+    except BenchmarkError as error:
+        raise type(error)(f"{path}: {error.problem}", error.hint) from error
+    except Exception as error:
+        if isinstance(error, OSError) and error.strerror:
+            raise kind(f"{path}: {error.strerror}", "check the path and its permissions") from error
+        name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
+        reason = " ".join(str(error).split())
+        raise kind(f"{path}: not a readable {what}: {name}{reason:.300}", hint) from error
 
 
 def mesh_suffix(path: Path) -> str:
@@ -119,31 +135,17 @@ def _ply(mesh: Mesh) -> bytes:
 
 
 def _load(path: Path) -> bytes:
-    try:
-        data = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
-    except OSError as error:
-        raise UnreadableMesh(f"{path}: {error.strerror}", "check the path and its permissions") from error
+    data = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
     if data and path.suffix.lower() == ".gz":
-        data = _unpacked(path, data)
-    if data is None:
-        raise UnreadableMesh(f"{path}: it holds more than {LARGEST_FILE / 2**30:g} GiB", "decimate the mesh")
+        unpacker = zlib.decompressobj(31)
+        data = unpacker.decompress(data, LARGEST_FILE + 1)
+        if not unpacker.eof and len(data) <= LARGEST_FILE:
+            raise ValueError("it is cut off")
+    if data is None or len(data) > LARGEST_FILE:
+        raise UnreadableMesh(f"it holds more than {LARGEST_FILE / 2**30:g} GiB", "decimate the mesh")
     if not data.strip():
-        raise UnreadableMesh(f"{path}: the file is empty", "fetch or export the file again")
+        raise UnreadableMesh("the file is empty", "fetch or export the file again")
     return data
-
-
-def _unpacked(path: Path, data: bytes) -> bytes | None:
-    """Unpack a gzip file; None if its content is too large."""
-    unpacker = zlib.decompressobj(31)
-    try:
-        unpacked = unpacker.decompress(data, LARGEST_FILE + 1)
-    except zlib.error as error:
-        raise UnreadableMesh(f"{path}: not a readable gz file: {error}", "fetch the file again") from error
-    if len(unpacked) > LARGEST_FILE:
-        return None
-    if not unpacker.eof:
-        raise UnreadableMesh(f"{path}: not a readable gz file: it is cut off", "fetch the file again")
-    return unpacked
 
 
 def _text(data: bytes) -> bytes:
@@ -258,7 +260,9 @@ def read_obj(data: bytes, _: Path) -> Arrays:
 
 def read_vert_tri(data: bytes, path: Path) -> Arrays:
     """Read the ASCII pair of TOSCA, which counts from 1, unless it names vertex 0."""
-    vertices, faces = (_table(_lines(_text(part))) for part in (data, _load(path.with_suffix(".tri"))))
+    companion = path.with_suffix(".tri")
+    with named_errors(companion, "tri file", UnreadableMesh, "fetch it again"):
+        vertices, faces = (_table(_lines(_text(part))) for part in (data, _load(companion)))
     if vertices.shape[1] != 3 or faces.shape[1] != 3:
         raise ValueError("a line of the .vert or .tri file has not three numbers")
     first, last = int(faces.min()), int(faces.max())

@@ -219,7 +219,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "noise.stl": (bytes(range(256)), "neither an ascii STL"),
     "noise.mat": (bytes(range(256)), "not a readable mat file"),
     "noise.glb": (bytes(range(256)), "not a readable glb file"),
-    "noise.off.gz": (OFF, "not a readable gz file"),
+    "noise.off.gz": (OFF, "not a readable off file: .*incorrect header"),
     "words.obj": ("once upon a time", "no line of a vertex"),
     "unknown.xyz": ("0 0 0\n", r"unknown extension '\.xyz'; convert it to one of \.off"),
     "none": ("0 0 0\n", "unknown extension ''"),
