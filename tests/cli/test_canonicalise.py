@@ -1,43 +1,17 @@
 """The form of one mesh as a file: whole, or not there."""
 
-import re
-
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
-from benchmark.cli.forms import Request, plain_form, vertex_count, write_form
+from benchmark.cli.forms import Request, form_of_mesh, vertex_count, write_form
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
-from benchmark.execution.processes.calls import BrokenCall
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 from tests.geometry.surfaces import joined, sphere
 from tests.toy import files_of_at_most, rod, write_off
-
-pytestmark = pytest.mark.usefixtures("forked_workers")
-
-PLUGIN = """
-import os
-from benchmark.api.contracts import CanonicalForm, canonical_form
-
-@canonical_form(name="noting", title="Noting")
-def noting(shape):
-    return CanonicalForm(shape.mesh.vertices, shape.mesh.faces, {"note": NOTE})
-"""
-
-
-def test_the_file_is_there_only_if_the_method_came_to_its_end(tmp_path):
-    """One that closes all files has made its form, and cannot hand it over any more."""
-    write_off(tmp_path / "rod.off", rod(0.1, 0.5))
-    for name, note, whole in (("noting", "3", True), ("closing", "os.closerange(3, 1000)", False)):
-        plugin, target = tmp_path / f"{name}.py", tmp_path / f"{name}.off"
-        plugin.write_text(PLUGIN.replace("NOTE", f"{note} or 3").replace('"noting"', f"'{name}'"))
-        words = ["-m", name, tmp_path / "rod.off", "-o", target, "--plugin", plugin]
-        done = CliRunner().invoke(cli, ["canonicalise", *map(str, words)])
-        assert whole or isinstance(done.exception, BrokenCall)
-        assert whole or re.search("method 'closing' on .*rod.off", str(done.exception))
-        assert target.exists() == whole
 
 
 def test_a_name_that_no_mesh_can_have_is_refused_before_the_method_runs(tmp_path):
@@ -86,6 +60,17 @@ def test_a_form_is_never_written_beside_its_mesh_unasked_nor_over_it(tmp_path, m
     assert (tmp_path / "data" / "rod.off").read_bytes() == before
 
 
+def test_a_picture_shows_a_mesh_and_its_form_and_has_a_name_that_fits(tmp_path):
+    write_off(tmp_path / "rod.off", rod(0.1, 0.5))
+    words = (tmp_path / "rod.off", "-o", tmp_path / "form.off", "--picture")
+    assert "shape.jpg is not the name of a picture" in canonicalise(*words, tmp_path / "shape.jpg")
+    assert not (tmp_path / "form.off").exists()
+    canonicalise(*words, tmp_path / "shape.png")
+    with Image.open(tmp_path / "shape.png") as picture:
+        left, right = (np.asarray(picture.convert("L"))[:, half] for half in (slice(None, 300), slice(-300, None)))
+    assert min((left < 200).mean(), (right < 200).mean()) > 0.02
+
+
 def test_on_a_full_disk_the_old_form_stays(tmp_path):
     target = tmp_path / "form.off"
     target.write_text("old")
@@ -114,8 +99,8 @@ def sheared(tmp_path):
 
     def make(vertices, method="sheared", plugins=("sheared.py",)):
         request = Request(method, tuple(tmp_path / name for name in plugins))
-        found, faces, notes = plain_form(tmp_path / "in.off", request, vertices)
-        return notes, Mesh(np.array(found), np.array(faces))
+        form = form_of_mesh(tmp_path / "in.off", request, vertices)
+        return form.notes, form.mesh
 
     return make, mesh
 

@@ -8,17 +8,12 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from benchmark.cli.forms import Request, frames_under, write_forms
+from benchmark.cli.forms import Camera, Request, canonicalise, frames_under
 from benchmark.cli.main import cli
 from benchmark.depth.errors import DepthError
-from benchmark.depth.frame import FrameFiles
-from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.storage.store import Store
 from tests.datasets.test_frames import write_frames
 from tests.depth.scenes import frame, in_millimetres
-
-pytestmark = pytest.mark.usefixtures("forked_workers")
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +59,13 @@ CAMERA = "525,525,319.5,239.5"
 BAD = {
     "colour": ("colour.png", {}, "holds colours .RGB., no depth"),
     "mask that is none": ("good.png", {"mask": Path("absent.png")}, "absent.png"),
-    "no intrinsics": ("good.png", {"intrinsics": None}, "there are no intrinsics for .*; put camera.json"),
-    "scale": ("good.png", {"scale": 1.0}, "the median depth is .* m with 1 units per metre; pass .*--depth-scale"),
-    "scale the other way": ("good.png", {"scale": 1e6}, "the median depth is 0.00.* m with 1e"),
-    "absent": ("absent.png", {}, "absent.png: No such file"),
+    "no intrinsics": ("good.png", {"intrinsics": ""}, "there are no intrinsics for .*; put camera.json"),
+    "scale": (
+        "good.png",
+        {"depth_scale": 1.0},
+        "the median depth is .* m with 1 units .*; pass .*--depth-scale",
+    ),
+    "scale the other way": ("good.png", {"depth_scale": 1e6}, "the median depth is 0.00.* m with 1e"),
 }
 
 
@@ -82,21 +80,14 @@ def bad(tmp_path_factory):
 def test_each_bad_input_is_named_with_a_hint(bad, fault, tmp_path, monkeypatch):
     monkeypatch.chdir(bad)
     image, options, said = BAD[fault]
-    values = {"intrinsics": intrinsics_of(CAMERA)} | options
-    job = (FrameFiles(Path(image), **values), tmp_path / "form.off", None)
+    request = Request("identity", camera=Camera(**({"intrinsics": CAMERA} | options)))
     with pytest.raises(DepthError, match=said) as caught:
-        write_forms([job], Request("identity"), print)
+        canonicalise([Path(image)], request, tmp_path / "form.off")
     assert caught.value.hint
     assert not list(tmp_path.iterdir())
 
 
-def test_in_a_process_of_its_own_it_is_the_same_error(bad, tmp_path):
-    words = (bad / "grey.png", "-o", tmp_path / "form.off", "--intrinsics", CAMERA)
-    assert "holds 8 bits, no depth; export depth" in run("canonicalise", "-m", "identity", *words)
-    assert "unknown method" in run("canonicalise", "-m", "no-such", *words)
-
-
-def test_a_gallery_that_was_run_is_searched_and_its_signatures_are_read(frames, tmp_path):
+def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
     results, picture = tmp_path / "results", tmp_path / "found.png"
     asked = ("retrieve", "-m", "identity", "-d", frames, "--results", results, frames / "two" / "1.png")
     assert "run -m identity -d" in run(*asked)
@@ -104,17 +95,10 @@ def test_a_gallery_that_was_run_is_searched_and_its_signatures_are_read(frames, 
     first = run(*asked, "--picture", picture)
     assert first.splitlines()[0].split() == ["rank", "name", "class", "distance"]
     assert "two/1" not in first, "the query is no result"
-    assert "3 signatures read, " in first, "those of frames stay after a run"
-    other = (*asked, "--scorer", "cm-bof[image_size=128]", "-k", 2)
-    made, read = run(*other), run(*other)
-    assert "0 signatures read, 3 made from their forms and kept" in made
-    assert "3 signatures read, " in read
-    assert made.splitlines()[:3] == read.splitlines()[:3]
+    assert len(run(*asked, "-k", 2).splitlines()) == 4
     distances = [float(line.split()[-1]) for line in first.splitlines()[1:4]]
     assert distances == sorted(distances)
     with Image.open(picture) as drawn:
         assert drawn.width > drawn.height
-    (noted,) = (each["notes"] for each in Store(results / "runs").records if each["method"] == "identity")
-    assert noted["mask"] == {"given": 4} and noted["up"] == {"floor": 4} and noted["object_pixels"]["mean"] > 1000
     described = run(*(word if word != "identity" else "surface-area" for word in asked))
     assert re.search(r"class (one|two), by a margin of", described)
