@@ -13,7 +13,7 @@ from benchmark.geometry.mesh import Mesh, edges_of, sides_of
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Default number of windows per vertex; measured in docs/appendix/measurements.md.
+# Default number of windows per vertex; measured in docs/measurements.md.
 WINDOWS = 800
 
 # Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the window. The ray runs
