@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmark.api.datasets import Entry
-from benchmark.api.learning import CARD, Card, Learner, read_card
+from benchmark.api.learning import CARD, Card, Learner, digest_of, read_card
+from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_dataset
 from benchmark.datasets.human_subjects import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
+from benchmark.files import file_digest
 from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape
 from benchmark.registry import Component
 from benchmark.text import say
@@ -58,8 +60,8 @@ class Model:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the weights, which identifies the model."""
-        return self.card.digest[:16]
+        """Digest of the card, which names that of the weights: it identifies the model."""
+        return file_digest(self.folder / CARD)[:16]
 
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether a shape, or another one of its subject, was in the training data.
@@ -79,16 +81,25 @@ class Model:
         people. A card without an entry for a data set passes, unless the bodies were sampled. Cards do not state the
         distances to the people of ``animals`` and ``people[n=N]``.
         """
-        shown, training = set_of_subjects(dataset) or "", find_training(self.training)
-        has_other_bodies = training.is_sampled or (training.dataset != "humans" and self.card.clearance)
+        exact, shown = catalogued(dataset) or "", set_of_subjects(dataset) or ""
+        training, clearance = find_training(self.training), self.card.clearance
+        has_other_bodies = training.is_sampled or (training.dataset != "humans" and clearance)
         if (shown.startswith("people[n=") and has_other_bodies) or (shown == "animals" and training.is_sampled):
             problem = f"training '{self.training}' may have bodies similar to subjects of {shown}"
             raise TooNear(problem, _INSTEAD)
-        distance = self.card.clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE)
+        distance = clearance.get(exact, clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE))
         if shown in TESTED and distance < CLEARANCE:
             raise TooNear(
                 f"training '{self.training}' has bodies within {CLEARANCE} of the subjects of {shown}", _INSTEAD
             )
+
+    def check_tested(self, data_root: Path | None) -> None:
+        """Raise :class:`MissingModel` if the model was trained for other subjects than those of its training."""
+        training = find_training(self.training)
+        if self.card.tested and is_known(training.dataset) and is_present(training.dataset, data_root):
+            tested = training.tested.of(open_dataset(training.dataset, data_root))
+            if self.card.tested != digest_of({entry.subject for entry in tested}):
+                raise MissingModel(f"the model in {self.folder} is for other subjects", "train it again")
 
     def summary(self) -> dict[str, Any]:
         """Facts about the model for a record."""
@@ -139,6 +150,7 @@ def find_models(spec: Component, gallery: Gallery, trained_here: Path) -> dict[s
         raise MissingModel(error.problem, error.hint) from error
     for model in models.values():
         model.check_clearance(gallery.dataset.name)
+        model.check_tested(gallery.data_root)
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 

@@ -1,33 +1,37 @@
-"""Training pairs of learners: the shapes of a protocol with their canonical poses, as methods get them.
-
-Each time, it is checked that they include no test shape and no other shape of a test subject.
-"""
+"""Training pairs of learners: the shapes of a protocol with their canonical poses, as methods get them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from functools import cache, lru_cache
+from dataclasses import astuple
+from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import TrainingData, TrainingPair, digest_of
 from benchmark.datasets.animals.dataset import BODIES
-from benchmark.datasets.catalogue import canonical_entry, open_dataset
+from benchmark.datasets.base import canonical_shapes
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.human_subjects import PEOPLE, SUBJECTS, clearances
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.geometry.depth import DepthImage
-from benchmark.pipeline.stages.shapes import frame_of, half_width_of, seen
+from benchmark.geometry.cleaning import clean
+from benchmark.geometry.depth import DepthImage, common_half_width, depth_surface, fit_half_width
+from benchmark.geometry.mesh import Mesh
 from benchmark.protocols.trainings import Training
 
-Shapes = Sequence[tuple[Entry, Entry]]
-"""Shapes, each with that of its subject in the canonical pose."""
+Say = Callable[[str], None]
+
+VALIDATION = "people[n=10]"
+"""Set of new people, far from all tested ones, on whom trainings on people are validated, in every fifth pose."""
 
 _PHENOTYPES = {**SUBJECTS, **PEOPLE[0], **BODIES}
 """Bodies of the people in sets that are trained on."""
 
 
-def training_data(training: Training, data_root: Path | None, say: Callable[[str], None]) -> TrainingData:
+def training_data(training: Training, data_root: Path | None, say: Say) -> TrainingData:
     """Return the pairs of a protocol, which are rendered when they are read.
 
     Parameters
@@ -49,42 +53,68 @@ def training_data(training: Training, data_root: Path | None, say: Callable[[str
     if training.is_sampled:
         raise ConfigurationError(f"the bodies of '{training.name}' are not generated any more", "take its model")
     dataset = open_dataset(training.dataset, data_root)
-    tested = training.tested.of(dataset)
-    pairs, others = (_with_targets(part.of(dataset), dataset) for part in (training.trained, training.tested))
-    subjects = tuple(dict.fromkeys(entry.subject for entry, _ in pairs))
-    bodies = [_PHENOTYPES[name] for name in subjects if name in _PHENOTYPES]
-    data = TrainingData(
+    trained, tested = training.trained.of(dataset), training.tested.of(dataset)
+    canonical = canonical_shapes(dataset)
+    subjects = tuple(dict.fromkeys(entry.subject for entry in trained))
+    identifiers = dict.fromkeys(
+        [*(entry.identifier for entry in trained), *(canonical[subject].identifier for subject in subjects)]
+    )
+    _check_apart(training.name, subjects, tested)
+    new = open_dataset(VALIDATION, None) if set(subjects) <= {*SUBJECTS, *PEOPLE[0]} else dataset
+    held_out = new.shapes[::5] if new is not dataset else tested
+    return TrainingData(
         name=training.name,
         title=f"{dataset.title}, {training.words}",
         subjects=subjects,
-        identifiers=tuple(dict.fromkeys(entry.identifier for pair in pairs for entry in pair)),
+        identifiers=tuple(identifiers),
         tested=digest_of({entry.subject for entry in tested}),
-        pairs=lambda: _rendered(pairs, dataset, say),
-        n_pairs=len(pairs),
-        validation=lambda: _rendered(others, dataset, say),
-        n_validation=len(others),
-        clearance=clearances(bodies) if bodies else {},
+        pairs=lambda: _rendered(trained, dataset, _half_width(dataset), say),
+        n_pairs=len(trained),
+        validation=lambda: _rendered(held_out, new, _half_width(dataset), say),
+        n_validation=len(held_out),
+        clearance=_clearances(subjects, dataset.name),
     )
-    _check_apart(data, tested)
-    return data
 
 
-def _with_targets(entries: Iterable[Entry], dataset: ShapeSet) -> Shapes:
-    target = cache(lambda subject: canonical_entry(dataset, subject))
-    return [(entry, target(entry.subject)) for entry in entries]
+def _clearances(subjects: Sequence[str], dataset: str) -> dict[str, float]:
+    """Return the clearances of the bodies; those of ``people`` from each draw, because draws are not kept apart."""
+    bodies = [_PHENOTYPES[name] for name in subjects if name in _PHENOTYPES]
+    if not bodies:
+        return {}
+    found = clearances(bodies)
+    if dataset.startswith("people"):
+        del found["people"]
+        for draw, drawn in enumerate(PEOPLE):
+            others = np.array([astuple(body) for name, body in drawn.items() if name not in subjects])
+            nearest = min(np.linalg.norm(others - astuple(body), axis=1).min() for body in bodies)
+            found[f"people[draw={draw}]"] = float(np.floor(1e4 * nearest) / 1e4)
+    return found
 
 
-def _rendered(shapes: Shapes, dataset: ShapeSet, say: Callable[[str], None]) -> Iterator[TrainingPair]:
+def _check_apart(name: str, subjects: Sequence[str], tested: Iterable[Entry]) -> None:
+    """Raise ``ConfigurationError`` if there are no subjects to train on, or one of them is tested."""
+    if not subjects:
+        raise ConfigurationError(f"training '{name}' has no pairs", "check the data set with 'data check'")
+    if both := sorted({entry.subject for entry in tested} & set(subjects)):
+        raise ConfigurationError(
+            f"training '{name}' would include test subjects of its models: {', '.join(both[:5])}",
+            "keep the subjects of the data set apart",
+        )
+
+
+def _rendered(entries: Iterable[Entry], dataset: ShapeSet, half_width: float, say: Say) -> Iterator[TrainingPair]:
     """Yield the pairs, without those that cannot be rendered."""
-    half_width = dataset.half_width or _fitted_half_width(dataset)
+    canonical = canonical_shapes(dataset)
 
     @lru_cache(maxsize=32)  # the shapes of a subject are adjacent, and share a target
     def render(entry: Entry) -> DepthImage:
-        return seen(dataset.load(entry), dataset.camera(entry), half_width)["depth"]
+        sensor = dataset.sensor(entry)
+        return depth_surface(_surface(dataset, entry), dataset.camera(entry), half_width, sensor).depth
 
-    for entry, target in shapes:
+    for entry in entries:
+        target = canonical[entry.subject]
         try:
-            image, canonical = render(entry), render(target)
+            image, canonical_image = render(entry), render(target)
         except ShapeError as error:
             say(f"skipped {entry.identifier}: {error}")
             continue
@@ -93,27 +123,20 @@ def _rendered(shapes: Shapes, dataset: ShapeSet, say: Callable[[str], None]) -> 
             subject=entry.subject,
             target_identifier=target.identifier,
             image=image,
-            target=canonical,
+            target=canonical_image,
         )
 
 
-def _fitted_half_width(dataset: ShapeSet) -> float:
+def _surface(dataset: ShapeSet, entry: Entry) -> Mesh:
+    return clean(dataset.observe(entry).surface if dataset.observe else dataset.load(entry))[0]
+
+
+def _half_width(dataset: ShapeSet) -> float:
+    """Return half the width of the camera's frame in file units, the same for all shapes of the data set."""
+    if dataset.half_width is not None:
+        return dataset.half_width
     widths = []
     for entry in dataset.shapes:
         with suppress(ShapeError):
-            widths.append(half_width_of(dataset.load(entry), dataset.camera(entry)))
-    return frame_of(widths)
-
-
-def _check_apart(data: TrainingData, tested: Iterable[Entry]) -> None:
-    """Raise ``ConfigurationError`` if there are no pairs or one of them shows a test subject."""
-    if not data.n_pairs:
-        raise ConfigurationError(f"training '{data.name}' has no pairs", "check the data set with 'data check'")
-    both = sorted({entry.subject for entry in tested} & set(data.subjects)) + sorted(
-        {entry.identifier for entry in tested} & set(data.identifiers)
-    )
-    if both:
-        raise ConfigurationError(
-            f"training '{data.name}' would include test shapes of its models: {', '.join(both[:5])}",
-            "keep the subjects of the data set apart",
-        )
+            widths.append(fit_half_width([_surface(dataset, entry)], dataset.camera(entry)))
+    return common_half_width(widths) if widths else 1.0

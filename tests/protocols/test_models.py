@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from benchmark.api.datasets import Entry
-from benchmark.api.learning import CARD, Card, read_card
+from benchmark.api.learning import CARD, Card, digest_of, read_card
 from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.protocols.models import Model, TooNear
+from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import trainings_by_shape
 from learned.methods import Learned
 
@@ -106,20 +107,18 @@ def test_a_card_that_says_nothing_of_a_set_is_refused_there_if_its_bodies_were_g
     assert not refused(model_with("humans-sampled"), "tosca")
     assert refused(model_with("people-fold-0", clearance={"humans": 0.3}), GENERATED)
     assert refused(model_with("people-fold-0", clearance={"humans": 0.2}), "humans")
+    people = model_with("people-fold-0", clearance={"people[draw=0]": 0.3, "people[draw=1]": 0.2})
+    assert [refused(people, f"people[draw={draw}]") for draw in (0, 1)] == [False, True]
+
+
+def test_a_model_for_other_subjects_is_refused() -> None:
+    for tested, fits in ((digest_of(["man-1"]), False), ("", True)):
+        model = model_with("humans-fold-0", tested=tested)
+        with nullcontext() if fits else pytest.raises(MissingModel, match="is for other subjects; train it again"):
+            model.check_tested(None)
 
 
 def test_partial_shapes_of_tosca_are_seen_by_models_trained_on_it() -> None:
     dog = Entry("cuts_dog_shape_1", "dog", "1")
     model = model_with("tosca-III", identifiers=frozenset({"dog0"}), subjects=frozenset({"dog"}))
     assert model.has_seen(dog, "shrec16-cuts") and model.has_seen(dog, "tosca") and not model.has_seen(dog, "animals")
-
-
-def test_the_row_of_a_learner_on_random_humans_is_the_mean_of_its_models(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["plan", "-t", "I-random", "--input", "view", "--results", str(tmp_path)])
-    lines = [line.split() for line in done.stdout.splitlines() if "people" in line]
-    methods = {line[3] for line in lines}
-    assert {line[1] for line in lines} == set(RANDOM[1:])
-    assert {m for m in methods if m.startswith("learned")} == {
-        "learned", "learned[training=humans-fold-1]", "learned[training=humans-fold-2]"
-    }  # fmt: skip
-    assert {"classic-mds", "identity", "si-hks"} <= methods and not {"accelerated-mds", "feature-preserved"} & methods

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.datasets import FRONT, Entry, ShapeSet
 from benchmark.api.learning import digest_of
 from benchmark.datasets.base import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.pipeline.method_run import Preparation
+from benchmark.pipeline.preparation import prepare_view
 from benchmark.protocols.pairs import training_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.toy import rod
@@ -62,8 +62,8 @@ def test_images_are_those_that_methods_are_given(monkeypatch):
     data = made(monkeypatch, "humans-fold-2", trained=Part((0,), (1,)))
     (pair,) = data.pairs()
     dataset = rods()
-    preparation = Preparation(dataset, "view")
-    assert np.array_equal(pair.image, preparation.shape(dataset.shapes[1]).depth)
+    seen = prepare_view(dataset.load(dataset.shapes[1]), FRONT, 2.0)
+    assert np.array_equal(pair.image, seen["depth"])
     assert pair.image.shape == (500, 500)
     assert pair.image.dtype == np.float32
     assert 0 == pair.image.min() < pair.image.max() <= 1
@@ -85,7 +85,16 @@ def test_a_shape_that_cannot_be_rendered_is_left_out_and_told(monkeypatch):
 
 
 def test_training_on_what_is_tested_is_refused(monkeypatch):
-    with pytest.raises(ConfigurationError, match="would include test shapes of its models: s9, 9-0"):
+    with pytest.raises(ConfigurationError, match="would include test subjects of its models: s9"):
         made(monkeypatch, "humans-fold-2", trained=Part((8, 9), (0,)), tested=Part((9, 10), (0,)))
     with pytest.raises(ConfigurationError, match="'humans-fold-2' has no pairs"):
         made(monkeypatch, "humans-fold-2", trained=Part((77,)))
+
+
+def test_trainings_on_people_are_validated_on_new_ones_and_name_their_distance_from_each_draw():
+    data = training_data(TRAININGS["people-fold-0"], None, print)
+    assert (data.n_pairs, data.n_validation) == (200, 40)
+    pair = next(data.validation())
+    assert pair.subject == "body-0" and pair.image.any()
+    assert data.clearance["people[draw=0]"] >= 0.25 > data.clearance["people[draw=1]"]
+    assert set(data.clearance) == {"humans", "humans-scanlike", *(f"people[draw={draw}]" for draw in range(3))}

@@ -65,8 +65,9 @@ def test_the_folds_test_every_shape_once(names):
 
 @pytest.mark.parametrize("learner", [MeanTarget(), MeanStrict()])
 def test_no_shape_of_a_gallery_meets_a_model_that_knows_its_subject(learner):
-    chosen = galleries(["I", "IV"] if learner.split == "strict" else ["I", "III-held-out", "IV"])
-    for gallery in chosen:
+    for gallery in galleries(["I", "IV"]):
+        if gallery.inputs == ("mesh",):
+            continue
         models = trainings_by_shape(learner, gallery.dataset, gallery.entries, None)
         assert list(models) == [entry.identifier for entry in gallery.entries]
         known = {
@@ -81,15 +82,12 @@ def test_each_gallery_gets_the_models_of_its_table():
         found = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
         return {training.name for training in found.values()}
 
-    *folds, _, first, again, second, third, held_out = galleries(["I", "II", "III"])
-    assert [names(MeanTarget(), gallery) for gallery in (*folds, first, again)] == [
-        {name} for name in (*FOLDS, *FOLDS[:2])
-    ]
-    assert [names(MeanTarget(), gallery) for gallery in (second, third, held_out)] == [
-        {"humans-fold-0"},
-        {"animals-III"},
-        {"animals-III"},
-    ]
+    found = {gallery.name: gallery for gallery in galleries(["I", "II", "III"])}
+    folds = [found[f"humans fold {fold}"] for fold in range(3)]
+    assert [names(MeanTarget(), gallery) for gallery in folds] == [{name} for name in FOLDS]
+    assert names(MeanTarget(), found["humans"]) == {*FOLDS}
+    second, third = found["humans-scanlike"], found["animals"]
+    assert [names(MeanTarget(), gallery) for gallery in (second, third)] == [{"humans-fold-0"}, {"animals-III"}]
     assert {name for gallery in (*folds, second) for name in names(MeanSampled(), gallery)} == {"humans-sampled"}
     assert names(MeanTarget(training="people-fold-1"), third) == {"people-fold-1"}
     assert names(MeanStrict(), folds[2]) == {f"humans-strict-2-{b}" for b in range(4)}
