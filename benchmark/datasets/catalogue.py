@@ -90,7 +90,7 @@ CATALOGUE: dict[str, Source] = {
     ),
     "humans-scanlike": Source(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real",
-        *(_generated("humans_scanlike", "humans_scanlike"), 400, 40),
+        *(_generated("people", "humans_scanlike"), 400, 40),
     ),
     "people": Source(
         "generated humans drawn at random, 15 subjects x 20 poses: the first draw of three",

@@ -1,7 +1,8 @@
-"""Simulation of a body scanner: fused contacts, an individual tessellation per scan, and noise."""
+"""Simulation of a body scanner: asymmetry, fused contacts, an individual tessellation per scan, and noise."""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -12,10 +13,24 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 
+from benchmark.datasets.bodies import named_random, reference_mesh, vertices_of
 from benchmark.geometry.cleaning import largest_component
+from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import Mesh, Points, sides_of
 from benchmark.geometry.preparation import isotropic_remesh
 from benchmark.geometry.rasterise import depth_buffer
+
+N_VERTICES = 15_000
+"""Approximate number of vertices of a scan."""
+
+_WAVES, _WAVELENGTHS, _ASYMMETRY = 8, (0.3, 0.8), 0.003
+"""Number, wavelengths in metres and root mean square height in metres of the waves that make a body asymmetric."""
+
+_FUSED = (
+    *((("wrist", "metacarpal", "finger"), side) for side in (".L", ".R")),
+    *((("foot", "toe"), side) for side in (".L", ".R")),
+)
+"""Bones of the parts whose narrow gaps are closed, with their side."""
 
 CELL = 0.005
 """Voxel size in metres."""
@@ -37,6 +52,46 @@ _CORNERS = np.array(
 
 _DIRECTIONS, _IMAGE, _DEPTH_TOLERANCE, _EXPOSED = 128, 400, 0.002, 0.12
 """Number of views, pixels per side, depth tolerance in metres, and minimum fraction of views that see a vertex."""
+
+
+def scanned(body: Mesh, subject: str, name: str) -> Mesh:
+    """Return the scan of a posed body: about 15 000 vertices, closed, in metres.
+
+    Parameters
+    ----------
+    body
+        The body in its pose, with the vertices of the template.
+    subject, name
+        Names of the subject, which seeds its asymmetry, and of the scan, which seeds its tessellation and noise.
+    """
+    # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
+    closed = membrane(body, _cavities())
+    heights = _asymmetry(named_random(subject, "asymmetry"))
+    uneven = closed.with_vertices(closed.vertices + heights[:, np.newaxis] * _unit_normals(closed))
+    return scan(uneven, [vertices_of(*part) for part in _FUSED], N_VERTICES, named_random(name, "scan"))
+
+
+@functools.cache
+def _cavities() -> NDArray[np.bool_]:
+    template = reference_mesh()
+    of_head = np.zeros(template.n_vertices, dtype=bool)
+    of_head[vertices_of(("head", "eye"))] = True
+    return sheltered_vertices(template) & of_head
+
+
+def _asymmetry(random: np.random.Generator) -> NDArray[np.float64]:
+    """Return the displacements of the vertices of a body along their normals, in metres, for all its poses."""
+    directions = random.normal(size=(_WAVES, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    frequencies = 2 * np.pi / random.uniform(*_WAVELENGTHS, _WAVES)
+    phases = random.uniform(0, 2 * np.pi, _WAVES)
+    angles = reference_mesh().vertices @ (directions * frequencies[:, np.newaxis]).T + phases
+    return np.asarray(_ASYMMETRY * np.sqrt(2 / _WAVES) * np.cos(angles).sum(axis=1))
+
+
+def _unit_normals(mesh: Mesh) -> Points:
+    normals = vertex_normals(mesh)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))
 
 
 def sheltered_vertices(mesh: Mesh) -> NDArray[np.bool_]:
@@ -203,18 +258,10 @@ def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:
     white, smooth = random.normal(0, 1, (2, mesh.n_vertices))
     smooth = _neighbour_mean(mesh, _neighbour_mean(mesh, smooth))
     amount = _WHITE * white + _SMOOTH * smooth / smooth.std()
-    return mesh.with_vertices(np.round(mesh.vertices + amount[:, np.newaxis] * vertex_normals(mesh), 6))
+    return mesh.with_vertices(np.round(mesh.vertices + amount[:, np.newaxis] * _unit_normals(mesh), 6))
 
 
 def _neighbour_mean(mesh: Mesh, values: NDArray[np.float64]) -> NDArray[np.float64]:
     tails, heads = sides_of(mesh.faces)
     sums = np.bincount(tails, values[heads], mesh.n_vertices) + values
     return np.asarray(sums / (np.bincount(tails, minlength=mesh.n_vertices) + 1))
-
-
-def vertex_normals(mesh: Mesh) -> Points:
-    """Return the unit vertex normals, shape (n, 3): area-weighted means of the face normals."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    normals = np.zeros((mesh.n_vertices, 3))
-    np.add.at(normals, mesh.faces.ravel(), np.repeat(np.cross(b - a, c - a), 3, axis=0))
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))

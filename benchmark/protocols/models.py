@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from benchmark.api.datasets import Entry
 from benchmark.api.learning import CARD, Card, Learner, digest_of, read_card
 from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_dataset
-from benchmark.datasets.human_subjects import CLEARANCE, TESTED
+from benchmark.datasets.people import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
 from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape

@@ -12,10 +12,10 @@ import numpy as np
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import TrainingData, TrainingPair, digest_of
-from benchmark.datasets.animals.dataset import BODIES
 from benchmark.datasets.base import canonical_shapes
+from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.human_subjects import PEOPLE, SUBJECTS, clearances
+from benchmark.datasets.people import clearances
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import DepthImage, common_half_width, depth_surface, fit_half_width
@@ -27,7 +27,7 @@ Say = Callable[[str], None]
 VALIDATION = "people[n=10]"
 """Set of new people, far from all tested ones, on whom trainings on people are validated, in every fifth pose."""
 
-_PHENOTYPES = {**SUBJECTS, **PEOPLE[0], **BODIES}
+_PHENOTYPES = {**SUBJECTS["humans"], **SUBJECTS["people[draw=0]"], **SUBJECTS["animals"]}
 """Bodies of the people in sets that are trained on."""
 
 

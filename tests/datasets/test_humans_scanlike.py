@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmark.datasets import humans, humans_scanlike
-from benchmark.datasets.human_subjects import adults
+from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh, jittered, named_random
+from benchmark.datasets.people import humans_scanlike
 from benchmark.geometry.mesh import Mesh
 
 pytestmark = pytest.mark.kernels
@@ -20,7 +20,7 @@ def solid(mesh: Mesh) -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def pair() -> tuple[Mesh, Mesh]:
-    data = humans_scanlike.humans_scanlike()
+    data = humans_scanlike()
     first, second = (entry for entry in data.shapes if entry.identifier in ("man-3_waving", "woman-5_waving"))
     return data.load(first), data.load(second)
 
@@ -39,8 +39,8 @@ def test_a_scan_is_one_closed_skin_of_the_body(pair: tuple[Mesh, Mesh]) -> None:
 
 
 def test_a_scan_lies_on_the_body_but_for_cavities_and_fingers(pair: tuple[Mesh, Mesh]) -> None:
-    entry = next(entry for entry in humans_scanlike.humans_scanlike().shapes if entry.identifier == "man-3_waving")
-    body = humans.human_mesh(adults()["man-3"], humans_scanlike._pose(entry))
+    angles = jittered(POSES["waving"], 3.0, named_random("man-3_waving", "pose"))
+    body = body_mesh(SUBJECTS["humans-scanlike"]["man-3"], angles)
     gap = np.sqrt(igl.point_mesh_squared_distance(pair[0].vertices, body.vertices, body.faces)[0])
     assert 0.001 < np.median(gap) < 0.005  # asymmetry, noise and sampling
     assert np.percentile(gap, 99) < 0.015

@@ -12,16 +12,18 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from benchmark.datasets import humans
+from benchmark.datasets import bodies as body_model
+from benchmark.datasets.bodies import POSES, body_meshes, bone_rotations, jittered, mirrored
+from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
-from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import PEOPLE, SUBJECTS, adults, new_subject, random_subjects
-from benchmark.datasets.humans import human_meshes
+from benchmark.datasets.people import PEOPLE, drawn_subjects, new_subject
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import depth_surface, fit_half_width
 
-TAKEN = np.array([astuple(body) for bodies in (SUBJECTS, adults(), *PEOPLE) for body in bodies.values()])
+SUBJECTS = SETS["humans"]
+TAKEN = np.array([astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()])
+OTHERS = np.array([astuple(body) for name in ("humans", "humans-scanlike") for body in SETS[name].values()])
 
 
 @pytest.mark.slow
@@ -41,7 +43,7 @@ def test_another_process_with_two_threads_makes_the_same_shapes() -> None:
 def test_poses_differ_fit_the_frame_and_push_no_body_through_itself(subjects: list[str]) -> None:
     import pymeshlab
 
-    meshes = list(human_meshes((SUBJECTS[name], pose) for name in subjects for pose in POSES.values()))
+    meshes = list(body_meshes((SUBJECTS[name], pose) for name in subjects for pose in POSES.values()))
     half_width = open_dataset("humans").half_width
     assert half_width and 0.5 < fit_half_width(meshes, FRONT) <= half_width
     for mesh in meshes:
@@ -75,9 +77,9 @@ def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
 
 @pytest.mark.parametrize("draw", range(3))
 def test_the_committed_people_are_those_that_the_rule_draws_apart_from_the_others(draw: int) -> None:
-    assert PEOPLE[draw] == random_subjects(draw)
+    assert PEOPLE[draw] == drawn_subjects(draw)
     drawn = np.array([astuple(subject) for subject in PEOPLE[draw].values()])
-    distances = np.linalg.norm(drawn[:, None] - TAKEN[:55], axis=2)
+    distances = np.linalg.norm(drawn[:, None] - OTHERS, axis=2)
     assert distances.min() >= 0.25
     assert np.abs(distances - 0.25).min() > 1e-9, "no draw hangs on the last bits of a distance"
 
@@ -108,6 +110,20 @@ def test_what_is_no_set_of_people_is_refused(name: str, said: str) -> None:
     assert is_known("people[n=10][noise=2]") and not is_known("people[n=5")
 
 
+def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_stays_within_the_joints() -> None:
+    for pose in POSES.values():
+        np.testing.assert_array_equal(mirrored(mirrored(pose)), pose)
+    bones, other = bone_rotations(POSES["throwing"]), bone_rotations(mirrored(POSES["throwing"]))
+    sign = np.diag([-1.0, 1.0, 1.0])
+    for bone, rotation in bones.items():
+        twin = {"L": bone[:-1] + "R", "R": bone[:-1] + "L"}.get(bone[-1], bone) if "." in bone else bone
+        np.testing.assert_allclose(sign @ rotation @ sign, other[twin], atol=1e-12)
+    ends = np.array([end for pose in POSES.values() for end in (pose, mirrored(pose))])
+    moved = np.array([jittered(pose, 30.0, np.random.default_rng(0)) for pose in POSES.values()])
+    assert (moved >= ends.min(axis=0)).all() and (moved <= ends.max(axis=0)).all()
+    assert np.abs(moved - [*POSES.values()]).max() > 10
+
+
 def test_listing_loads_nothing_heavy() -> None:
     program = (
         "import sys; from benchmark.datasets.people import humans; data = humans(); data.key(data.shapes[0])\n"
@@ -121,4 +137,4 @@ def test_listing_loads_nothing_heavy() -> None:
 def test_a_missing_package_says_what_to_install(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DatasetError, match=f"package '{package}'.*pip install {package}"):
-        humans._body.__wrapped__()
+        body_model._template.__wrapped__()

@@ -57,7 +57,7 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
 }
 
 #: Additional parts of sets: properties that two or three shapes do not show.
-WHOLE = {"humans-scanlike": "bodies", "people": "subjects", "animals": "skeletons"}
+WHOLE = {"humans-scanlike": "bodies", "people": "subjects"}
 
 
 class Part(NamedTuple):
@@ -97,7 +97,6 @@ def _components() -> Iterator[tuple[str, Component]]:
     yield "api", Component(_api, FORMS)
     for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
         yield f"data/{name}", Component(partial(_generated, name), FORMS)
-    yield "sampler/people", Component(partial(_called, stages.sampled, {"bodies": ()}), SINGLES)
     for name in ("files", "frames"):
         yield f"data/{name}", Component(partial(_read, name))
     for name in sorted(CHANGES.keys() - {"perspective"}):

@@ -14,12 +14,9 @@ import pandas
 
 from benchmark.api.contracts import Mesh, Shape
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets import human_poses, human_subjects, humans
-from benchmark.datasets import humans_scanlike as scanlike
-from benchmark.datasets.animals.generate import SPECIES
-from benchmark.datasets.animals.poses import POSES as ANIMAL_POSES
-from benchmark.datasets.animals.skeleton import Skeleton
+from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
 from benchmark.datasets.changes import changed as changed_set
+from benchmark.datasets.people import _SCANNED_POSES, PEOPLE
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
@@ -169,32 +166,14 @@ def mesh_of(dataset: ShapeSet, entry: Entry, step: int = 100) -> Arrays:
 
 def subjects() -> Arrays:
     """Return the phenotypes of all draws of random subjects."""
-    draws = enumerate(human_subjects.PEOPLE)
-    return {f"draw-{n}": [astuple(body) for body in drawn.values()] for n, drawn in draws}
+    return {f"draw-{n}": [astuple(body) for body in drawn.values()] for n, drawn in enumerate(PEOPLE)}
 
 
 def bodies() -> Arrays:
     """Return every body before it is scanned, each in one pose, with every pose of the scans."""
-    poses = [human_poses.POSES[name] for name in scanlike.POSE_NAMES]
-    meshes = [humans.human_mesh(body, poses[n % len(poses)]) for n, body in enumerate(human_subjects.adults().values())]
+    adults = SUBJECTS["humans-scanlike"].values()
+    meshes = [body_mesh(body, POSES[_SCANNED_POSES[n % len(_SCANNED_POSES)]]) for n, body in enumerate(adults)]
     return {"bodies": [body.vertices[::500] for body in meshes]}
-
-
-def skeletons() -> Arrays:
-    """Return the bones of every animal in every pose."""
-    bones: dict[str, Any] = {}
-    for name, poses in ANIMAL_POSES.items():
-        skeleton = Skeleton.of(SPECIES[name])
-        for pose, aims in poses.items():
-            rotations, translations = skeleton.transforms(aims)
-            bones[f"{name}/{pose}"] = np.concatenate([rotations.as_matrix().reshape(-1, 9), translations], axis=1)
-    return bones
-
-
-def sampled() -> Arrays:
-    """Return a random body in some poses."""
-    body, poses = humans.sample_human(0, 6, seed=0)
-    return {"bodies": [mesh.vertices[::200] for mesh in humans.human_meshes((body, pose) for pose in poses)]}
 
 
 def changed(change: str, value: Any, place: int) -> Arrays:

@@ -8,9 +8,7 @@ import torch
 import trimesh
 
 from benchmark.api.contracts import Shape
-from benchmark.datasets.human_poses import POSES
-from benchmark.datasets.human_subjects import SUBJECTS
-from benchmark.datasets.humans import human_mesh
+from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 from learned.field import even_samples, in_frame, with_detail
@@ -104,7 +102,7 @@ def misfit(form: np.ndarray, target: np.ndarray) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize(("subject", "pose"), [("woman-3", "kicking"), ("child-2", "throwing")])
 def test_an_unseen_person_stands_again(subject: str, pose: str) -> None:
-    posed, standing = (human_mesh(SUBJECTS[subject], POSES[name]) for name in (pose, "standing"))
+    posed, standing = (body_mesh(SUBJECTS["humans"][subject], POSES[name]) for name in (pose, "standing"))
     form = DeformationField().canonicalise(Shape(identifier="x", mesh=posed)).vertices
     target = standing.vertices / standing.area**0.5
     assert misfit(form, target) < 0.35 * misfit(posed.vertices / posed.area**0.5, target)

@@ -8,10 +8,9 @@ from dataclasses import astuple
 import numpy as np
 
 from benchmark.api.learning import CARD, digest_of, read_card
-from benchmark.datasets import human_subjects
 from benchmark.datasets.animals import animals
-from benchmark.datasets.human_subjects import SUBJECTS, adults, clearances
-from benchmark.datasets.people import humans
+from benchmark.datasets.bodies import SUBJECTS as SETS
+from benchmark.datasets.people import CLEARANCE, clearances, humans
 from benchmark.protocols.trainings import SUBJECT_FOLDS
 from learned.methods import Learned, Streamed
 from learned.models import Card, load
@@ -19,6 +18,7 @@ from tests.protocols.views import view
 
 MEBIBYTES, ALL_MEBIBYTES = 20, 95
 CARDS = {path.parent: read_card(path.parent, Card) for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}"))}
+SUBJECTS = SETS["humans"]
 NAMES = list(SUBJECTS)
 
 
@@ -55,10 +55,10 @@ def test_neither_cat_nor_horse_is_seen_by_a_model_of_table_3() -> None:
 def test_generated_bodies_are_none_of_the_data_sets() -> None:
     beasts = {name for entry in animals().shapes for name in (entry.identifier, entry.subject)}
     for card in cards_of("humans-sampled|humans-varied|animals-sampled"):
-        assert not card.subjects & {*NAMES, *adults(), *beasts}
+        assert not card.subjects & {*NAMES, *SETS["humans-scanlike"], *beasts}
         assert not card.identifiers & beasts
         assert card.extra_data
-        assert set(card.clearance.values()) == {human_subjects.CLEARANCE}
+        assert set(card.clearance.values()) == {CLEARANCE}
 
 
 def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one() -> None:

@@ -1,0 +1,314 @@
+"""Generated human bodies: subjects as phenotypes, poses as joint angles, and the meshes of both.
+
+The parametric body is that of the package ``anny`` [Brégier et al. 2025; its assets stem from MakeHuman and are CC0]:
+blend shapes for the body, linear blend skinning for the pose. The result is deterministic and independent of the batch
+size. Subjects and poses are in ``subjects.csv`` and ``poses.csv``.
+
+The angles of a pose follow the conventions of physiotherapy, in degrees. ``raised`` is the angle between the upper arm
+and straight down, ``forward`` its direction seen from above (90 is to the front), ``roll`` turns about a limb, ``bend``
+of elbow and knee is 0 if they are straight, ``flexion`` moves the thigh to the front and ``abduction`` to the outside,
+``point`` lowers the toes. Trunk, head and body ``bend`` to the front, ``lean`` and ``turn`` to the body's left.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import hashlib
+import itertools
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, astuple, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from benchmark.errors import DatasetError
+from benchmark.geometry.cleaning import connected_components
+from benchmark.geometry.mesh import Faces, Mesh
+
+Floats = NDArray[np.float64]
+
+#: Directions of the left limbs of the model at rest: x to the body's left, -y to the front, z up. They differ by less
+#: than three degrees between subjects; with a constant, a pose has the same rotations for all subjects.
+_UPPER_ARM = np.array([0.664, -0.021, -0.747])
+_FOREARM = np.array([0.512, -0.687, -0.517])
+_SPINE = ("spine05", "spine04", "spine03", "spine02", "spine01")
+_NECK = ("neck01", "neck02", "neck03", "head")
+#: Fraction of the swing of an arm in the shoulder girdle, and of the hip flexion in the second bone of the thigh.
+_CLAVICLE_SHARE, _THIGH_SHARE = 0.2, 0.15
+
+#: Number of angles of an arm, a leg, and a part of the trunk.
+_ARM, _LEG, _COLUMN = 4, 5, 3
+
+_BATCH = 20
+"""Shapes per batch: about 100 MiB of working memory."""
+
+_DECIMALS = 6
+"""Decimals of coordinates in metres: micrometres, far above the rounding differences between batches (1e-15 m)."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A body; all values are in [0, 1].
+
+    Parameters
+    ----------
+    gender
+        0 is male, 1 is female.
+    age
+        1/3 is a child, 2/3 a young adult, 1 old.
+    muscle, weight, height
+        0.5 is the average for the age and gender.
+    proportions
+        0 is uncommon, 1 ideal.
+    """
+
+    gender: float
+    age: float
+    muscle: float
+    weight: float
+    height: float
+    proportions: float
+
+
+def _table(file: str) -> list[dict[str, str]]:
+    with (Path(__file__).parent / file).open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _poses() -> dict[str, Floats]:
+    return {row.pop("pose"): np.array([float(angle) for angle in row.values()]) for row in _table("poses.csv")}
+
+
+def _subjects() -> dict[str, dict[str, Subject]]:
+    sets: dict[str, dict[str, Subject]] = {}
+    for row in _table("subjects.csv"):
+        body = Subject(*(float(row[field.name]) for field in fields(Subject)))
+        sets.setdefault(row["set"], {})[row["subject"]] = body
+    return sets
+
+
+POSES: Mapping[str, Floats] = _poses()
+"""Joint angles of each pose, shape (27,); the first pose is the canonical one."""
+
+SUBJECTS: Mapping[str, Mapping[str, Subject]] = _subjects()
+"""Subjects by data set and name."""
+
+CANONICAL_POSE = next(iter(POSES))
+
+
+def describe(subject: Subject, angles: Floats) -> str:
+    """Return the phenotype and joint angles that determine a mesh."""
+    body, joints = (np.round(values, 9).tolist() for values in (astuple(subject), angles))
+    return f"body {body} with joints {joints}"
+
+
+def mirrored(angles: Floats) -> Floats:
+    """Return a pose with left and right exchanged."""
+    arms, legs, columns = angles[: 2 * _ARM], angles[2 * _ARM : 2 * _ARM + 2 * _LEG], angles[-3 * _COLUMN :]
+    limbs = [part.reshape(2, -1)[::-1].ravel() for part in (arms, legs)]
+    return np.concatenate([*limbs, columns * np.tile([1.0, -1.0, -1.0], 3)])
+
+
+def jittered(angles: Floats, deviation: float, random: np.random.Generator) -> Floats:
+    """Perturb every angle of a pose by a standard deviation in degrees, within its range over all poses."""
+    ends = np.stack([end for pose in POSES.values() for end in (pose, mirrored(pose))])
+    return np.clip(angles + random.normal(0.0, deviation, angles.shape), ends.min(axis=0), ends.max(axis=0))
+
+
+def named_random(name: str, purpose: str) -> np.random.Generator:
+    """Return the generator for a random part of a scanned shape or subject."""
+    digest = hashlib.sha256(f"humans-scanlike|{name}|{purpose}".encode()).digest()
+    return np.random.default_rng(int.from_bytes(digest[:8], "big"))
+
+
+def bone_rotations(angles: Floats) -> dict[str, Floats]:
+    """Return the rotations of the bones relative to their parents, about the axes of the body at rest.
+
+    Parameters
+    ----------
+    angles
+        Joint angles, shape (27,).
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        Rotation matrices, shape (3, 3), by bone name of the MakeHuman rig; other bones stay at rest.
+    """
+    left_arm, right_arm, left_leg, right_leg, trunk, head, body = np.split(
+        angles, np.cumsum([_ARM, _ARM, _LEG, _LEG, _COLUMN, _COLUMN])
+    )
+    rotations = {"root": _column(body, 1)}
+    rotations |= dict.fromkeys(_SPINE, _column(trunk, len(_SPINE)))
+    rotations |= dict.fromkeys(_NECK, _column(head, len(_NECK)))
+    for bone, rotation in (_arm(*left_arm) | _leg(*left_leg)).items():
+        rotations[f"{bone}.L"] = rotation
+    for bone, rotation in (_arm(*right_arm) | _leg(*right_leg)).items():
+        rotations[f"{bone}.R"] = Rotation.from_rotvec(rotation.as_rotvec() * [1.0, -1.0, -1.0])
+    return {bone: rotation.as_matrix() for bone, rotation in rotations.items()}
+
+
+def _column(angles: Floats, bones: int) -> Rotation:
+    bend, lean, turn = angles / bones
+    return Rotation.from_euler("ZXY", [turn, bend, lean], degrees=True)
+
+
+def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, Rotation]:
+    """Return the rotations of the left arm: a roll of the upper arm, then its shortest swing to the direction."""
+    raised, forward = np.radians(raised), np.radians(forward)
+    side, front = np.sin(raised) * np.cos(forward), np.sin(raised) * np.sin(forward)
+    target = np.array([side, -front, -np.cos(raised)])
+    axis = np.cross(_UPPER_ARM, target)
+    angle = np.arctan2(np.linalg.norm(axis), _UPPER_ARM @ target)
+    swing = axis * (angle / max(float(np.linalg.norm(axis)), 1e-12))
+    half_roll = Rotation.from_rotvec(-np.radians(roll) / 2 * _UPPER_ARM)
+    hinge = np.cross(_UPPER_ARM, _FOREARM)
+    rest_bend = np.arctan2(np.linalg.norm(hinge), _UPPER_ARM @ _FOREARM)
+    hinge /= np.linalg.norm(hinge)
+    return {
+        "clavicle": Rotation.from_rotvec(_CLAVICLE_SHARE * swing),
+        "upperarm01": Rotation.from_rotvec((1 - _CLAVICLE_SHARE) * swing) * half_roll,
+        "upperarm02": half_roll,
+        "lowerarm01": Rotation.from_rotvec((np.radians(bend) - rest_bend) * hinge),
+    }
+
+
+def _leg(flexion: float, abduction: float, roll: float, bend: float, point: float) -> dict[str, Rotation]:
+    first, second, lower, foot = (
+        Rotation.from_euler("x", angle, degrees=True)
+        for angle in (-(1 - _THIGH_SHARE) * flexion, -_THIGH_SHARE * flexion, bend, point)
+    )
+    half_roll = Rotation.from_euler("z", roll / 2, degrees=True)
+    outwards = Rotation.from_euler("y", -abduction, degrees=True)
+    return {
+        "upperleg01": first * outwards * half_roll,
+        "upperleg02": second * half_roll,
+        "lowerleg01": lower,
+        "foot": foot,
+    }
+
+
+def body_mesh(subject: Subject, angles: Floats) -> Mesh:
+    """Generate the mesh of a body in a pose; see :func:`body_meshes`."""
+    return next(body_meshes([(subject, angles)]))
+
+
+def body_meshes(pairs: Iterable[tuple[Subject, Floats]]) -> Iterator[Mesh]:
+    """Generate meshes of bodies in poses, in batches.
+
+    Parameters
+    ----------
+    pairs
+        A body and joint angles for each mesh.
+
+    Yields
+    ------
+    Mesh
+        13 348 vertices and 26 692 triangles, closed, of genus 0, in one-to-one correspondence; metres, z up, facing
+        -y, left hand towards +x.
+
+    Raises
+    ------
+    DatasetError
+        If the packages for generating bodies are missing.
+    """
+    template = _template()
+    remaining = iter(pairs)
+    while batch := list(itertools.islice(remaining, _BATCH)):
+        for vertices in _posed(template.model, batch):
+            yield Mesh(np.round(vertices[template.kept], _DECIMALS), template.faces)
+
+
+def vertices_of(bones: tuple[str, ...], side: str = "") -> NDArray[np.int64]:
+    """Return the indices of vertices dominated by the given bones.
+
+    Parameters
+    ----------
+    bones
+        Prefixes of bone names, e.g. ``("wrist", "finger")``.
+    side
+        Suffix of bone names: ``".L"``, ``".R"``, or empty for any.
+    """
+    return np.flatnonzero([bone.startswith(bones) and bone.endswith(side) for bone in _template().bones])
+
+
+@functools.cache
+def reference_mesh() -> Mesh:
+    """Return the template of all bodies at rest; every generated mesh has the same triangles and vertex order."""
+    template = _template()
+    return Mesh(template.model.template_vertices.numpy()[template.kept], template.faces)
+
+
+@dataclass(frozen=True)
+class _Template:
+    model: Any
+    kept: NDArray[np.bool_]
+    faces: Faces
+    bones: tuple[str, ...]
+
+
+@functools.cache
+def _template() -> _Template:
+    try:
+        import anny
+        import anny.paths
+        import torch
+    except ImportError as error:
+        package = (error.name or "anny").partition(".")[0]
+        raise DatasetError(f"generated people need the package '{package}'", f"run `pip install {package}`") from error
+
+    from benchmark.datasets.skinning import linear_blend_skinning  # imports numba
+
+    if not any(anny.paths.get_anny_cache_path().glob("*/*")):
+        sys.stderr.write("anny builds its cache on first use; this takes about half a minute\n")
+
+    class Body(anny.Anny):  # type: ignore[misc]
+        """Model with a compiled skinning kernel in double precision.
+
+        It is much faster than the dense kernel of the package and, unlike the Warp kernels, identical on all machines.
+        """
+
+        def get_skinned_vertices(self, rest_vertices: Any, bone_transforms: Any) -> Any:
+            bones, weights = self.vertex_bone_indices.numpy(), self.vertex_bone_weights.numpy()
+            return torch.from_numpy(
+                linear_blend_skinning(rest_vertices.numpy(), bones, weights, bone_transforms.numpy())
+            )
+
+    model = Body(skinning_method="lbs", pose_parameterization="local-ref")
+    faces = model.get_triangular_faces().numpy().astype(np.int32)
+    labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
+    kept = labels == np.bincount(labels).argmax()  # eyes and tongue are separate components inside the head
+    renumbered = np.cumsum(kept, dtype=np.int32) - 1
+    rows = np.flatnonzero(kept)
+    strongest = model.vertex_bone_weights.numpy()[rows].argmax(axis=1)
+    bones = tuple(model.bone_labels[bone] for bone in model.vertex_bone_indices.numpy()[rows, strongest])
+    return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], bones)
+
+
+def _posed(model: Any, pairs: Sequence[tuple[Subject, Floats]]) -> Floats:
+    """Return the vertices of the whole model, shape (pairs, n, 3)."""
+    import torch
+
+    rotations = [bone_rotations(angles) for _, angles in pairs]
+    transforms = {bone: np.tile(np.eye(4), (len(pairs), 1, 1)) for bone in rotations[0]}
+    for row, of_pose in enumerate(rotations):
+        for bone, rotation in of_pose.items():
+            transforms[bone][row, :3, :3] = rotation
+    bodies = [asdict(subject) for subject, _ in pairs]
+    phenotypes = {
+        field.name: torch.tensor([body[field.name] for body in bodies], dtype=torch.float64)
+        for field in fields(Subject)
+    }
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.inference_mode():
+            posed = {bone: torch.from_numpy(matrices) for bone, matrices in transforms.items()}
+            result = model(pose_parameters=posed, phenotype_kwargs=phenotypes)
+    finally:
+        torch.set_num_threads(threads)
+    return np.asarray(result["vertices"].numpy(), dtype=np.float64)
