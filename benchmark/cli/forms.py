@@ -26,7 +26,7 @@ from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
-from benchmark.geometry.interpolation import nearest_on_surface, vertex_normals
+from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
@@ -212,9 +212,8 @@ def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: st
     if not np.array_equal(form.faces, prepared.mesh.faces):
         raise ConfigurationError(f"forms of method '{method}' have vertices of their own", "omit '--vertices all'")
     points = (mesh.vertices - prepared.centre) / prepared.scale
-    places = nearest_on_surface(prepared.mesh, points, vertex_normals(mesh))
-    notes = {**form.notes, "farthest_from_prepared": float(places.distances.max())}
-    return CanonicalForm(places.carry(form.vertices), mesh.faces, notes)
+    positions, distances = interpolate(prepared.mesh, form.vertices, points, vertex_normals(mesh))
+    return CanonicalForm(positions, mesh.faces, {**form.notes, "farthest_from_prepared": float(distances.max())})
 
 
 # Depth images --------------------------------------------------------------------------------------------------------

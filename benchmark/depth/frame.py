@@ -23,9 +23,6 @@ HALF_WIDTH = 1.285
 UPRIGHT = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 """The orthographic camera in front of the surface of an object."""
 
-FRAME = np.diag([1.0, -1.0, -1.0])
-"""Transform from the camera's frame (right, down, forward) to the suite's (right, up, towards the camera)."""
-
 IMAGE_UP = np.array([0.0, -1.0, 0.0])
 """Default up direction in the camera's frame (right, down, forward)."""
 

@@ -2,62 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from benchmark.geometry.mesh import Mesh, Points
 
-__all__ = ["SurfaceMap", "nearest_on_surface", "vertex_normals"]
-
 #: Number of candidate triangles, those with the nearest centres, in the search for one on the same side.
 _CANDIDATES = 30
 
 
-@dataclass(frozen=True, eq=False)
-class SurfaceMap:
-    """Positions of points on a mesh.
+def interpolate(
+    mesh: Mesh, values: ArrayLike, points: ArrayLike, normals: ArrayLike
+) -> tuple[Points, NDArray[np.float64]]:
+    """Interpolate values at the vertices of a mesh linearly at points near its surface.
 
-    Parameters
-    ----------
-    corners
-        The three vertices of the triangle of each point, shape (m, 3).
-    weights
-        Barycentric coordinates of each point, shape (m, 3), none negative; they sum to 1.
-    distances
-        Distance of each point to its position on the mesh, shape (m,), in units of the mesh.
-    """
-
-    corners: NDArray[np.int64]
-    weights: Points
-    distances: Points
-
-    def carry(self, values: ArrayLike) -> Points:
-        """Interpolate values at the mesh vertices, shape (n, k), linearly at the points; returns shape (m, k)."""
-        at_corners = np.asarray(values, dtype=np.float64)[self.corners]
-        return np.asarray(np.einsum("mc,mck->mk", self.weights, at_corners))
-
-
-def nearest_on_surface(mesh: Mesh, points: ArrayLike, normals: ArrayLike) -> SurfaceMap:
-    """Find the nearest position on a mesh for each point, on a triangle with a similar normal if possible.
-
-    If two parts of a body are close together, a point of one may be nearer to the decimated surface of the other. The
+    Each point takes the values at the nearest position on the mesh, on a triangle with a similar normal if possible. If
+    two parts of a body are close together, a point of one may be nearer to the decimated surface of the other. The
     parts face each other, so their normals differ. If the nearest triangle faces away from the normal of a point, its
     neighbours on the same side are searched instead.
 
     Parameters
     ----------
     mesh
-        Mesh to project onto.
+        The mesh, with n vertices.
+    values
+        Values at its vertices, shape (n, k).
     points, normals
         The points and their surface normals, each of shape (m, 3).
 
     Returns
     -------
-    SurfaceMap
-        Triangles and barycentric coordinates.
+    values : numpy.ndarray
+        Shape (m, k).
+    distances : numpy.ndarray
+        Distance of each point to its position on the mesh, shape (m,), in units of the mesh.
     """
     import igl
 
@@ -72,8 +51,8 @@ def nearest_on_surface(mesh: Mesh, points: ArrayLike, normals: ArrayLike) -> Sur
         known = others >= 0
         triangles[turned[known]], places[turned[known]] = others[known], at[known]
     weights = _barycentric(corners[triangles], places)
-    distances = np.linalg.norm(places - queries, axis=1)
-    return SurfaceMap(mesh.faces[triangles].astype(np.int64), weights, distances)
+    at_corners = np.asarray(values, dtype=np.float64)[mesh.faces[triangles]]
+    return np.einsum("mc,mck->mk", weights, at_corners), np.linalg.norm(places - queries, axis=1)
 
 
 def vertex_normals(mesh: Mesh) -> Points:
