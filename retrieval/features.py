@@ -12,9 +12,7 @@ Vedaldi & Fulkerson, "VLFeat: an open and portable library of computer vision al
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit
@@ -53,15 +51,6 @@ class Features:
 
     descriptors: NDArray[np.uint8]
     view_offsets: NDArray[np.int32]
-
-    def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return plain arrays for an ``.npz`` file."""
-        return {"descriptors": self.descriptors, "view_offsets": self.view_offsets}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Features:
-        """Rebuild the features from :meth:`to_arrays`."""
-        return cls(arrays["descriptors"], arrays["view_offsets"])
 
     def mirrored(self, view_permutation: NDArray[np.int32]) -> Features:
         """Return the features of the mirror image of the form.
@@ -120,9 +109,6 @@ def _detect_all(
     points = np.empty((1024, 4))
     peaks = np.empty(MAX_ORIENTATIONS)  # no more are written
     count = 0
-    # A window never exceeds its image, so memory for its levels is allocated only once.
-    room = images.shape[1] * images.shape[2]
-    memory = np.empty(N_GAUSSIANS * room, dtype=np.float32), np.empty((N_GAUSSIANS - 1) * room, dtype=np.float32)
     for index in range(n_images):
         whole = images[index]
         top, bottom, left, right = _foreground(whole, background)
@@ -135,10 +121,9 @@ def _detect_all(
             row0, row1 = max(top // pixel - MARGIN, 0), min(bottom // pixel + MARGIN + 1, height)
             column0, column1 = max(left // pixel - MARGIN, 0), min(right // pixel + MARGIN + 1, width)
             shape = (row1 - row0, column1 - column0)
-            area = shape[0] * shape[1]
             crop = np.full(shape, beyond, dtype=np.float32)
-            gaussians = memory[0][: N_GAUSSIANS * area].reshape((N_GAUSSIANS, *shape))
-            differences = memory[1][: (N_GAUSSIANS - 1) * area].reshape((N_GAUSSIANS - 1, *shape))
+            gaussians = np.empty((N_GAUSSIANS, *shape), dtype=np.float32)
+            differences = np.empty((N_GAUSSIANS - 1, *shape), dtype=np.float32)
             _paste(base, base_row, base_column, crop, row0, column0)
             build_octave(crop, gaussians, differences, octave == 0)
             n_points = find_extrema(differences, peak_threshold, edge_ratio, points)

@@ -1,202 +1,161 @@
-"""Retrieval measures: one table of their values for a query, at chance level, and over parts of a gallery.
+"""Retrieval measures of a distance matrix: of each query, their means, and their chance level.
 
-For a query of a class of size C there are c = C - 1 relevant models among the N - 1 others; g_i = 1 if the model at
-rank i is relevant. New measures are added here and nowhere else.
+Each shape is a query, and all others are its results; the query itself is removed by its index, so that a duplicate at
+distance 0 counts as a result. For a query of a class of size C there are c = C - 1 relevant results among the N - 1;
+g_i = 1 if the result at rank i is relevant. With results at equal distance, measures are means over their orders.
 
 References
 ----------
-Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
+Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004 (NN, FT, ST, DCG, E).
+Jarvelin & Kekalainen, "Cumulated gain-based evaluation of IR techniques", 2002 (nDCG); Manning, Raghavan & Schutze,
+"Introduction to information retrieval", 2008 (mAP).
 McSherry & Najork, "Computing information retrieval performance measures efficiently in the presence of tied scores",
 ECIR 2008 (expected values under ties).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MEASURES", "PRINTED", "Measure", "RandomOrder", "RankedResults"]
+from benchmark.errors import ConfigurationError
 
 FloatArray = NDArray[np.float64]
 
+MEASURES: dict[str, str] = {
+    "NN": "nearest neighbour: g_1",
+    "FT": "first tier: (g_1 + ... + g_c) / c",
+    "ST": "second tier: (g_1 + ... + g_min(2c, N - 1)) / c",
+    "DCG": "discounted cumulative gain: sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)",
+    "E": "E-measure: 2 h / (k + c), h hits in the first k = min(32, N - 1) ranks",
+    "nDCG": "normalised discounted cumulative gain: as DCG with w_i = 1 / log2(i + 1)",
+    "mAP": "mean average precision: mean over the relevant shapes of the precision at their rank",
+}
+"""All measures in a record, with their definition for one query."""
+
+PRINTED: tuple[str, ...] = ("NN", "FT", "ST", "DCG")
+"""Measures that the paper and the tables print, in the order of the paper."""
+
 #: Length of the result list that the E-measure evaluates.
 E_MEASURE_DEPTH = 32
+#: Largest asymmetry of a distance matrix, relative to its largest entry off the diagonal.
+ASYMMETRY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class RankedResults:
-    """Ranked results of one query.
+class Scores:
+    """Scores of a gallery.
 
     Parameters
     ----------
-    gains
-        Relevance at each rank, shape (N - 1,): 0 or 1, or its expectation if results tie.
-    hits_up_to
-        Number of relevant results up to each rank, given that there is one at this rank, shape (N - 1,).
-    n_relevant
-        Number of relevant results in the whole list.
+    means
+        Each of :data:`MEASURES`, averaged over all queries that have a relevant result.
+    per_query
+        The same for each query, each of shape (N,); NaN for the only member of a class.
+    tied_queries
+        Number of queries with a relevant and an irrelevant result at the same distance, at any rank.
+    lone_queries
+        Number of queries without a relevant result; the means exclude them.
     """
 
-    gains: FloatArray
-    hits_up_to: FloatArray
-    n_relevant: int
-
-    @property
-    def ranks(self) -> NDArray[np.int64]:
-        """Ranks 1 ... N - 1."""
-        return np.arange(1, len(self.gains) + 1)
+    means: dict[str, float]
+    per_query: dict[str, FloatArray]
+    tied_queries: int
+    lone_queries: int
 
 
-@dataclass(frozen=True)
-class RandomOrder:
-    """List of N - 1 results in random order."""
+def evaluate(distances: ArrayLike, labels: ArrayLike, answered: ArrayLike | None = None) -> Scores:
+    """Score a distance matrix against the classes of its shapes.
 
-    n_results: int
-    n_relevant: int
-
-    @property
-    def share(self) -> float:
-        """Share of relevant results."""
-        return self.n_relevant / self.n_results
-
-    def hits(self, rank: int) -> float:
-        """Return the expected number of relevant results up to a rank."""
-        return self.share * min(rank, self.n_results)
-
-
-@dataclass(frozen=True)
-class Measure:
-    """One measure.
+    A shape without a result scores 0 in every measure as a query, and ranks behind all other shapes as a target.
 
     Parameters
     ----------
-    name
-        Name in tables, records and CSV.
-    title
-        Name in words.
-    formula
-        Definition for one query.
-    source
-        Source of the definition.
-    of_query
-        Value for a query.
-    by_chance
-        Expected value for a query with results in random order.
-    cumulated
-        Maximum contribution of the first k ranks of a query with ``n_relevant`` relevant results, for an array of the
-        numbers k = 0 ... N - 1; None for a measure that is not a weighted sum over ranks.
+    distances
+        Distances between the shapes that have a result, shape (n, n), symmetric and finite; the diagonal is ignored.
+    labels
+        Class of each shape of the gallery, shape (N,), of any comparable type.
+    answered
+        Indices of the n shapes that have a result, in their order; None for all.
+
+    Raises
+    ------
+    ConfigurationError
+        If the matrix is not square, finite and symmetric, does not fit the labels, or no class has two members.
     """
-
-    name: str
-    title: str
-    formula: str
-    source: str
-    of_query: Callable[[RankedResults], float]
-    by_chance: Callable[[RandomOrder], float]
-    cumulated: Callable[[FloatArray, int], FloatArray] | None = None
-
-
-def discounts(count: int) -> FloatArray:
-    """Return the weights of the ranks 1 ... ``count`` in the benchmark's DCG, shape (count,): 1, then 1 / log2(i)."""
-    return 1.0 / np.log2(np.maximum(np.arange(1, count + 1), 2))
-
-
-def _text_discounts(count: int) -> FloatArray:
-    """Return the weights of the ranks in evaluation packages for text retrieval: 1 / log2(i + 1)."""
-    return 1.0 / np.log2(np.arange(1, count + 1) + 1)
-
-
-@lru_cache(maxsize=64)
-def _sums(weights: Callable[[int], FloatArray], count: int) -> FloatArray:
-    """Return the sums of the weights of the first k ranks, k = 0 ... ``count``."""
-    sums = np.concatenate([[0.0], np.cumsum(weights(count))])
-    sums.flags.writeable = False
-    return sums
+    names = np.asarray(labels)
+    places = np.arange(len(names)) if answered is None else np.asarray(answered, dtype=np.intp)
+    matrix = check_distances(distances, len(places))
+    classes = np.unique(names, return_inverse=True)[1]
+    relevant = classes == classes[:, None]
+    np.fill_diagonal(relevant, False)
+    values, tied = np.zeros((len(names), len(MEASURES))), 0
+    for row, query in zip(matrix, places, strict=True):
+        whole = np.full(len(names), 2.0 * np.abs(row).max() + 1.0)  # shapes without a result rank last
+        whole[places] = row
+        if relevant[query].any():
+            values[query], is_tied = _of_query(np.delete(whole, query), np.delete(relevant[query], query))
+            tied += is_tied
+    values[~relevant.any(axis=1)] = np.nan
+    if np.isnan(values).all():
+        raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
+    return Scores(
+        means=dict(zip(MEASURES, np.nanmean(values, axis=0).tolist(), strict=True)),
+        per_query=dict(zip(MEASURES, values.T, strict=True)),
+        tied_queries=tied,
+        lone_queries=int(np.isnan(values[:, 0]).sum()),
+    )
 
 
-def _discounted(results: RankedResults, weights: FloatArray) -> float:
-    return float((weights * results.gains).sum() / weights[: results.n_relevant].sum())
+def chance_levels(labels: ArrayLike) -> dict[str, float]:
+    """Return the exact means of all measures over random rankings: those of a matrix in which all distances tie."""
+    count = len(np.asarray(labels))
+    return evaluate(np.zeros((count, count)), labels).means
 
 
-def _discounted_by_chance(order: RandomOrder, weights: Callable[[int], FloatArray]) -> float:
-    sums = _sums(weights, order.n_results)
-    return float(order.share * sums[order.n_results] / sums[order.n_relevant])
+def check_distances(distances: ArrayLike, count: int) -> FloatArray:
+    """Return a distance matrix of ``count`` shapes; raise ``ConfigurationError`` unless finite and symmetric."""
+    matrix = np.asarray(distances, dtype=np.float64)
+    if matrix.shape != (count, count):
+        raise ConfigurationError(
+            f"{count} shapes have distances of shape {matrix.shape}", "compare all pairs of shapes"
+        )
+    if not np.isfinite(matrix).all():
+        raise ConfigurationError("a distance is NaN or infinite", "leave out the shapes that the method cannot treat")
+    difference = float(np.abs(matrix - matrix.T).max(initial=0.0))
+    if difference > ASYMMETRY * np.abs(matrix).max(initial=0.0, where=~np.eye(count, dtype=bool)):
+        raise ConfigurationError(
+            f"the distances are not symmetric (largest difference {difference:.3g})", "average them with the transpose"
+        )
+    return matrix
 
 
-def _cumulated_discounts(counts: FloatArray, n_relevant: int) -> FloatArray:
-    sums: FloatArray = _sums(discounts, len(counts) - 1)
-    shares: FloatArray = sums / sums[n_relevant]
-    return shares
-
-
-def _e_measure(results: RankedResults) -> float:
-    depth = min(E_MEASURE_DEPTH, len(results.gains))
-    return float(2.0 * results.gains[:depth].sum() / (depth + results.n_relevant))
-
-
-def _e_measure_by_chance(order: RandomOrder) -> float:
-    depth = min(E_MEASURE_DEPTH, order.n_results)
-    return 2.0 * order.hits(depth) / (depth + order.n_relevant)
-
-
-def _average_precision_by_chance(order: RandomOrder) -> float:
-    """Return the expected average precision.
-
-    Each rank before a relevant result holds another one with probability ``(n_relevant - 1) / (n_results - 1)``.
-    """
-    before = np.arange(order.n_results) * (order.n_relevant - 1) / max(order.n_results - 1, 1)
-    return float(((1.0 + before) / np.arange(1, order.n_results + 1)).mean())
-
-
-_PSB = "Shilane, Min, Kazhdan, Funkhouser 2004"
-
-MEASURES: tuple[Measure, ...] = (
-    Measure(
-        "NN", "nearest neighbour", "g_1", _PSB,
-        lambda results: float(results.gains[0]),
-        lambda order: order.hits(1),
-        lambda counts, n_relevant: np.minimum(counts, 1.0),
-    ),
-    Measure(
-        "FT", "first tier", "(g_1 + ... + g_c) / c", _PSB,
-        lambda results: float(results.gains[: results.n_relevant].sum() / results.n_relevant),
-        lambda order: order.hits(order.n_relevant) / order.n_relevant,
-        lambda counts, n_relevant: np.minimum(counts, n_relevant) / n_relevant,
-    ),
-    Measure(
-        "ST", "second tier", "(g_1 + ... + g_min(2c, N - 1)) / c", _PSB,
-        lambda results: float(results.gains[: 2 * results.n_relevant].sum() / results.n_relevant),
-        lambda order: order.hits(2 * order.n_relevant) / order.n_relevant,
-        lambda counts, n_relevant: np.minimum(counts, 2.0 * n_relevant) / n_relevant,
-    ),
-    Measure(
-        "DCG", "discounted cumulative gain", "sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)", _PSB,
-        lambda results: _discounted(results, discounts(len(results.gains))),
-        lambda order: _discounted_by_chance(order, discounts),
-        _cumulated_discounts,
-    ),
-    Measure(
-        "E", "E-measure", "2 h / (k + c), h hits in the first k = min(32, N - 1) ranks", _PSB,
-        _e_measure, _e_measure_by_chance,
-    ),
-    Measure(
-        "nDCG", "normalised discounted cumulative gain", "as DCG with w_i = 1 / log2(i + 1)",
-        "Jarvelin, Kekalainen 2002",
-        lambda results: _discounted(results, _text_discounts(len(results.gains))),
-        lambda order: _discounted_by_chance(order, _text_discounts),
-    ),
-    Measure(
-        "mAP", "mean average precision", "mean over the relevant shapes of the precision at their rank",
-        "Manning, Raghavan, Schutze 2008",
-        lambda results: float((results.gains * results.hits_up_to / results.ranks).sum() / results.n_relevant),
-        _average_precision_by_chance,
-    ),
-)  # fmt: skip
-"""All measures in a record."""
-
-PRINTED: tuple[str, ...] = tuple(measure.name for measure in MEASURES[:4])
-"""Measures that the paper and the tables print, in the order of the paper."""
+def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[float], bool]:
+    """Return all measures of a query, and whether ties matter."""
+    order = np.argsort(distances, kind="stable")
+    hits = relevant[order].astype(np.float64)
+    n_results, c = len(order), int(hits.sum())
+    # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and before it.
+    starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > 0)
+    sizes, group_hits = np.diff(starts, append=n_results), np.add.reduceat(hits, starts)
+    size, in_group = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
+    gains = in_group / size
+    # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on average.
+    inside = np.arange(n_results) - np.repeat(starts, sizes)
+    before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
+    hits_up_to = before + 1 + inside * (in_group - 1) / np.maximum(size - 1, 1)
+    ranks = np.arange(1, n_results + 1)
+    discounts, text_discounts = 1 / np.log2(np.maximum(ranks, 2)), 1 / np.log2(ranks + 1)
+    depth = min(E_MEASURE_DEPTH, n_results)
+    measures = {
+        "NN": gains[0],
+        "FT": gains[:c].sum() / c,
+        "ST": gains[: 2 * c].sum() / c,
+        "DCG": discounts @ gains / discounts[:c].sum(),
+        "E": 2 * gains[:depth].sum() / (depth + c),
+        "nDCG": text_discounts @ gains / text_discounts[:c].sum(),
+        "mAP": (gains * hits_up_to / ranks).sum() / c,
+    }
+    return [float(measures[name]) for name in MEASURES], bool(((group_hits > 0) & (group_hits < sizes)).any())

@@ -2,88 +2,14 @@
 
 Notation of Lowe 2004: three levels per octave; level s of an octave has the scale 1.6 * 2^(s / 3) in pixels of that
 octave. An octave holds the Gaussian levels -1 ... 4, hence five differences and three levels with both neighbours.
+Products and sums are rounded separately and in a fixed order, so that descriptors are the same bytes on any processor.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from numpy.typing import NDArray
-
-from retrieval.gaussian_blur import HAS_VECTORS, blur, gaussian_kernel
-
-#: Number of pixels tested together.
-LANES = 16
-_VECTOR = ir.VectorType(ir.FloatType(), LANES)
-
-
-@intrinsic
-def mark_candidates(_context, stack, level, row, column, threshold):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Mark the pixels from (level, row, column) on that may be extrema.
-
-    A marked pixel is at least as far from zero as the threshold and beyond its neighbours in four directions and in
-    both levels. This rejects nearly every pixel; most blocks have none far from zero, and their neighbours are not
-    read.
-
-    Parameters
-    ----------
-    stack
-        Shape (levels, height, width), float32, contiguous. The block and all its neighbours must lie inside.
-    level, row, column
-        The first pixel.
-    threshold
-        Float32, not negative.
-
-    Returns
-    -------
-    int
-        Bit k belongs to pixel k of the block.
-    """
-    return types.int64(stack, types.intp, types.intp, types.intp, types.float32), _build_marks
-
-
-def _build_marks(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-    stack = context.make_array(signature.args[0])(context, builder, args[0])
-    _, height, width = (builder.extract_value(stack.shape, axis) for axis in range(3))
-    area = builder.mul(height, width)
-    rows = builder.add(builder.mul(args[1], area), builder.mul(args[2], width))
-    first = builder.add(rows, args[3])
-    one = ir.Constant(width.type, 1)
-
-    def load(step: Any) -> Any:
-        place = builder.gep(stack.data, [builder.add(first, step)])
-        return builder.load(builder.bitcast(place, _VECTOR.as_pointer()), align=4)
-
-    def splat(value: Any) -> Any:
-        nothing = ir.Constant(_VECTOR, ir.Undefined)
-        single = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
-        lanes = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-        return builder.shuffle_vector(single, nothing, lanes)
-
-    def bits(mask: Any) -> Any:
-        return builder.bitcast(mask, ir.IntType(LANES))
-
-    pixels = load(ir.Constant(width.type, 0))
-    high = builder.fcmp_ordered(">=", pixels, splat(args[4]))
-    low = builder.fcmp_ordered("<=", pixels, splat(builder.fneg(args[4])))
-    far = builder.icmp_unsigned("!=", bits(builder.or_(high, low)), ir.Constant(ir.IntType(LANES), 0))
-    before = builder.block
-    with builder.if_then(far, likely=False):
-        for step in (one, width, area):
-            for neighbours in (load(step), load(builder.neg(step))):
-                high = builder.and_(high, builder.fcmp_ordered(">", pixels, neighbours))
-                low = builder.and_(low, builder.fcmp_ordered("<", pixels, neighbours))
-        extrema = bits(builder.or_(high, low))
-        inside = builder.block
-    marks = builder.phi(ir.IntType(LANES))
-    marks.add_incoming(ir.Constant(ir.IntType(LANES), 0), before)
-    marks.add_incoming(extrema, inside)
-    return builder.zext(marks, ir.IntType(64))
-
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -93,6 +19,8 @@ N_GAUSSIANS = LEVELS + 3
 STEP = 2.0 ** (1.0 / LEVELS)
 BASE_SCALE = 1.6
 NOMINAL_BLUR = 0.5
+#: Gaussians are cut off at this many standard deviations.
+SUPPORT = 4.0
 #: Pixels kept around the foreground in every octave: the widest accumulated blur, 1.6 * 2^(4/3), reaches 16 pixels.
 MARGIN = 17
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
@@ -114,19 +42,44 @@ def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleA
         Whether ``base`` still has the nominal blur of an image.
     """
     if is_first:
-        blur(base, gaussians[0], gaussian_kernel(np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2)))
+        _blur(base, gaussians[0], np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2))
     else:
         for row in range(base.shape[0]):  # an assignment of the whole array takes a second to compile
             for x in range(base.shape[1]):
                 gaussians[0, row, x] = base[row, x]
     for level in range(1, N_GAUSSIANS):
-        sigma = BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0)
-        blur(gaussians[level - 1], gaussians[level], gaussian_kernel(sigma))
-    for level in range(N_GAUSSIANS - 1):
+        _blur(gaussians[level - 1], gaussians[level], BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0))
         for row in range(base.shape[0]):
-            upper, lower, result = gaussians[level + 1, row], gaussians[level, row], differences[level, row]
+            upper, lower, result = gaussians[level, row], gaussians[level - 1, row], differences[level - 1, row]
             for x in range(base.shape[1]):
                 result[x] = upper[x] - lower[x]
+
+
+@njit(cache=True, nogil=True)
+def _blur(source: SingleArray, target: SingleArray, sigma: float) -> None:
+    """Convolve an image with a separable Gaussian; the border is repeated."""
+    half = np.exp(-0.5 * (np.arange(int(np.ceil(SUPPORT * sigma)) + 1) / sigma) ** 2)
+    kernel = (half / (2.0 * half.sum() - half[0])).astype(np.float32)
+    turned = np.empty((source.shape[1], source.shape[0]), dtype=np.float32)
+    _blur_columns(source, kernel, turned)
+    _blur_columns(turned, kernel, target)
+
+
+@njit(cache=True, nogil=True)
+def _blur_columns(source: SingleArray, kernel: SingleArray, target: SingleArray) -> None:
+    """Convolve along the first axis, and write the transposed result, in the order of the weights of half a kernel."""
+    height, width = source.shape
+    total = np.empty(width, dtype=np.float32)
+    for row in range(height):
+        own = source[row]
+        for x in range(width):
+            total[x] = kernel[0] * own[x]
+        for j in range(1, len(kernel)):
+            above, below, weight = source[max(row - j, 0)], source[min(row + j, height - 1)], kernel[j]
+            for x in range(width):
+                total[x] += weight * (above[x] + below[x])
+        for x in range(width):
+            target[x, row] = total[x]
 
 
 @njit(cache=True, nogil=True)
@@ -155,29 +108,22 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
     candidate_threshold = np.float32(0.8 * peak_threshold)
     for level in range(1, LEVELS + 1):
         for row in range(1, height - 1):
-            for block in range(1, width - 1, LANES):
-                # The pixels and their neighbours lie inside the array; those of the previous block are shifted out.
-                begin = min(block, width - 1 - LANES)
-                if HAS_VECTORS and begin > 0:
-                    marks = mark_candidates(differences, level, row, begin, candidate_threshold) >> (block - begin)
-                else:
-                    marks = (1 << min(LANES, width - 1 - block)) - 1
-                column = block - 1
-                while marks:
-                    column += 1
-                    marked = marks & 1
-                    marks >>= 1
-                    value = differences[level, row, column]
-                    if not marked or not abs(value) >= candidate_threshold:
-                        continue
-                    if not _is_extremum(differences, level, row, column, value):
-                        continue
-                    good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
-                    if not good:
-                        continue
-                    if count < len(points):
-                        points[count, 0], points[count, 1], points[count, 2], points[count, 3] = x, y, level - 1, offset
-                    count += 1
+            here = differences[level, row]
+            for column in range(1, width - 1):
+                value = here[column]
+                # The neighbours in the row reject nearly every pixel.
+                high = value > here[column - 1] and value > here[column + 1]
+                low = value < here[column - 1] and value < here[column + 1]
+                if not (high or low) or abs(value) < candidate_threshold:
+                    continue
+                if not _is_extremum(differences, level, row, column, value):
+                    continue
+                good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
+                if not good:
+                    continue
+                if count < len(points):
+                    points[count, 0], points[count, 1], points[count, 2], points[count, 3] = x, y, level - 1, offset
+                count += 1
     return count
 
 

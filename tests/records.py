@@ -10,7 +10,7 @@ from typing import Any
 from benchmark.files import write_text
 from benchmark.pipeline.storage.keys import digest
 from benchmark.pipeline.storage.records import Records, as_text
-from retrieval.chance import chance_levels
+from retrieval.measures import chance_levels
 
 MEASURES = ("NN", "FT", "ST", "DCG")
 SHAPES = ("cat0", "cat1", "dog0", "dog1")

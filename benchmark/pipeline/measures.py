@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrieval.metrics import evaluate
+from retrieval.measures import evaluate
 
 #: Decimals of the measures of single queries.
 DECIMALS = 6

@@ -19,7 +19,7 @@ from benchmark.report.frames import changed, chosen_records, fold_of, kind_of, r
 from benchmark.report.notes import notes
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.text import brief
-from retrieval.chance import chance_levels
+from retrieval.measures import chance_levels
 
 if TYPE_CHECKING:
     from pandas import DataFrame

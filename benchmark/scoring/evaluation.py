@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmark.errors import ConfigurationError
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.scoring.files import as_distances, as_labels
-from retrieval.metrics import evaluate
+from retrieval.measures import evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -29,7 +29,7 @@ from benchmark.pipeline.ranking import Keys, Ranking
 from benchmark.pipeline.shapes import SECONDS, require_result
 from benchmark.registry import select_one
 from benchmark.registry.outputs import compare_signatures, compute_distances, compute_signature
-from retrieval.chance import chance_levels
+from retrieval.measures import chance_levels
 from tests.golden import inputs
 
 Arrays = Mapping[str, Any]

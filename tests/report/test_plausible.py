@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmark.reference.paper import CLASSICAL, MEASURES, PRINTED
-from retrieval.chance import chance_levels
+from retrieval.measures import chance_levels
 from tools.plausible import ROUNDING, chance, least_dcg, measures, pose_first, report
 
 SIZES = {"I": (5, 20), "II": (40, 10)}

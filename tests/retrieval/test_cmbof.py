@@ -1,112 +1,177 @@
-from __future__ import annotations
+"""The scorer on forms that move, turn and mirror, and its matching by the definition."""
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.registry import select_one
-from retrieval.cmbof import CMBOF, Features, Signature
+from retrieval.clock import count_words, match
+from retrieval.cmbof import CMBOF
+from retrieval.codebook import nearest_words, sample_codebook
+from retrieval.views import CUBE_ROTATIONS, render, view_sphere
 from tests.retrieval.figures import figure, turned
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
 SMALL = CMBOF(n_words=300, image_size=128)
+VIEWS = view_sphere(2)
 
 
 @cache
-def extract(scorer: CMBOF, mesh: Mesh) -> Features:
+def signature(scorer, mesh):
     """Meshes compare by identity, so that each is drawn once."""
-    return scorer.extract(mesh)
+    return scorer.signature(mesh)
 
 
-def signatures(scorer: CMBOF, meshes: list[Mesh]) -> list[Signature]:
-    features = [extract(scorer, mesh) for mesh in meshes]
-    codebook = scorer.train_codebook(features)
-    return [scorer.quantise(part, codebook) for part in features]
-
-
-def distances(scorer: CMBOF, meshes: list[Mesh]) -> NDArray[Any]:
-    return scorer.distances(signatures(scorer, meshes))
+def distances(scorer, meshes):
+    return scorer.compare([signature(scorer, mesh) for mesh in meshes], 0)
 
 
 @pytest.fixture(scope="module")
-def figures() -> list[Mesh]:
+def figures():
     return [figure(seed) for seed in range(6)]
 
 
-@pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18)])
-def test_views_of_each_subdivision_are_described_and_compared(
-    figures: list[Mesh], subdivisions: int, n_views: int
-) -> None:
-    scorer = CMBOF(n_words=300, image_size=64, subdivisions=subdivisions, allow_mirror=True)
-    assert len(extract(scorer, figures[0]).view_offsets) == scorer.n_views + 1 == n_views + 1
-    matrix = distances(scorer, [figures[0], figures[1], turned(figures[0], MIRROR)])
-    assert matrix[0, 2] < 0.6 * matrix[0, 1] < 0.6 * n_views
-
-
-def test_a_subdivision_without_views_is_refused_and_the_default_has_no_name_of_its_own() -> None:
-    assert select_one("cm-bof[subdivisions=2]", kind="scorer").name == "cm-bof"
-    for wrong in ("-1", "4", "1.5"):
-        with pytest.raises(ConfigurationError, match="subdivisions"):
-            select_one(f"cm-bof[subdivisions={wrong}]", kind="scorer")
-
-
-def test_a_form_equals_itself_and_differs_from_others(figures: list[Mesh]) -> None:
-    matrix = distances(SMALL, [*figures, figures[0]])
-    assert (np.diag(matrix) == 0).all()
-    assert matrix[0, 6] == 0
-    assert matrix[:6, :6][~np.eye(6, dtype=bool)].min() > 15
-
-
-def test_any_rotation_translation_and_scale_hardly_matter_with_pose_normalisation(figures: list[Mesh]) -> None:
+def test_a_form_equals_itself_and_hardly_changes_when_it_moves(figures):
     moved = turned(figures[0], Rotation.random(rng=1).as_matrix())
     moved = moved.with_vertices(7.3 * moved.vertices + np.array([100.0, -3, 20]))
-    matrix = distances(SMALL, [*figures, moved])
-    assert matrix[0, 6] < 0.4 * matrix[0, 1:6].min()
+    matrix = distances(SMALL, [*figures, figures[0], moved])
+    assert (np.diag(matrix) == 0).all()
+    assert (matrix == matrix.T).all()
+    assert matrix[0, 6] == 0
+    others = matrix[:6, :6][~np.eye(6, dtype=bool)]
+    assert others.min() > 15
+    assert matrix[0, 7] < 0.4 * others.min()
 
 
-def test_a_mirror_image_is_another_form_unless_allowed(figures: list[Mesh]) -> None:
+def test_a_mirror_image_is_another_form_unless_allowed(figures):
     meshes = [*figures, turned(figures[0], MIRROR)]
     plain = distances(SMALL, meshes)
     allowed = distances(CMBOF(n_words=300, image_size=128, allow_mirror=True), meshes)
     assert plain[0, 6] > 0.7 * plain[0, 1:6].min()
     assert allowed[0, 6] < 0.4 * allowed[0, 1:6].min()
-    np.testing.assert_array_equal(allowed, allowed.T)
+    assert (allowed == allowed.T).all()
     assert (np.diag(allowed) == 0).all()
     assert (allowed <= plain).all()
+
+
+@pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18)])
+def test_views_of_each_subdivision_are_described(figures, subdivisions, n_views):
+    scorer = CMBOF(n_words=300, image_size=64, subdivisions=subdivisions)
+    assert len(signature(scorer, figures[0])["view_offsets"]) == n_views + 1
+    assert 0 < distances(scorer, figures[:2])[0, 1] <= n_views
+
+
+def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_signature(figures):
+    random = np.random.default_rng(0)
+    for form in figures:
+        noise = 5e-13 * np.ptp(form.vertices, axis=0).max() * random.uniform(-1, 1, form.vertices.shape)
+        clean, noisy = signature(SMALL, form), signature(SMALL, form.with_vertices(form.vertices + noise))
+        assert all(np.array_equal(clean[name], noisy[name]) for name in clean)
+
+
+@pytest.mark.parametrize(
+    "wrong", ["subdivisions=4", "subdivisions=-1", "n_words=0", "n_words=-5", "image_size=0", "pose=up",
+              "peak_threshold=-1", "codebook_seed=7"]
+)  # fmt: skip
+def test_parameters_are_checked(wrong):
+    assert select_one("cm-bof[subdivisions=2,peak_threshold=0]", kind="scorer").name == "cm-bof"
+    with pytest.raises(ConfigurationError, match=wrong.partition("=")[0]):
+        select_one(f"cm-bof[{wrong}]", kind="scorer").create()
 
 
 @pytest.mark.parametrize(
     ("vertices", "faces", "message"),
     [
-        (np.zeros((4, 3)), [[0, 1, 2]], "zero extent"),
         (np.full((3, 3), 7.3), [[0, 1, 2]], "zero extent"),
         (np.eye(3), np.zeros((0, 3)), "no triangles"),
-        (np.full((3, 3), np.nan), [[0, 1, 2]], "NaN"),
     ],
 )
-def test_bad_forms_are_named(vertices: ArrayLike, faces: ArrayLike, message: str) -> None:
+def test_bad_forms_are_named(vertices, faces, message):
     with pytest.raises(InvalidMesh, match=message):
-        SMALL.extract(Mesh(vertices, faces))
+        SMALL.signature(Mesh(vertices, faces))
 
 
-def test_a_gallery_without_keypoints_is_named() -> None:
-    features = SMALL.extract(Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), [[0, 1, 2]]))
+def test_a_gallery_without_keypoints_is_named():
+    line = SMALL.signature(Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), [[0, 1, 2]]))
     with pytest.raises(DatasetError, match="keypoint"):
-        SMALL.train_codebook([features])
+        SMALL.compare([line, line], 0)
 
 
-def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_features(figures: list[Mesh]) -> None:
-    random = np.random.default_rng(0)
-    for form in figures:
-        size = np.ptp(form.vertices, axis=0).max()
-        noisy = form.with_vertices(form.vertices + 5e-13 * size * random.uniform(-1, 1, form.vertices.shape))
-        assert not np.array_equal(noisy.vertices, form.vertices)
-        clean, disturbed = extract(SMALL, form), extract(SMALL, noisy)
-        np.testing.assert_array_equal(disturbed.descriptors, clean.descriptors)
-        np.testing.assert_array_equal(disturbed.view_offsets, clean.view_offsets)
+def histograms(rng, n_words):
+    """Histograms of one form, with empty views, and the same as a table (views, words)."""
+    sizes = rng.poisson(12, 66) * (rng.uniform(size=66) > 0.1)
+    words = (n_words * rng.beta(0.4, 1.0, sizes.sum())).astype(np.int32)  # as unequal as real ones
+    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    table = np.zeros((66, n_words), dtype=int)
+    np.add.at(table, (np.repeat(np.arange(66), sizes), words), 1)
+    return count_words(words, offsets, n_words), table
+
+
+def by_definition(first, second):
+    shared = np.minimum(first[:, None], second[None]).sum(axis=2)
+    larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
+    dissimilarity = 1 - np.where(larger == 0, 1.0, shared / np.maximum(larger, 1))
+    return min(dissimilarity[np.arange(66), turn].sum() for turn in VIEWS.permutations)
+
+
+def test_matching_is_that_of_the_definition():
+    rng = np.random.default_rng(0)
+    forms, tables = zip(*(histograms(rng, 60) for _ in range(7)), strict=True)
+    expected = [[by_definition(a, b) for b in tables] for a in tables]
+    matrix = match(forms, forms, VIEWS.permutations, 60)
+    np.testing.assert_allclose(matrix, expected, atol=1e-11)
+    np.testing.assert_array_equal(match(forms[:3], list(forms), VIEWS.permutations, 60), matrix[:3])
+    order = rng.permutation(7)
+    shuffled = [forms[place] for place in order]
+    np.testing.assert_array_equal(match(shuffled, shuffled, VIEWS.permutations, 60), matrix[np.ix_(order, order)])
+
+
+def test_two_empty_views_are_equal_and_one_is_as_far_as_can_be():
+    nothing = count_words(np.empty(0, np.int32), np.zeros(67, np.int32), 5)
+    everything = count_words(np.zeros(66, np.int32), np.arange(67, dtype=np.int32), 5)
+    one_view = count_words(np.zeros(1, np.int32), np.minimum(np.arange(67, dtype=np.int32), 1), 5)
+    forms = [nothing, everything, one_view]
+    np.testing.assert_array_equal(match(forms, forms, VIEWS.permutations, 5), [[0, 66, 1], [66, 0, 65], [1, 65, 0]])
+
+
+def random_descriptors(seed, count, largest=255):
+    return np.random.default_rng(seed).integers(0, largest + 1, (count, 128)).astype(np.uint8)
+
+
+def test_the_draw_of_words_depends_on_the_seed_but_not_on_the_order_of_shapes():
+    parts = [random_descriptors(seed, 300) for seed in range(4)]
+    words = sample_codebook(parts, 100, seed=1)
+    assert len(np.unique(words, axis=0)) == 100
+    np.testing.assert_array_equal(sample_codebook([*parts[::-1], parts[0]], 100, seed=1), words)
+    other = sample_codebook(parts, 100, seed=2)
+    assert (words[:, None] == other).all(axis=2).sum() < 30
+    assert len(sample_codebook(parts[:1], 1000, seed=1)) == 300
+
+
+@pytest.mark.parametrize("largest", [2, 60, 255])
+def test_nearest_words_are_exact_and_ties_go_to_the_lower_index(largest):
+    descriptors, words = random_descriptors(0, 1500, largest), random_descriptors(1, 70, largest)
+    words = np.concatenate([words, words[:10], descriptors[:5], 255 - descriptors[:5]])
+    squared = ((descriptors[:, None].astype(np.int64) - words[None].astype(np.int64)) ** 2).sum(axis=2)
+    np.testing.assert_array_equal(nearest_words(descriptors, words), squared.argmin(axis=1))
+
+
+def test_permutations_form_the_rotation_group_of_the_cube():
+    table = {tuple(p) for p in VIEWS.permutations}
+    assert len(table) == 24
+    for rotation, p in zip(CUBE_ROTATIONS, VIEWS.permutations, strict=True):
+        assert {tuple(p[q]) for q in VIEWS.permutations} == table
+        np.testing.assert_allclose(VIEWS.directions @ rotation.T, VIEWS.directions[p], atol=1e-12)
+    assert len({(i, j) for p in VIEWS.permutations for i, j in enumerate(p)}) == 1332
+
+
+def test_a_view_that_is_drawn_with_its_opposite_is_the_same_as_drawn_alone():
+    mesh = figure()
+    mesh = mesh.with_vertices(mesh.vertices / (1.01 * np.linalg.norm(mesh.vertices, axis=1).max()))
+    together = render(mesh, 96, VIEWS)
+    for view in range(66):
+        np.testing.assert_array_equal(together[view], render(mesh, 96, VIEWS, slice(view, view + 1))[0])

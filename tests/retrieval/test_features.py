@@ -1,107 +1,54 @@
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
+"""SIFT without its background, without keypoints, and on images that are no depths."""
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 
 from benchmark.errors import InvalidMesh
-from retrieval.features import EDGE_RATIO, _checked, _detect_all, detect_views
+from retrieval.features import detect_views
 
 pytestmark = pytest.mark.kernels
 
-PEAK = 0.04 / 3  # OpenCV divides its contrast threshold by the levels per octave.
-
-
-@dataclass(frozen=True, eq=False)
-class Keypoints:
-    """Keypoints of one image: positions (x, y), scales, angles and descriptors."""
-
-    positions: NDArray[np.float64]
-    scales: NDArray[np.float64]
-    angles: NDArray[np.float64]
-    descriptors: NDArray[np.uint8]
-
-
-def detect(image: ArrayLike, *, peak_threshold: float, background: float = np.nan) -> Keypoints:
-    stack = _checked(np.asarray(image, dtype=np.float32)[None])
-    frames, descriptors, _ = _detect_all(stack, np.float32(background), peak_threshold, EDGE_RATIO)
-    return Keypoints(frames[:, :2], frames[:, 2], frames[:, 3], descriptors)
-
-
-@pytest.fixture(scope="module")
-def photograph() -> NDArray[Any]:
-    from sklearn.datasets import load_sample_image
-
-    return load_sample_image("china.jpg")[80:380, 100:500].mean(axis=2).astype(np.uint8)
-
-
-def find(image: NDArray[Any]) -> Keypoints:
-    return detect(image.astype(np.float32) / 255, peak_threshold=PEAK)
-
-
-def matched(expected: Keypoints, detected: Keypoints, inside: NDArray[Any]) -> tuple[float, float]:
-    """Share of expected keypoints that are found, and the median cosine of their descriptors."""
-    hits, cosines = 0, []
-    for k in np.flatnonzero(inside):
-        position, scale, angle = expected.positions[k], expected.scales[k], expected.angles[k]
-        descriptor = expected.descriptors[k]
-        near = np.linalg.norm(detected.positions - position, axis=1) < 0.5 * scale
-        near &= np.abs(np.log2(detected.scales / scale)) < 0.25
-        near &= np.abs((detected.angles - angle + np.pi) % (2 * np.pi) - np.pi) < 0.3
-        if near.any():
-            hits += 1
-            others = detected.descriptors[near].astype(float)
-            norms = np.linalg.norm(others, axis=1) * np.linalg.norm(descriptor.astype(float))
-            cosines.append((others @ descriptor / norms).max())
-    return hits / max(inside.sum(), 1), float(np.median(cosines))
-
-
-def test_agrees_with_opencv(photograph: NDArray[Any]) -> None:
-    cv2 = pytest.importorskip("cv2")
-    points, descriptors = cv2.SIFT.create().detectAndCompute(photograph, None)
-    # OpenCV counts gradient angles the other way round.
-    flipped = descriptors.reshape(-1, 4, 4, 8)[..., (-np.arange(8)) % 8].reshape(-1, 128)
-    theirs = Keypoints(
-        np.array([p.pt for p in points]),
-        np.array([p.size / 2 for p in points]),
-        np.deg2rad([p.angle for p in points]),
-        flipped.astype(np.uint8),
-    )
-    # OpenCV doubles the image: smaller keypoints than these exist only there.
-    rate, cosine = matched(theirs, find(photograph), theirs.scales > 2.4)
-    assert rate > 0.8
-    assert cosine > 0.99
-
 
 @pytest.mark.parametrize("peak_threshold", [1e-3, 0.0])
-def test_leaving_out_the_background_changes_nothing(peak_threshold: float) -> None:
+def test_leaving_out_the_background_changes_nothing(peak_threshold):
     rng = np.random.default_rng(5)
-    image = np.ones((256, 256), np.float32)
-    image[70:171, 93:150] = 0.3 + 0.4 * gaussian_filter(rng.uniform(size=(101, 57)), 3)
-    cropped = detect(image, peak_threshold=peak_threshold, background=1.0)
-    whole = detect(image, peak_threshold=peak_threshold)
-    assert len(cropped.scales) == len(whole.scales) > 20
-    np.testing.assert_allclose(cropped.positions, whole.positions, rtol=1e-12)
-    np.testing.assert_allclose(cropped.scales, whole.scales, rtol=1e-12)
-    assert np.abs(cropped.descriptors.astype(int) - whole.descriptors).max() <= 1
+    image = np.ones((1, 256, 256), np.float32)
+    image[0, 70:171, 93:150] = 0.3 + 0.4 * gaussian_filter(rng.uniform(size=(101, 57)), 3)
+    cropped, whole = (
+        detect_views(image, peak_threshold=peak_threshold, background=background).descriptors
+        for background in (1.0, np.nan)
+    )
+    assert len(cropped) == len(whole) > 20
+    assert np.abs(cropped.astype(int) - whole).max() <= 1
 
 
-def test_images_without_keypoints_are_fine() -> None:
+def test_images_without_keypoints_are_fine():
     images = np.ones((3, 64, 64), np.float32)
     images[2, 20:40, 25:35] = 0.5
-    features = detect_views(images, peak_threshold=1e-3, background=1.0)
+    features = detect_views(images, peak_threshold=0.0, background=1.0)
     assert features.view_offsets[:3].tolist() == [0, 0, 0]
     assert features.view_offsets[3] == len(features.descriptors) > 0
-    assert detect(np.zeros((8, 8)), peak_threshold=1e-3).descriptors.shape == (0, 128)
+    small = detect_views(np.zeros((1, 8, 8), np.float32), peak_threshold=0.0, background=1.0)
+    assert small.descriptors.shape == (0, 128)
+
+
+def test_the_mirror_image_of_a_view_has_mirrored_descriptors():
+    rng = np.random.default_rng(1)
+    image = gaussian_filter(rng.uniform(size=(2, 129, 129)), (0, 3, 3)).astype(np.float32)
+    features, flipped = (
+        detect_views(np.ascontiguousarray(one), peak_threshold=1e-3, background=np.nan)
+        for one in (image, image[::-1, ::-1])  # the two views change places, and each is turned upside down
+    )
+    mirrored = features.mirrored(np.array([1, 0], dtype=np.int32))
+    np.testing.assert_allclose(mirrored.view_offsets, flipped.view_offsets, atol=3)
+    near = np.abs(mirrored.descriptors[:, None].astype(int) - flipped.descriptors).max(axis=2).min(axis=1)
+    assert (near <= 4).mean() > 0.9
 
 
 @pytest.mark.parametrize("value", [np.nan, -np.inf, 3e38, -3e38])
-def test_images_that_are_no_depths_are_refused(value: float) -> None:
-    image = np.zeros((32, 32), dtype=np.float32)
-    image[5, 7] = value
+def test_images_that_are_no_depths_are_refused(value):
+    image = np.zeros((1, 32, 32), dtype=np.float32)
+    image[0, 5, 7] = value
     with pytest.raises(InvalidMesh, match="NaN"):
-        detect(image, peak_threshold=1e-3)
+        detect_views(image, peak_threshold=1e-3, background=1.0)

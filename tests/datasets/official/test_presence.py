@@ -11,7 +11,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.official import EXTENDED, SETS
 from benchmark.errors import DatasetError
 from benchmark.protocols.galleries import galleries
-from retrieval.chance import chance_levels
+from retrieval.measures import chance_levels
 from tests.datasets.official.layouts import make
 
 
