@@ -15,7 +15,7 @@ from benchmark.api.learning import TrainingData, TrainingPair, digest_of
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.people import clearances
+from benchmark.datasets.people import PEOPLE, clearances
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import DepthImage, common_half_width, depth_surface, fit_half_width
@@ -60,7 +60,7 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         [*(entry.identifier for entry in trained), *(canonical[subject].identifier for subject in subjects)]
     )
     _check_apart(training.name, subjects, tested)
-    new = open_dataset(VALIDATION, None) if set(subjects) <= {*SUBJECTS, *PEOPLE[0]} else dataset
+    new = open_dataset(VALIDATION, None) if set(subjects) <= {*SUBJECTS["humans"], *PEOPLE[0]} else dataset
     held_out = new.shapes[::5] if new is not dataset else tested
     return TrainingData(
         name=training.name,
