@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmark.depth.frame import UPRIGHT
@@ -40,13 +41,15 @@ from benchmark.text import brief, clean
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-#: Vertices of a form in 3D; forms side by side, which browsers limit; methods and queries on the page of queries.
-VERTICES, SIDE_BY_SIDE, METHODS, WORST, MATCHES = 700, 6, 6, 20, 5
+#: Vertices of a form in 3D and pixels of its height; forms of a shape, and shapes, for browsers draw at most 16.
+VERTICES, SIDE, SIDE_BY_SIDE, POSES = 700, 180, 6, 2
+
+#: Methods, queries and matches on the page of queries.
+METHODS, WORST, MATCHES = 6, 20, 5
 
 _PIXELS = 96
 
 ITSELF = "the shape"
-NO_FORMS = "No forms of this table are stored here. Make them with: {}"
 
 
 @dataclass
@@ -254,92 +257,49 @@ def precision_chart(view: TableView, curves: Mapping[str, Any]) -> Figure:
 
 
 def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
-    """Yield the page of forms: a shape with its forms by several methods, and poses of one subject."""
-    records = effect_records(view, len(view.rows))
-    samples = {shape: _forms_of(pages, records, shape) for shape in (some_shapes(records[0]) if records else ())}
-    samples = {shape: meshes for shape, meshes in samples.items() if len(meshes) > 1}
-    if not samples:
-        yield f"<p>{NO_FORMS.format(f'<code>{_text(_command(view))}</code>')}</p>"
+    """Yield the page of forms: poses of one subject, each with its forms by several methods."""
+    records = effect_records(view, SIDE_BY_SIDE - 1)
+    shapes = some_shapes(records[0], 1, POSES) if records else []
+    rows = {shape: _forms_of(pages, records, shape) for shape in shapes}
+    if not any(len(meshes) > 1 for meshes in rows.values()):
+        yield f"<p>No forms of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
         return
     yield "<p>Drag to turn, scroll to zoom. The colour shows how far a point is from the centre of the body.</p>"
-    yield "<h2>One shape by several methods</h2>"
-    yield _html(meshes_chart(samples))
-    labels = dict(zip(records[0].shapes, records[0].labels, strict=True))
-    subject = [shape for shape in samples if labels[shape] == labels[next(iter(samples))]]
-    if len(subject) > 1:
-        yield f"<h2>Poses of {_text(labels[subject[0]])} by each method</h2>"
-        names = list(dict.fromkeys(title for shape in subject for title in samples[shape]))
-        poses = {
-            title: {shape: samples[shape][title] for shape in subject if title in samples[shape]} for title in names
-        }
-        yield _html(meshes_chart(poses))
+    for shape, meshes in rows.items():
+        yield f"<h2>{_text(shape)}</h2><div class='forms'>"
+        for title, mesh in meshes.items():
+            chart = mesh_chart(mesh, values_like(mesh, meshes.get(ITSELF)))
+            yield f"<figure>{_html(chart)}<figcaption>{_text(title)}</figcaption></figure>"
+        yield "</div>"
 
 
 def _forms_of(pages: Pages, records: Sequence[Record], shape: str) -> dict[str, Mesh]:
     """Return a shape and its stored forms by title."""
     meshes: dict[str, Mesh] = {}
     for record in records:
-        if len(meshes) < SIDE_BY_SIDE and shape in record.shapes and (form := pages.forms.form(record, shape)):
-            surface = pages.forms.shape(record, shape)
-            if surface is not None:
-                meshes.setdefault(ITSELF, surface)
-            meshes[clean(record.title)] = form
+        form, surface = pages.forms.form(record, shape), pages.forms.shape(record, shape)
+        if form is not None and surface is not None:
+            meshes |= {ITSELF: surface, record.title: form}
     return meshes
 
 
-def meshes_chart(groups: Mapping[str, Mapping[str, Mesh]]) -> Figure:
-    """Return meshes side by side in 3D; a menu chooses between groups."""
-    from plotly.graph_objects import Mesh3d
-    from plotly.subplots import make_subplots
+def mesh_chart(mesh: Mesh, values: NDArray[np.float64]) -> Figure:
+    """Return a mesh in 3D."""
+    from plotly.graph_objects import Figure, Mesh3d
 
-    most = min(max(map(len, groups.values())), SIDE_BY_SIDE)
-    columns = min(most, 3)
-    n_rows = -(-most // columns)
-    spec = [[{"type": "scene"}] * columns for _ in range(n_rows)]
-    figure: Figure = make_subplots(n_rows, columns, specs=spec, horizontal_spacing=0.01, vertical_spacing=0.06)
-    owners: list[str] = []
-    labels = {}
-    for name, meshes in groups.items():
-        labels[name] = list(meshes)[:most]
-        for place, (title, mesh) in enumerate(list(meshes.items())[:most]):
-            small = decimate(mesh, VERTICES) if mesh.n_vertices > VERTICES else mesh
-            values = values_like(mesh, meshes.get(ITSELF))[cKDTree(mesh.vertices).query(small.vertices)[1]]
-            x, y, z = small.vertices.T.round(3)
-            figure.add_trace(
-                Mesh3d(
-                    x=x, y=-z, z=y, i=small.faces[:, 0], j=small.faces[:, 1], k=small.faces[:, 2],
-                    intensity=values.round(2), colorscale=list(PALETTE), showscale=False, name=_text(title),
-                    hoverinfo="name", visible=not owners or owners[0] == name,
-                ),
-                place // columns + 1, place % columns + 1,
-            )  # fmt: skip
-            owners.append(name)
+    small = decimate(mesh, VERTICES) if mesh.n_vertices > VERTICES else mesh
+    shown = values[cKDTree(mesh.vertices).query(small.vertices)[1]]
+    (x, y, z), (i, j, k) = small.vertices.T.round(3), small.faces.T
+    figure = Figure(Mesh3d(
+        x=x, y=-z, z=y, i=i, j=j, k=k, intensity=shown.round(2), colorscale=list(PALETTE), showscale=False,
+        hoverinfo="skip",
+    ))  # fmt: skip
     plain = {"visible": False}
     figure.update_scenes(
         xaxis=plain, yaxis=plain, zaxis=plain, aspectmode="data",
         camera={"eye": {"x": 0, "y": -1.9, "z": 0.2}, "projection": {"type": "orthographic"}},
     )  # fmt: skip
-    buttons = [
-        {"label": _text(name), "method": "update",
-         "args": [{"visible": [owner == name for owner in owners]}, {"annotations": _captions(figure, labels[name])}]}
-        for name in groups
-    ]  # fmt: skip
-    figure.update_layout(
-        height=60 + 300 * n_rows, margin={"l": 0, "r": 0, "t": 60, "b": 0},
-        updatemenus=[{"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}],
-        annotations=_captions(figure, labels[next(iter(groups))]),
-    )  # fmt: skip
-    return figure
-
-
-def _captions(figure: Figure, titles: Sequence[str]) -> list[dict[str, Any]]:
-    """Return a caption below each scene."""
-    scenes = [figure.layout[f"scene{number or ''}"].domain for number in (0, *range(2, len(titles) + 1))]
-    return [
-        {"text": _text(title), "x": sum(scene.x) / 2, "y": scene.y[0], "xref": "paper", "yref": "paper",
-         "showarrow": False, "font": {"size": 11}, "yanchor": "bottom"}
-        for title, scene in zip(titles, scenes, strict=False)
-    ]  # fmt: skip
+    return figure.update_layout(height=SIDE, margin={"l": 0, "r": 0, "t": 0, "b": 0})
 
 
 def queries_page(pages: Pages, view: TableView) -> Iterator[str]:
