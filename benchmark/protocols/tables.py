@@ -35,8 +35,9 @@ PARTS: Mapping[str, tuple[int | str, ...]] = {
 #: Beginnings of the names of the suite's networks, which stand in their block also where they have no model.
 NETWORKS = ("learned", "deformation-field")
 
-#: Parameter of networks over whose values rows are averaged.
+#: Parameters of networks over whose values rows are averaged: seeds, and folds of another set of people.
 TRAINING_SEED = "training_seed"
+AVERAGED = (f"{TRAINING_SEED}=", "training=humans-fold-")
 
 #: Titles of the paper's rows and of networks; those of all others are their own.
 TITLES: Mapping[str, str] = {

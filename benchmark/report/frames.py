@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
-from benchmark.protocols.tables import NETWORKS, TABLES, TRAINING_SEED, Kind, Table, own_table
+from benchmark.protocols.tables import AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
 from benchmark.reference.paper import PRINTED
 
 if TYPE_CHECKING:
@@ -34,9 +34,9 @@ def fold_of(record: Record) -> str:
 
 
 def row_of(record: Record) -> str:
-    """Return the row of a record: its method, without the seed of a training."""
+    """Return the row of a record: its method, without what rows are averaged over."""
     base, bracket, parameters = record.method.partition("[")
-    rest = [part for part in parameters.removesuffix("]").split(",") if not part.startswith(f"{TRAINING_SEED}=")]
+    rest = [part for part in parameters.removesuffix("]").split(",") if not part.startswith(AVERAGED)]
     return f"{base}[{','.join(rest)}]" if bracket and any(rest) else base
 
 

@@ -68,14 +68,13 @@ def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views)
     assert all(fair[name] < 0.1 for name in CLASSICAL if name != "gps")
 
 
-@pytest.mark.parametrize("table", ["I", "III"])
-def test_the_surface_area_beats_every_canonical_form_of_complete_surfaces(views, table):
-    for column in views[table].columns:
-        scores = {row.method: row.scored[column.title].means for row in views[table].rows if column.title in row.scored}
-        forms = [row.method for row in views[table].rows if row.kind == "form" and row.method in scores]
-        assert len(forms) >= 10
-        assert all(scores["surface-area"][m] > scores[name][m] for name in forms for m in MEASURES)
-        assert scores["si-hks"]["NN"] >= 0.975 - 5e-7
+@pytest.mark.parametrize(("table", "column"), [("I", "5 subjects"), ("III", "ours")])
+def test_the_surface_area_beats_every_canonical_form_of_complete_surfaces(views, table, column):
+    scores = {row.method: row.scored[column].means for row in views[table].rows if column in row.scored}
+    forms = [row.method for row in views[table].rows if row.kind == "form" and row.method in scores]
+    assert len(forms) >= 10
+    assert all(scores["surface-area"][m] > scores[name][m] for name in forms for m in MEASURES)
+    assert scores["si-hks"]["NN"] >= 0.975 - 5e-7
 
 
 def test_claims_are_decided_as_the_page_says(records):
