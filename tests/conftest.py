@@ -5,10 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
-from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -34,44 +31,6 @@ settings.load_profile("suite")
 for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _published_lines_are_checked_once() -> Iterator[None]:
-    """Check each line of the published records once: they are a second's work, and most tests of tables read them."""
-    from benchmark.pipeline.storage.records import Records
-
-    published, checked = Path(__file__).parents[1] / "results" / "records", Records._record
-    known: dict[bytes, dict[str, Any]] = {}
-    resolved = cache(Path.resolve)
-
-    def record(self: Records, source: Any) -> dict[str, Any] | None:
-        if source.parts is None or resolved(self.folder) != published:
-            return checked(self, source)
-        if source.text not in known and (found := checked(self, source)):
-            known[source.text] = found
-        return dict(known[source.text]) if source.text in known else None
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Records, "_record", record)
-        yield
-
-
-@pytest.fixture(scope="session")
-def server_of_workers() -> Iterator[Any]:
-    """Stand-in for what starts processes, which forks them."""
-    from tests.forked_workers import server
-
-    with server() as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def forked_workers(server_of_workers: Any) -> Iterator[None]:
-    """Fork the workers of all runs of a module, whose tests are not about processes."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmark.execution.processes.process._start", server_of_workers)
-        yield
 
 
 @pytest.fixture(scope="module")

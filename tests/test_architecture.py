@@ -11,18 +11,18 @@ ROOT = Path(__file__).parents[1]
 #: the same layer. A module belongs to the longest name that fits.
 LAYERS = (
     ("benchmark.errors",),
-    ("benchmark.machine", "benchmark.arrays", "benchmark.files", "benchmark.source_code", "benchmark.text"),
+    ("benchmark.machine", "benchmark.files", "benchmark.text"),
     ("benchmark.code_digest",),
-    ("benchmark.kernels", "benchmark.execution.processes"),
+    ("benchmark.kernels",),
     ("benchmark.geometry",),
     ("benchmark.api", "benchmark.depth"),
     ("baselines", "learned", "retrieval"),
-    ("benchmark.reference", "benchmark.pipeline.storage"),
-    ("benchmark.plugins", "benchmark.registry"),
+    ("benchmark.reference",),
+    ("benchmark.registry",),
     ("benchmark.datasets",),
     ("benchmark.protocols", "benchmark.check", "benchmark.new"),
     ("benchmark.pipeline",),
-    ("benchmark.execution", "benchmark.runs", "benchmark.protocols.pairs"),
+    ("benchmark.runs", "benchmark.protocols.pairs"),
     ("benchmark.report",),
     ("benchmark.depth_forms", "benchmark.notebook", "benchmark.scoring"),
     ("benchmark.cli", "benchmark.kernels.__main__"),
@@ -79,10 +79,9 @@ def test_a_module_imports_only_from_layers_below_and_the_harness_no_method_by_na
         assert [target for target in of_suite if not target.startswith(allowed)] == []
 
 
-def test_an_arrow_from_the_store_to_the_runner_would_fail():
-    assert not may_import("benchmark.pipeline.storage.store", "benchmark.execution.runner")
-    assert not may_import("benchmark.pipeline.storage.store", "benchmark.datasets.folder")
-    assert may_import("benchmark.execution.runner", "benchmark.pipeline.storage.store")
+def test_an_arrow_from_the_pipeline_to_the_runner_would_fail():
+    assert not may_import("benchmark.pipeline.cache", "benchmark.runs.runner")
+    assert may_import("benchmark.runs.runner", "benchmark.pipeline.cache")
 
 
 def test_every_module_has_a_layer():

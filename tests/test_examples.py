@@ -12,7 +12,7 @@ import psutil
 import pytest
 from scipy.spatial.distance import pdist
 
-from benchmark.pipeline.storage.store import Store
+from benchmark.pipeline.records import read_records
 from benchmark.report.results import open_results
 from tests.toy import rod, write_off, write_rods
 
@@ -85,9 +85,9 @@ def test_a_program_may_crash_hang_or_refuse(far, tmp_path, program, source, stat
     limit = ("--timeout", "10") if status == "timeout" else ()
     plugin = ("-m", name, "--plugin", f"{name.replace('-', '_')}.py")
     far("benchmark", "run", "-d", "rods", *plugin, "--input", "mesh", *limit, code=1)
-    (record,) = Store.open(tmp_path / "results").records
-    assert record["status"] == status
-    assert reason in record["reason"]
+    (record,) = read_records(tmp_path / "results")
+    assert record.status == status
+    assert reason in record.reason
     assert not [process for process in psutil.process_iter(["cmdline"]) if "613" in (process.info["cmdline"] or ())]
 
 

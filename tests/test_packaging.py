@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 import setuptools
 
-from benchmark.plugins.registry import methods, variant
 from benchmark.protocols import models
 from benchmark.protocols.models import MissingModel, with_model
+from benchmark.registry import select_one
 
 ROOT = Path(__file__).parents[1]
 
@@ -63,7 +63,7 @@ def test_the_wheel_has_types_templates_and_examples_and_no_tests(packed):
 
 
 def test_a_model_that_is_left_out_is_named_with_two_ways_to_get_it(monkeypatch, tmp_path):
-    spec = variant("learned[training_seed=7]", methods())
+    spec = select_one("learned[training_seed=7]")
     with pytest.raises(MissingModel, match=r"needs the model humans-fold-0; run `python -m benchmark train [^`]*`$"):
         with_model(spec)
     monkeypatch.setattr(models, "_ALL_HERE", "absent")  # as in an installed package

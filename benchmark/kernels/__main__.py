@@ -43,11 +43,11 @@ def compile_methods() -> None:
     from benchmark.api.contracts import Descriptor, Mesh, Shape
     from benchmark.check.shapes import figure
     from benchmark.geometry.camera import FRONT
-    from benchmark.pipeline.stages.shapes import complete, half_width_of, seen
+    from benchmark.pipeline.preparation import fit_frame, prepare_mesh, prepare_view
     from benchmark.registry import methods
 
     source = figure()
-    prepared = {"mesh": complete(source), "view": seen(source, FRONT, half_width_of(source, FRONT))}
+    prepared = {"mesh": prepare_mesh(source), "view": prepare_view(source, FRONT, fit_frame(source, FRONT))}
     shapes = {
         name: Shape(identifier="figure", mesh=Mesh(arrays["vertices"], arrays["faces"]), depth=arrays.get("depth"))
         for name, arrays in prepared.items()

@@ -6,11 +6,11 @@ from typing import Any
 
 from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.stages.shapes import seen
+from benchmark.pipeline.preparation import prepare_view
 
 
 def view(dataset: Any) -> Shape:
     entry = dataset.shapes[0]
-    arrays = seen(dataset.load(entry), dataset.camera(entry), dataset.half_width)
+    arrays = prepare_view(dataset.load(entry), dataset.camera(entry), dataset.half_width)
     mesh = Mesh(arrays["vertices"], arrays["faces"])
     return Shape(identifier=entry.identifier, mesh=mesh, depth=arrays["depth"])

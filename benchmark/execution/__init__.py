@@ -1,1 +1,0 @@
-"""Execution of jobs: plan, scheduler, workers, and many machines."""

@@ -1,1 +1,0 @@
-"""Child processes: start, communication, and end with all their descendants."""

@@ -1,1 +1,0 @@
-"""Keys of recipes, and the folder that stores results by key."""
