@@ -11,15 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.base import Watched, canonical_shapes
+from benchmark.datasets.base import Watched, by_subject, canonical_shapes
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
-from benchmark.errors import ConfigurationError, DatasetError
+from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
 
 
 def export(dataset: ShapeSet, folder: Path, *, force: bool = False, watched: Watched = iter) -> tuple[str, ...]:
-    """Write all shapes of a data set as ``CLASS/POSE.off``, with cameras and canonical poses in ``dataset.toml``.
+    """Write all shapes as ``CLASS/POSE.off``, with cameras, depth noise and canonical poses in ``dataset.toml``.
 
     Coordinates are exact. Files are written to a temporary sibling folder and moved at the end, so a failure while
     writing leaves the folder unchanged.
@@ -44,34 +44,33 @@ def export(dataset: ShapeSet, folder: Path, *, force: bool = False, watched: Wat
     ------
     ConfigurationError
         If the folder is nonempty or contains the data set itself, or a class or pose cannot be the name of a file.
-    DatasetError
-        If the shapes of a class have different cameras.
     ShapeError
         If a mesh is unreadable.
     """
     names = _file_names(dataset.shapes)
-    settings = _settings(dataset)
+    settings = _settings(dataset, names)
     _check_target(dataset, folder, force)
-    written = (*names, SETTINGS_FILE)
+    written = (*names.values(), SETTINGS_FILE)
     with _filled(folder, written) as target:
-        for entry, file in zip(watched(dataset.shapes), names, strict=True):
-            (target / file).parent.mkdir(exist_ok=True)
-            write_mesh(target / file, dataset.load(entry))
+        for entry in watched(dataset.shapes):
+            path = target / names[entry.identifier]
+            path.parent.mkdir(exist_ok=True)
+            write_mesh(path, dataset.load(entry))
         (target / SETTINGS_FILE).write_bytes(settings.encode())
     return written
 
 
-def _file_names(entries: Sequence[Entry]) -> list[str]:
+def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
     """Return the file of each shape; a pose that several shapes of a class have is numbered."""
     counts = Counter((entry.subject, entry.pose.casefold()) for entry in entries)
-    names = []
+    names = {}
     for number, entry in enumerate(entries):
         is_single = entry.pose and counts[entry.subject, entry.pose.casefold()] == 1
         pose = entry.pose if is_single else f"{entry.pose or 'pose'}-{number}"
         for word in (entry.subject, pose):
             if not re.fullmatch(r"\w[\w .+-]*", word):
                 raise ConfigurationError(f"{word!r} of '{entry.identifier}' cannot be the name of a file", "rename it")
-        names.append(f"{entry.subject}/{pose}.off")
+        names[entry.identifier] = f"{entry.subject}/{pose}.off"
     return names
 
 
@@ -90,10 +89,10 @@ def _filled(folder: Path, files: Sequence[str]) -> Iterator[Path]:
 
 
 def _check_target(dataset: ShapeSet, folder: Path, force: bool) -> None:
+    target = folder.resolve()
     sources = {entry.path.resolve().parent for entry in dataset.shapes if entry.path}
-    if dataset.folder:
-        sources.add(dataset.folder.resolve())
-    if folder.resolve() in sources:
+    sources |= {dataset.folder.resolve()} if dataset.folder else set()
+    if any(target == source or target.is_relative_to(source) for source in sources):
         raise ConfigurationError(f"{folder} holds the data set itself", "choose another folder")
     if folder.exists() and not folder.is_dir():
         raise ConfigurationError(f"{folder} is not a folder", "choose another one")
@@ -101,36 +100,36 @@ def _check_target(dataset: ShapeSet, folder: Path, force: bool) -> None:
         raise ConfigurationError(f"{folder} is not empty", "choose another folder, or pass --force to write into it")
 
 
-def _settings(dataset: ShapeSet) -> str:
+def _settings(dataset: ShapeSet, files: Mapping[str, str]) -> str:
     """Return the ``dataset.toml`` that reproduces the depth images and canonical poses of the data set."""
+    names = {identifier: file.removesuffix(".off") for identifier, file in files.items()}
     lines = [f"# Written from the data set {_quoted(dataset.name)}."]
     if dataset.stand_in_for:
         lines.append(f"stand_in_for = {_quoted(dataset.stand_in_for)}")
     if dataset.half_width is not None:
         lines.append(f"half_width = {float(dataset.half_width)!r}")
-    cameras = _cameras(dataset)
-    views = {subject: _view(camera) for subject, camera in cameras.items()}
+    views: dict[str, str] = {}
+    members_of = by_subject(dataset.shapes)
+    for subject, members in members_of.items():
+        of_shapes = {names[entry.identifier]: _view(dataset.camera(entry)) for entry in members}
+        first = next(iter(of_shapes.values()))
+        views |= {subject: first} if set(of_shapes.values()) == {first} else of_shapes
     if len(set(views.values())) == 1:
         lines.append(f"camera = {next(iter(views.values()))}")
         views = {}
-    first: dict[str, str] = {}
-    for entry in dataset.shapes:
-        first.setdefault(entry.subject, entry.pose)
-    canonical = {subject: entry.pose for subject, entry in canonical_shapes(dataset).items()}
-    poses = {subject: _quoted(pose) for subject, pose in canonical.items() if pose != first[subject]}
-    return "\n".join(lines) + "\n" + _table("camera", views) + _table("canonical_pose", poses)
-
-
-def _cameras(dataset: ShapeSet) -> dict[str, Camera]:
-    cameras: dict[str, Camera] = {}
-    for entry in dataset.shapes:
-        camera = dataset.camera(entry)
-        if cameras.setdefault(entry.subject, camera) != camera:
-            raise DatasetError(
-                f"the shapes of class '{entry.subject}' have different cameras, which {SETTINGS_FILE} cannot say",
-                "give every shape of a class the same camera",
-            )
-    return cameras
+    poses = {
+        subject: _quoted(names[entry.identifier].partition("/")[2])
+        for subject, entry in canonical_shapes(dataset).items()
+        if entry != members_of[subject][0]
+    }
+    sensors = {names[entry.identifier]: dataset.sensor(entry) for entry in dataset.shapes}
+    noise = next((sensor for sensor in sensors.values() if sensor), None)
+    tables = _table("camera", views) + _table("canonical_pose", poses)
+    if noise:
+        seeds = {name: str(sensor.seed) for name, sensor in sensors.items() if sensor}
+        tables += _table("depth_noise", {"deviation": repr(noise.noise), "step": repr(noise.step)})
+        tables += _table("depth_noise.seeds", seeds)
+    return "\n".join(lines) + "\n" + tables
 
 
 def _view(camera: Camera) -> str:

@@ -1,5 +1,6 @@
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import canonical_entry
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.export import export
 from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError, DatasetError
@@ -103,11 +105,12 @@ def test_a_folder_with_files_is_left_alone_unless_forced(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere.off", "out"]
 
 
-def test_a_set_is_never_written_over_itself(tmp_path):
+@pytest.mark.parametrize(("change", "place"), [("", ""), ("[noise=5]", ""), ("[noise=5]", "/noisy")])
+def test_a_set_is_never_written_over_itself(tmp_path, change, place):
     write_rods(tmp_path / "in")
     before = {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
-    with pytest.raises(ConfigurationError, match="in holds the data set itself"):
-        export(folder_set(tmp_path / "in"), tmp_path / "in", force=True)
+    with pytest.raises(ConfigurationError, match="holds the data set itself"):
+        export(open_dataset(f"{tmp_path}/in{change}"), Path(f"{tmp_path}/in{place}"), force=True)
     assert before == {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
 
 
@@ -124,7 +127,17 @@ def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, messag
         export(beasts(shapes=entries), tmp_path / "out")
 
 
-def test_cameras_that_differ_in_a_class_are_named(tmp_path):
-    turning = beasts(camera=lambda entry: SIDE if entry.pose == "sit" else FRONT)
-    with pytest.raises(DatasetError, match="class 'man-2' have different cameras"):
-        export(turning, tmp_path / "out")
+def test_cameras_of_single_shapes_and_the_noise_of_depth_are_kept(tmp_path, rods):
+    source = open_dataset(f"{rods}[noise=1][depth-noise=5][view-angle=4]")
+    export(source, tmp_path / "out")
+    back = folder_set(tmp_path / "out")
+    exported = {(entry.subject, entry.pose): entry for entry in back.shapes}
+    for before in source.shapes:
+        after = exported[before.subject, before.pose]
+        assert back.sensor(after) == source.sensor(before) is not None
+        assert back.camera(after).direction == pytest.approx(source.camera(before).direction, abs=1e-15)
+        assert back.load(after).vertices.tobytes() == source.load(before).vertices.tobytes()
+    toml = tmp_path / "out" / "dataset.toml"
+    toml.write_text(toml.read_text().replace('"thin/0" = ', '"thin/9" = '))
+    with pytest.raises(DatasetError, match="depth_noise lacks 'thin/0'; write deviation, step and seeds"):
+        folder_set(tmp_path / "out")
