@@ -18,8 +18,6 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmark import plugins
-
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
 
@@ -59,7 +57,6 @@ def call(*words: object, more: Mapping[str, str] = MappingProxyType({}), is_show
         patch.dict(os.environ, environment(**more), clear=True),
         patch.object(sys, "argv", ["benchmark", *map(str, words)]),
         patch.object(os, "_exit", leave),
-        patch.object(plugins, "_is_closed", False),  # other tests may import plugins into this process
         redirect_stdout(out),
         nullcontext() if is_shown else redirect_stderr(err),
     ):
