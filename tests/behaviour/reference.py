@@ -1,8 +1,7 @@
-"""The reference: values of every row on small galleries of every data set, committed in ``reference.json``.
+"""The reference: the measures and mean distances of every query of small galleries, committed in ``reference.json``.
 
-``python -m tests.behaviour.reference`` makes them again and names the rows that differ in six digits; ``--accept``
-writes them, those of some methods where ``-m`` names them. Of each query of a row there are its measures, and its mean
-distance to the other shapes, which shows what no ranking of so few shapes does.
+``python -m tests.behaviour.reference`` runs every method on two poses of two subjects of each data set again and names
+the rows that differ in six digits; ``--accept`` writes them. Mean distances show what no ranking of so few shapes does.
 """
 
 from __future__ import annotations
@@ -12,8 +11,7 @@ import json
 import math
 import os
 import sys
-import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,172 +19,101 @@ from unittest.mock import patch
 
 from benchmark.api.datasets import Entry
 from benchmark.datasets.base import thinned
+from benchmark.pipeline import read_distances
+from benchmark.pipeline.records import read_records
 from benchmark.protocols import galleries
-from benchmark.report.results import open_results
+from benchmark.registry import BUILT_IN
 from tests.behaviour.suite import HERE, MEASURES, call
 
 REFERENCE = HERE / "reference.json"
 
-#: Sets that ``run --paper --quick`` ranks, the paper's rows by the default scorer. Of the stand-ins the same rows are
-#: among those of :data:`ALL_SETS`; ranked quick as well, they would take another half an hour.
-QUICK_SETS = ("tosca",)
-
-#: Sets that every row is made of, by every scorer. Sets that are a part of one of these are left out.
-ALL_SETS = (
-    "humans", "people[draw=0]", "humans-scanlike", "animals", "tosca", "camera", "animals-few[holes=3]",
+SETS = (
+    "humans", "people[draw=0]", "humans-scanlike", "animals", "tosca", "animals-few[holes=3]",
     "animals-few[depth-noise=3]",
 )  # fmt: skip
-
-#: Rows of published tables that no list of methods names: of a shipped model for other data.
-FURTHER_ROWS = ("learned-wide-extra[training=animals-sampled]",)
-
-#: Methods of another library, which hold ours to account, and which take as long as all others together.
-OTHER_LIBRARY = "scikit-learn-"
-
-#: Subjects and poses of each that are ranked there, evenly spread.
-SUBJECTS, POSES = 2, 2
 
 #: Values that differ by less are equal: six digits, of which the last may have been rounded either way.
 TOLERANCE = 1.5e-6
 
-#: By row: part of the reference, gallery, input, method and scorer; what its queries have by name.
+#: By gallery, input and method: values of its queries by name, or its status.
 Rows = dict[str, dict[str, list[Any]]]
 
 
-def listed(what: str) -> list[dict[str, Any]]:
-    """What ``list --json`` says."""
-    return json.loads(call("list", what, "--json").out)
-
-
 def few(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
-    """Keep some poses of some subjects, in place of what ``--quick`` keeps."""
+    """Return two poses of two subjects, in place of what ``--quick`` keeps."""
     subjects = list(dict.fromkeys(entry.subject for entry in entries))
-    chosen = subjects[:: -(-len(subjects) // SUBJECTS)]
-    return thinned(tuple(entry for entry in entries if entry.subject in chosen), POSES)
+    chosen = subjects[:: -(-len(subjects) // 2)]
+    return thinned(tuple(entry for entry in entries if entry.subject in chosen), 2)
 
 
-def make(folder: Path, data: Path | None, sets: Sequence[str], methods: Sequence[str] = ()) -> Rows:
-    """Run what the reference is made of, and collect it.
-
-    Parameters
-    ----------
-    folder
-        Where results go.
-    data
-        The folder that holds TOSCA.
-    sets
-        Data sets; see :data:`ALL_SETS`.
-    methods
-        Of every row those of some methods alone, without the rows of the paper; all by default.
-    """
-    root = ("--data-root", data) if data else ()
-    quick, every = folder / "quick", folder / "every"
-    if not methods:
-        for name in filter(QUICK_SETS.__contains__, sets):
-            _run("--paper", "--quick", "-d", name, "--results", quick, *root)
-    own = (row["name"] for row in listed("methods") if not row["name"].startswith(OTHER_LIBRARY))
-    names = methods or [*own, *FURTHER_ROWS]
-    chosen = [word for name in names for word in ("-m", name)] + [word for name in sets for word in ("-d", name)]
+def make(folder: Path, sets: Sequence[str], methods: Sequence[str] = ()) -> Rows:
+    """Run all methods, or some, on small galleries of the sets."""
+    chosen = [word for name in methods or BUILT_IN for word in ("-m", name)]
+    root = ("--data-root", data) if (data := os.environ.get("CANONICAL_FORMS_DATA")) else ()
     with patch.object(galleries, "thinned", few):
-        for scorer in listed("scorers"):
-            _run("--quick", *chosen, "--scorer", scorer["name"], "--results", every, *root)
-    return dict(row for part in (quick, every) if part.exists() for row in _rows(part, data))
-
-
-def _run(*words: object) -> None:
-    done = call("run", *words, is_shown=True)
-    if done.code not in (0, 1):  # some rows cannot be made: they are part of the reference
-        sys.exit(done.code)
-
-
-def _rows(folder: Path, data: Path | None) -> Iterator[tuple[str, dict[str, list[Any]]]]:
-    results = open_results(folder, data_root=data)
-    for record in results.records().itertuples():
-        row = f"{folder.name}, {record.gallery}, {record.input}, {record.method}, {record.scorer or 'descriptor'}"
+        words = [word for name in sets for word in ("-d", name)]
+        if call("run", "--quick", *chosen, *words, "--results", folder, *root, is_shown=True).code not in (0, 1):
+            sys.exit("the run was refused")  # code 1: rows that cannot be made are part of the reference
+    rows: Rows = {}
+    for record in read_records(folder, published=False):
+        name = f"{record.gallery}, {record.input}, {record.method}"
         if record.status != "ok":
-            yield row, {"status": [record.status]}
+            rows[name] = {"status": [record.status]}
             continue
-        queries = results.queries(record.Index)
-        distances = results.distances(record.Index)
-        means = (distances.sum() / max(len(distances) - 1, 1)).reindex(queries["shape"])
-        columns = {name: queries[name] for name in MEASURES} | {"distance": means}
-        yield row, {name: [None if math.isnan(x) else float(f"{x:.6g}") for x in columns[name]] for name in columns}
-        yield f"{folder.name}, {record.gallery}", {"shape": queries["shape"].tolist()}
+        distances = read_distances(folder, record)
+        assert distances is not None
+        means = dict(zip(record.answered, distances.sum(axis=0) / max(len(distances) - 1, 1), strict=True))
+        values = {measure: record.per_query[measure] for measure in MEASURES}
+        values["distance"] = [means.get(number) for number in range(len(record.shapes))]
+        rows[name] = {key: [None if x is None else float(f"{x:.6g}") for x in row] for key, row in values.items()}
+    return rows
 
 
-def compare(before: Mapping[str, Mapping[str, list[Any]]], now: Mapping[str, Mapping[str, list[Any]]]) -> list[str]:
-    """Return a line for each row that is missing, new, or differs: in what, for how many queries, by how much."""
-    lines = []
-    for row in dict.fromkeys([*before, *now]):
-        if row not in now or row not in before:
-            lines.append(f"{row}: {'new' if row in now else 'missing'}")
-            continue
-        names = dict.fromkeys([*before[row], *now[row]])
-        differences = [text for name in names if (text := _difference(before[row].get(name), now[row].get(name), name))]
-        lines += [f"{row}: {'; '.join(differences)}"] if differences else []
+def compare(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Return a line for each row that is missing, new, or differs: in what, and by how much at most."""
+    lines = [f"{row}: {'new' if row in now else 'missing'}" for row in sorted(before.keys() ^ now.keys())]
+    for row in sorted(before.keys() & now.keys()):
+        found = [f"{name} {text}" for name in now[row] if (text := _difference(before[row].get(name), now[row][name]))]
+        lines += [f"{row}: {', '.join(found)}"] if found else []
     return lines
 
 
-def _difference(before: list[Any] | None, now: list[Any] | None, name: str) -> str:
-    if before is None or now is None or len(before) != len(now):
-        return f"{name} {before} -> {now}" if name == "status" else f"{name} of other queries"
-    pairs = [pair for pair in zip(before, now, strict=True) if not _is_equal(*pair)]
-    apart = [abs(a - b) for a, b in pairs if isinstance(a, (int, float)) and isinstance(b, (int, float))]
-    words = f", by at most {max(apart):.2g}" if apart else f", such as {pairs[0][0]} -> {pairs[0][1]}" if pairs else ""
-    return f"{name} of {len(pairs)} of {len(now)}{words}" if pairs else ""
-
-
-def _is_equal(a: Any, b: Any) -> bool:
-    if isinstance(a, (int, float)) and isinstance(b, (int, float)):
-        return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
-    return bool(a == b)
-
-
-def summary(lines: Iterable[str], n_rows: int) -> str:
-    """Return how many rows differ, and of which methods and scorers."""
-    differing = [line.partition(": ")[0].split(", ") for line in lines]
-    if not differing:
-        return f"nothing differs in {n_rows} rows"
-    names = [dict.fromkeys(row[place] for row in differing if len(row) > place) for place in (3, 4)]
-    return f"{len(differing)} of {n_rows} rows differ; methods: {', '.join(names[0])}; scorers: {', '.join(names[1])}"
+def _difference(before: list[Any] | None, now: list[Any]) -> str:
+    if before is None or len(before) != len(now):
+        return "of other queries"
+    pairs = [(a, b) for a, b in zip(before, now, strict=True) if a != b]
+    if any(not isinstance(x, (int, float)) for pair in pairs for x in pair):
+        return f"{pairs[0][0]} -> {pairs[0][1]}"
+    apart = [abs(a - b) for a, b in pairs if not math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE)]
+    return f"by {max(apart):.2g}" if apart else ""
 
 
 def main() -> int:
     """Make the reference, and compare it or accept it."""
     parser = argparse.ArgumentParser(prog="python -m tests.behaviour.reference", description=__doc__)
-    parser.add_argument("--accept", action="store_true", help="write reference.json")
-    parser.add_argument("-d", dest="sets", action="append", choices=ALL_SETS, help="of these sets alone")
-    parser.add_argument("-m", dest="methods", action="append", default=[], help="of these methods alone")
+    parser.add_argument("--accept", action="store_true", help="write the rows that were made")
+    parser.add_argument("-d", dest="sets", action="append", choices=SETS, help="these sets alone")
+    parser.add_argument("-m", dest="methods", action="append", default=[], help="these methods alone")
     given = parser.parse_args()
-    root = os.environ.get("CANONICAL_FORMS_DATA")
-    sets = [name for name in given.sets or ALL_SETS if root or name != "tosca"]
-    if given.accept and len(sets) < len(ALL_SETS):
-        parser.error("--accept takes rows of all sets: set CANONICAL_FORMS_DATA, and drop -d")
-    if not REFERENCE.exists() and (given.methods or not given.accept):
-        parser.error(f"there is no {REFERENCE.name}: --accept without -m makes it")
-    if not root:
-        print("tosca is left out: CANONICAL_FORMS_DATA does not say where it is")
-    start = time.monotonic()
+    sets = [name for name in given.sets or SETS if name != "tosca" or "CANONICAL_FORMS_DATA" in os.environ]
     with TemporaryDirectory() as folder:
-        now = make(Path(folder), Path(root) if root else None, sets, given.methods)
-    print(f"made {len(now)} rows in {time.monotonic() - start:.0f} s")
-    known: Rows = json.loads(REFERENCE.read_text(encoding="utf-8")) if REFERENCE.exists() else {}
+        now = make(Path(folder), sets, given.methods)
+    known: Rows = json.loads(REFERENCE.read_text(encoding="utf-8"))
     if given.accept:
-        now |= {row: known[row] for row in known if not _is_made(row, sets, given.methods)}
-        lines = (f"{json.dumps(row, ensure_ascii=False)}: {json.dumps(now[row])}" for row in sorted(now))
+        rows = now if sets == [*SETS] and not given.methods else known | now
+        lines = (f"{json.dumps(row)}: {json.dumps(rows[row])}" for row in sorted(rows))
         REFERENCE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
         return 0
-    known = {row: values for row, values in known.items() if _is_made(row, sets, given.methods)}
-    differing = compare(known, now)
-    print(*differing, summary(differing, len(now)), sep="\n")
-    return 1 if differing else 0
+    methods = set(given.methods or BUILT_IN)
+    chosen = {row: values for row, values in known.items() if _is_made(row, sets, methods)}
+    differing = compare(chosen, now)
+    print(*differing, f"{len(differing)} of {len(now)} rows differ", sep="\n")
+    return int(bool(differing))
 
 
-def _is_made(row: str, sets: Sequence[str], methods: Sequence[str]) -> bool:
-    """Return whether a row belongs to a selection."""
-    part, gallery, *rest = row.split(", ")
-    is_of_methods = not methods or (part == "every" and (not rest or rest[1] in methods))
-    return is_of_methods and gallery.partition(" ")[0] in sets
+def _is_made(row: str, sets: Sequence[str], methods: set[str]) -> bool:
+    gallery, _, method = row.split(", ")
+    return method.partition("[")[0] in methods and any(gallery.startswith(name.partition("[")[0]) for name in sets)
 
 
 if __name__ == "__main__":
