@@ -26,7 +26,7 @@ def notes(view: TableView) -> list[str]:
     rows = view.printed_rows
     found = (
         _columns(view), _failed(rows), _unreadable(rows), _refused(rows), _seen(rows), _missing(rows), _left_out(view),
-        _joined(rows),
+        _published(rows), _joined(rows),
     )  # fmt: skip
     pointer = "How a method departs from its source: 'python -m benchmark describe METHOD'."
     return [*[_MARKS, *(note for part in found for note in part)][:7], pointer]
@@ -103,6 +103,14 @@ def _missing(rows: Iterable[Row]) -> Iterator[str]:
 def _left_out(view: TableView) -> Iterator[str]:
     if view.left_out:
         yield f"Left out, because they rank another version of the data: {_listed(view.left_out)}; run them again."
+
+
+def _published(rows: Iterable[Row]) -> Iterator[str]:
+    """Name the rows that came with the suite, in a table that also has rows of runs here."""
+    published = {row.title: next(iter(_records([row]))).commit for row in rows if row.scored and row.is_published}
+    if published and any(row.scored and not row.is_published for row in rows):
+        commits = ", ".join(sorted({commit[:8] for commit in published.values() if commit}))
+        yield f"Published with the suite, not run here: {_listed(published)}" + (f" ({commits})." if commits else ".")
 
 
 def _joined(rows: Iterable[Row]) -> Iterator[str]:

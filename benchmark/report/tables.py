@@ -89,6 +89,11 @@ class Row:
     failed: tuple[Record, ...] = ()
 
     @property
+    def is_published(self) -> bool:
+        """Whether none of its jobs ran here."""
+        return all(record.published for one in self.scored.values() for record in one.all_records)
+
+    @property
     def seconds(self) -> float | None:
         """Seconds a shape for form and geodesics: the median over its jobs."""
         known = (seconds_of(record) for one in self.scored.values() for record in one.all_records)
@@ -268,8 +273,16 @@ def table_views(
                 grouped.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
     keys = sorted(grouped, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
-    views = (_view(table, main, grouped[table, main], shown) for table, main in keys)
-    return [replace(view, shown=shown) for view in views if view is not None]
+    every = [_view(table, main, grouped[table, main], shown) for table, main in keys]
+    views = [replace(view, shown=shown) for view in every if view is not None]
+    return [view for view in views if not wanted or sets or _is_preferred(view, views)]
+
+
+def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
+    """Return whether a table that was asked for is shown on this data: where it ran here, else the official ones."""
+    rivals = [other for other in views if other.table == view.table]
+    here = [other for other in rivals if any(row.scored and not row.is_published for row in other.rows)]
+    return view in here if here else view is rivals[0]
 
 
 def _view(table: Table, dataset: str, records: Sequence[Record], named: frozenset[str]) -> TableView | None:

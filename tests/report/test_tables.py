@@ -145,3 +145,18 @@ def test_changed_sets_and_quick_runs_are_in_no_table_of_full_runs():
     assert table_views(records) == []
     assert [table.quick for table in table_views(records, quick=True)] == [True]
     assert view(*records, datasets=["animals[noise=2]"]).dataset == "animals[noise=2]"
+
+
+def test_a_table_that_is_asked_for_shows_the_data_that_ran_here_else_the_official_ones():
+    published = [record(dataset=name, published=True) for name in ("tosca", "animals")]
+    assert [table.dataset for table in table_views(published, ["III"])] == ["tosca"]
+    here = record("skeleton", dataset="animals")
+    assert [table.dataset for table in table_views([*published, here], ["III"])] == ["animals"]
+    assert len(table_views(published)) == 2
+
+
+def test_rows_that_came_with_the_suite_are_named_beside_those_of_runs_here():
+    published = record("gps", published=True, commit="0123456789")
+    found = view(published, record("skeleton")).notes
+    assert "Published with the suite, not run here: GPS (01234567)." in found
+    assert not any("Published with" in note for note in view(published).notes)
