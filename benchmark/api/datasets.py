@@ -6,10 +6,10 @@ as a variable.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.errors import UnreadableMesh
@@ -18,7 +18,7 @@ from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
 
-__all__ = ["FRONT", "SIDE", "Camera", "DatasetInfo", "Entry", "ListsShapes", "Mesh", "ShapeSet"]
+__all__ = ["FRONT", "SIDE", "Camera", "Entry", "Mesh", "ShapeSet"]
 
 
 @dataclass(frozen=True)
@@ -138,43 +138,3 @@ class ShapeSet:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "title", self.title or self.name)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DatasetInfo:
-    """Facts about a data set, for the harness and the tables.
-
-    Parameters
-    ----------
-    name
-        Name on the command line: lower case, words joined by hyphens.
-    title
-        Name in the tables.
-    summary
-        One line for ``list datasets``.
-    half_width
-        Half the width of the depth camera's frame in units of the meshes; None fits it to the whole data set.
-    """
-
-    name: str
-    title: str
-    summary: str = ""
-    half_width: float | None = None
-
-
-@runtime_checkable
-class ListsShapes(Protocol):
-    """Interface of a data set.
-
-    In addition to ``entries``, a data set has a method ``load(entry)`` that returns the :class:`Mesh` of a shape;
-    without ``load``, the file ``path`` of the entry is read. Two more methods are optional. ``camera(entry)`` returns
-    the depth camera of a shape (default: :data:`FRONT`). ``recipe(entry)`` returns text that identifies everything
-    outside the code of the data set that determines a mesh, such as the digest of a file that ``load`` reads (default:
-    the digest of ``path``).
-    """
-
-    info: ClassVar[DatasetInfo]
-
-    def entries(self) -> Iterable[Entry]:
-        """List the shapes: always the same ones, in the order of the distance matrix."""
-        ...
