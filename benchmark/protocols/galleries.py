@@ -246,8 +246,9 @@ def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table
 def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) -> Iterator[Gallery]:
     """Yield the galleries of a table on a data set, twice where networks see another input than all others."""
     columns = table.columns
-    if quick:  # the first fold, where there are folds
-        columns = tuple(column for column in columns if len(column.parts) > 1)[:1] or columns[:1]
+    if quick:  # the first fold, where there are folds, or the first column of each input
+        first_of_input = tuple({column.input: column for column in reversed(columns)}.values())[::-1]
+        columns = tuple(column for column in columns if len(column.parts) > 1)[:1] or first_of_input
     for column in columns:
         sets = table.stand_ins if column.over_draws and name in table.stand_ins else (name,)
         for number, source in enumerate(_conditions(name) if table.is_robustness else sets):

@@ -113,7 +113,7 @@ def main() -> int:
 
 def _is_made(row: str, sets: Sequence[str], methods: set[str]) -> bool:
     gallery, _, method = row.split(", ")
-    return method.partition("[")[0] in methods and any(gallery.startswith(name.partition("[")[0]) for name in sets)
+    return method.partition("[")[0] in methods and gallery.partition(" ")[0] in sets
 
 
 if __name__ == "__main__":
