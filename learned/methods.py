@@ -139,7 +139,7 @@ class Learned(TrainedNetwork):
 
     info: ClassVar[MethodInfo] = MethodInfo(
         name="learned",
-        title="Our",
+        title="Depth network",
         cite="canonicalreconstruction",
         family="paper",
         summary="canonical pose predicted from the depth image by the paper's network",
@@ -235,7 +235,7 @@ WithoutWeighting = _row(
     "ablation: the weight of the depth loss is 1 from the first epoch",
 )  # fmt: skip
 SizeFree = _row(
-    "learned-size-free", "Our, size unknown", "size_free", "the paper's network without the size of the body",
+    "learned-size-free", "Depth network, size unknown", "size_free", "the paper's network without the size of the body",
     "Images are cropped to the body, whose size is therefore unknown. Otherwise it departs as 'Our' does.",
 )  # fmt: skip
 Strict = _row(
@@ -243,12 +243,12 @@ Strict = _row(
     split="strict",
 )  # fmt: skip
 WideExtra = _row(
-    "learned-wide-extra", "Our, wide, extra training data", "wide-extra", "one global code, trained on sampled bodies",
+    "learned-wide-extra", "Depth network, extra data", "wide-extra", "one global code, trained on sampled bodies",
     "Another network: an encoder to one code and a decoder from it, trained on sampled bodies.",
     split="sampled", default_training="humans-sampled",
 )  # fmt: skip
 Streamed = _row(
-    "learned-streamed", "Our, streamed, extra training data", "streamed-people",
+    "learned-streamed", "Depth network, streamed", "streamed-people",
     "one code, trained on fresh bodies in free poses, blind to the frame",
     "Another network: one code for the whole image, trained on generated bodies without end.",
     split="sampled", default_training="humans-varied", usual_blur=2.29,
