@@ -166,7 +166,7 @@ def has_models(spec: Component, gallery: Gallery, trained_here: Path | None) -> 
     return all(_finished(learner, name, trained_here) for name in {training.name for training in of_shape.values()})
 
 
-def with_model(spec: Any) -> Any:
+def with_model(spec: Component) -> Any:
     """Return a method for use outside tables; a learner is returned with its default model, if it has one.
 
     Raises
