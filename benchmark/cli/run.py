@@ -12,7 +12,7 @@ from benchmark.cli.options import EVERY, Selection
 from benchmark.cli.progress import Bar, counting
 from benchmark.cli.tables import print_tables as print_views
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present, sources
-from benchmark.datasets.folder import unread_files
+from benchmark.datasets.folder import skipped_files
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
@@ -163,9 +163,9 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
             absent = "" if is_present(official, data_root) else f", which is not at {where}; see --data-root"
             say(f"{name}: generated stand-in for {official}{absent}", err=True)
     for folder in dict.fromkeys(job.gallery.source for job in jobs if not is_known(job.gallery.source)):
-        if Path(folder).is_dir() and (unread := unread_files(Path(folder))):
+        if Path(folder).is_dir() and (unread := skipped_files(Path(folder))):
             more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
-            say(f"{folder}: skipped {unread[0].name}{more}: formats that are not read; see 'data check'", err=True)
+            say(f"{folder}: skipped {unread[0].name}{more}: point clouds are not read; see 'data check'", err=True)
 
 
 def _job_lines(jobs: Sequence[Planned]) -> list[str]:

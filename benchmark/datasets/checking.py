@@ -1,25 +1,31 @@
-"""Validation of data sets: each anomaly is reported on one line with the file and a hint."""
+"""Validation of data sets: a row for each shape, and each problem on one line with the file and a hint."""
 
 from __future__ import annotations
 
-import re
+import hashlib
 import statistics
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
-from benchmark.datasets.folder import all_mesh_files, mesh_stem, sub_folders, unread_files
-from benchmark.datasets.inspection import Inspection, flaws, inspect
+from benchmark.datasets.folder import all_mesh_files, mesh_stem, skipped_files, sub_folders
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
-from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, common_half_width
-from benchmark.geometry.io import READABLE, mesh_suffix
+from benchmark.geometry.camera import Camera
+from benchmark.geometry.cleaning import CleaningReport, clean
+from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, camera_coordinates, common_half_width
+from benchmark.geometry.io import READABLE
+from benchmark.geometry.mesh import Faces, Mesh, edges_of
 
 Severity = Literal["error", "warning"]
 
@@ -31,13 +37,11 @@ class Anomaly:
     Parameters
     ----------
     severity
-        ``"error"`` if the data set is unusable without a fix, otherwise ``"warning"``.
+        ``"error"`` if the data set or the shape is unusable without a fix, otherwise ``"warning"``.
     file
         The file, relative to the folder, or the identifier of a generated shape.
-    what
-        Description of the problem.
-    hint
-        Suggested action.
+    what, hint
+        The problem, and a suggested action.
     """
 
     severity: Severity
@@ -50,6 +54,36 @@ class Anomaly:
 
 
 @dataclass(frozen=True)
+class Row:
+    """A readable shape: counts of its unprocessed mesh; holes and components are counted after cleaning.
+
+    Parameters
+    ----------
+    file, subject, pose
+        Names of the shape.
+    vertices, faces, components, holes
+        Counts; boundary loops that share a vertex are one hole.
+    extent
+        Half the longest side of the bounding box in the camera's frame, in file units.
+    digest
+        Digest of vertices and faces, independent of the file format.
+    cleaning
+        Counts from :func:`benchmark.geometry.cleaning.clean`.
+    """
+
+    file: str
+    subject: str
+    pose: str
+    vertices: int
+    faces: int
+    components: int
+    holes: int
+    extent: float
+    digest: str = field(repr=False)
+    cleaning: CleaningReport = field(repr=False)
+
+
+@dataclass(frozen=True)
 class Report:
     """Results of a check.
 
@@ -58,11 +92,11 @@ class Report:
     name, stand_in_for
         As in :class:`~benchmark.api.datasets.ShapeSet`.
     n_shapes
-        Number of shapes.
+        Number of shapes; those without a row are unreadable.
     class_sizes
         Number of shapes per class; empty if the folder could not be opened.
-    inspections
-        Properties of each readable mesh, by identifier.
+    rows
+        Readable shapes.
     anomalies
         Errors and warnings, first those of the set, then those of its shapes.
     """
@@ -71,7 +105,7 @@ class Report:
     stand_in_for: str
     n_shapes: int
     class_sizes: dict[str, int]
-    inspections: dict[str, Inspection] = field(repr=False)
+    rows: tuple[Row, ...] = field(repr=False)
     anomalies: tuple[Anomaly, ...]
 
     @property
@@ -79,21 +113,29 @@ class Report:
         """Whether there are no errors."""
         return not any(anomaly.severity == "error" for anomaly in self.anomalies)
 
+    @property
+    def coverage(self) -> float:
+        """Share of the shapes that can be read; the others count as 0 for every method."""
+        return len(self.rows) / self.n_shapes if self.n_shapes else 0.0
+
     def lines(self) -> list[str]:
         """Return the report as text: a summary, one line per anomaly, and their counts."""
         kind = f"stand-in for {self.stand_in_for}" if self.stand_in_for else "not a stand-in"
-        cleanings = [inspection.cleaning for inspection in self.inspections.values()]
         errors = sum(anomaly.severity == "error" for anomaly in self.anomalies)
+        unread = "" if self.coverage == 1 else f", {self.n_shapes - len(self.rows)} unreadable, which count as 0"
         return [
-            f"{self.name}: {self.n_shapes} shapes, {len(self.class_sizes)} classes, {kind}",
+            f"{self.name}: {self.n_shapes} shapes, {len(self.class_sizes)} classes, {kind}{unread}",
             f"classes     {', '.join(f'{subject} {size}' for subject, size in self.class_sizes.items()) or 'unknown'}",
-            f"vertices    {_range_and_median([report.vertices_before for report in cleanings])}",
-            f"faces       {_range_and_median([report.faces_before for report in cleanings])}",
-            f"components  {_range_and_median([report.components for report in cleanings])}",
-            f"holes       {_range_and_median([inspection.holes for inspection in self.inspections.values()])}",
+            *(f"{name:<11} {self._range(name)}" for name in ("vertices", "faces", "components", "holes")),
             *map(str, self.anomalies),
             f"{errors} errors, {len(self.anomalies) - errors} warnings",
         ]
+
+    def _range(self, name: str) -> str:
+        values = [getattr(row, name) for row in self.rows]
+        if not values:
+            return "none could be read"
+        return f"{min(values)} to {max(values)}, median {statistics.median(values):g}"
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
@@ -116,10 +158,16 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
     try:
         return check(open_dataset(name, data_root), watched)
     except BenchmarkError as error:
-        folder = _folder_of(name, data_root)
+        part = CATALOGUE[name].folder if name in CATALOGUE else ""
+        folder = (data_root / part if data_root and part else None) if name in CATALOGUE else Path(name)
         if folder is None or not folder.is_dir():
             raise
-        return _check_unopened(name if name in CATALOGUE else folder.resolve().name, folder, error, watched)
+        paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
+        entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
+        unopened = ShapeSet(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
+        rows, of_shapes = _inspect_all(unopened, watched)
+        anomalies = [Anomaly("error", folder.name, error.problem, error.hint), *_of_files(unopened), *of_shapes]
+        return Report(unopened.name, "", len(entries), {}, rows, tuple(anomalies))
 
 
 def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
@@ -132,31 +180,10 @@ def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
     watched
         Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
     """
-    anomalies = list(_of_classes(dataset))
-    folder = dataset.folder
-    if folder is not None:
-        anomalies += _of_files(folder, dataset.shapes, numbers_known=dataset.name in SETS)
-    inspections, of_shapes = _inspect_all(dataset, folder, watched)
+    rows, of_shapes = _inspect_all(dataset, watched)
+    anomalies = (*_of_classes(dataset), *_of_files(dataset), *of_shapes)
     sizes = dict(Counter(entry.subject for entry in dataset.shapes))
-    anomalies += of_shapes
-    return Report(dataset.name, dataset.stand_in_for, len(dataset.shapes), sizes, inspections, tuple(anomalies))
-
-
-def _folder_of(name: str, data_root: Path | None) -> Path | None:
-    if name not in CATALOGUE:
-        return Path(name)
-    part = CATALOGUE[name].folder
-    return data_root / part if data_root is not None and part else None
-
-
-def _check_unopened(name: str, folder: Path, error: BenchmarkError, watched: Watched) -> Report:
-    """Report why a folder is not a data set, and check its meshes anyway."""
-    anomalies = [Anomaly("error", folder.name, error.problem, error.hint)]
-    paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
-    entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
-    anomalies += _of_files(folder, entries)
-    inspections, of_shapes = _inspect_all(ShapeSet(name=name, shapes=entries, folder=folder), folder, watched)
-    return Report(name, "", len(entries), {}, inspections, (*anomalies, *of_shapes))
+    return Report(dataset.name, dataset.stand_in_for, len(dataset.shapes), sizes, rows, anomalies)
 
 
 def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
@@ -170,88 +197,114 @@ def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     except DatasetError as error:
         yield Anomaly("error", dataset.name, error.problem, error.hint)
     sizes = Counter(entry.subject for entry in dataset.shapes)
-    official = SETS[dataset.name].sizes if dataset.name in SETS else {}
-    if not official:
+    for subject, size in (SETS[dataset.name].sizes if dataset.name in SETS else {}).items():
+        if sizes[subject] != size:
+            what = f"class '{subject}' has {sizes[subject]} shapes, officially {size}"
+            hint = f"unpack the official archive there, or name the folder, -d {dataset.folder}, where no more is meant"
+            yield Anomaly("error", dataset.name, what, hint)
+
+
+def _of_files(dataset: ShapeSet) -> Iterator[Anomaly]:
+    """Yield files of a folder that are no shapes of the data set."""
+    folder, used = dataset.folder, {entry.path for entry in dataset.shapes}
+    if folder is None:
         return
-    for subject in dict.fromkeys([*official, *sizes]):
-        if sizes[subject] != official.get(subject, 0):
-            yield Anomaly(
-                "error",
-                dataset.name,
-                f"class '{subject}' has {sizes[subject]} shapes, officially {official.get(subject, 0)}",
-                f"unpack the official archive there, or name the folder, -d {dataset.folder}, where no more is meant",
-            )
-
-
-def _of_files(folder: Path, entries: Sequence[Entry], *, numbers_known: bool = False) -> Iterator[Anomaly]:
-    used = {entry.path for entry in entries}
-    for path in unread_files(folder):
+    for path in skipped_files(folder):
         hint = f"convert it to one of {', '.join(READABLE)}"
-        yield Anomaly("warning", _relative(path, folder), "is skipped: this format is not read", hint)
-    places = dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)])
-    for place in places:
-        files = all_mesh_files(place)
-        by_stem: dict[str, list[Path]] = {}
-        for path in files:
-            by_stem.setdefault(mesh_stem(path), []).append(path)
-        for path, *others in by_stem.values():
-            for other in others:
-                what = f"the same name as {path.name} in another format"
-                yield Anomaly("warning", _relative(other, folder), what, "keep one of the two; this one is not read")
-        extensions = Counter(mesh_suffix(files_of_stem[0]) for files_of_stem in by_stem.values())
-        if len(extensions) > 1:
-            what = "mixes " + ", ".join(f"{count} {suffix}" for suffix, count in extensions.most_common())
-            yield Anomaly("warning", _relative(place, folder), what, "check that no mesh is left from another copy")
-        for path in (files_of_stem[0] for files_of_stem in by_stem.values()):
-            if path not in used:
+        yield Anomaly("warning", _relative(path, folder), "is skipped: it holds points, not a surface", hint)
+    for place in dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)]):
+        first: dict[str, Path] = {}
+        for path in all_mesh_files(place):
+            same = first.setdefault(mesh_stem(path), path)
+            if same != path:
+                what = f"the same name as {same.name} in another format"
+                yield Anomaly("warning", _relative(path, folder), what, "keep one of the two; this one is not read")
+            elif path not in used:
                 what = "is none of the shapes of this data set"
                 yield Anomaly("warning", _relative(path, folder), what, "remove it, or list it if it belongs here")
-        if not numbers_known:
-            yield from _of_numbers(place, by_stem, folder)
 
 
-def _of_numbers(place: Path, stems: Iterable[str], folder: Path) -> Iterator[Anomaly]:
-    """Yield gaps in the numbering of purely numeric file names, as in SHREC."""
-    names = list(stems)
-    if not names or not all(re.fullmatch("[0-9]+", name) for name in names):
-        return
-    numbers = {int(name) for name in names}
-    where = _relative(place, folder)
-    if min(numbers) == 1:
-        what = f"numbered from 1 to {max(numbers)}"
-        yield Anomaly("warning", where, what, "subtract 1 from each if the classes count from 0, as those of SHREC do")
-    missing = sorted(set(range(min(numbers), max(numbers))) - numbers)
-    if missing:
-        listed = ", ".join(map(str, missing[:10])) + (" ..." if len(missing) > 10 else "")
-        what = f"numbers {min(numbers)} to {max(numbers)} lack {listed}"
-        yield Anomaly("warning", where, what, "fetch the missing meshes or renumber the others")
-
-
-def _inspect_all(
-    dataset: ShapeSet, folder: Path | None, watched: Watched
-) -> tuple[dict[str, Inspection], list[Anomaly]]:
-    inspections: dict[str, Inspection] = {}
+def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], list[Anomaly]]:
+    rows: list[Row] = []
     anomalies: list[Anomaly] = []
-    first_with: dict[str, str] = {}
-    extents: dict[str, float] = {}
+    first_with: dict[str, Row] = {}
     for entry in watched(dataset.shapes):
-        file = _relative(entry.path, folder) if entry.path and folder else entry.identifier
+        file = _relative(entry.path, dataset.folder) if entry.path and dataset.folder else entry.identifier
         try:
-            inspection = inspect(dataset.load(entry), dataset.camera(entry))
+            row = inspect(dataset.load(entry), dataset.camera(entry), entry, file)
         except ShapeError as error:
             anomalies.append(Anomaly("error", file, error.problem.removeprefix(f"{entry.path}: "), error.hint))
             continue
-        inspections[entry.identifier] = inspection
-        if not inspection.faces_left:
+        rows.append(row)
+        if not row.extent:
             anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
         if dataset.observe is None:  # views are open and possibly disconnected
-            anomalies += [Anomaly("warning", file, what, hint) for what, hint in flaws(inspection)]
-        twin = first_with.setdefault(inspection.digest, file)
-        if twin != file:
-            anomalies.append(Anomaly("warning", file, f"the same geometry as {twin}", "keep one of the two"))
-        if inspection.extent:
-            extents[file] = inspection.extent
-    return inspections, [*anomalies, *_of_frame(dataset, extents)]
+            anomalies += [Anomaly("warning", file, what, hint) for what, hint in _flaws(row)]
+        twin = first_with.setdefault(row.digest, row)
+        if twin is not row:
+            where = "" if twin.subject == row.subject else f" of another class, '{twin.subject}'"
+            severity: Severity = "error" if where else "warning"
+            anomalies.append(Anomaly(severity, file, f"the same geometry as {twin.file}{where}", "keep one of the two"))
+    return tuple(rows), [*anomalies, *_of_frame(dataset, {row.file: row.extent for row in rows if row.extent})]
+
+
+def inspect(mesh: Mesh, camera: Camera, entry: Entry, file: str) -> Row:
+    """Inspect an unprocessed mesh."""
+    cleaned, report = clean(mesh)
+    return Row(
+        file=file,
+        subject=entry.subject,
+        pose=entry.pose,
+        vertices=report.vertices_before,
+        faces=report.faces_before,
+        components=report.components,
+        holes=count_holes(cleaned.faces) if report.boundary_edges else 0,
+        extent=float(np.abs(camera_coordinates(cleaned, camera)).max()) if cleaned.n_faces else 0.0,
+        digest=hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(),
+        cleaning=report,
+    )
+
+
+def count_holes(faces: Faces) -> int:
+    """Return the number of connected components of the boundary edges."""
+    vertices, ends = np.unique(edges_of(faces).boundary, return_inverse=True)
+    ends = ends.reshape(-1, 2)
+    shape = (len(vertices), len(vertices))
+    graph = coo_array((np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), shape=shape)
+    return int(connected_components(graph.tocsr(), directed=False)[0])
+
+
+def _flaws(row: Row) -> Iterator[tuple[str, str]]:
+    """Yield the defects that prevent a mesh from being a connected closed manifold, each with its effect or a fix."""
+    cleaning = row.cleaning
+    merged = "nothing to do: preparation merges equal positions"
+    dropped = "nothing to do: preparation drops what carries no surface"
+    known = (
+        (cleaning.merged, "duplicate vertex", "duplicate vertices", merged),
+        (cleaning.unreferenced, "vertex without a face", "vertices without a face", dropped),
+        (cleaning.degenerate_faces, "degenerate face", "degenerate faces", dropped),
+        (cleaning.duplicate_faces, "duplicate face", "duplicate faces", dropped),
+        (row.components * (row.components > 1), "", "components", "join them if the surface should be in one piece"),
+        (
+            *(cleaning.boundary_edges, f"boundary edge around {_holes(row)}", f"boundary edges around {_holes(row)}"),
+            "close the surface for methods that need it closed",
+        ),
+        (
+            *(cleaning.non_manifold_edges, "non-manifold edge", "non-manifold edges"),
+            "remove faces until each edge has two",
+        ),
+        (
+            *(cleaning.non_manifold_vertices, "non-manifold vertex", "non-manifold vertices"),
+            "split each into one vertex per fan of faces",
+        ),
+    )
+    for count, one, several, hint in known:
+        if count:
+            yield f"{count} {one if count == 1 else several}", hint
+
+
+def _holes(row: Row) -> str:
+    return f"{row.holes} hole{'' if row.holes == 1 else 's'}"
 
 
 def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:
@@ -266,8 +319,8 @@ def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anoma
         yield Anomaly("error", widest, what, hint)
     fitted = common_half_width(list(extents.values())) / FILL
     for file, extent in extents.items():
-        where = f"half_width = {extent / FILL:.6g} in {SETTINGS_FILE}"
         if declared is None and extent >= fitted:
+            where = f"half_width = {extent / FILL:.6g} in {SETTINGS_FILE}"
             what = f"extends to {extent:.6g}, out of scale with the others, whose frame has half width {fitted:.6g}"
             hint = f"check its unit and look for stray vertices, or set {where}; the view input leaves it out"
             yield Anomaly("warning", file, what, hint)
@@ -276,13 +329,5 @@ def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anoma
             yield Anomaly("warning", file, what, "check its unit; the view input leaves it out")
 
 
-def _range_and_median(values: Sequence[int]) -> str:
-    if not values:
-        return "none could be read"
-    return f"{min(values)} to {max(values)}, median {statistics.median(values):g}"
-
-
-def _relative(path: Path | None, folder: Path) -> str:
-    if path is None or path == folder:
-        return folder.resolve().name
-    return path.relative_to(folder).as_posix()
+def _relative(path: Path, folder: Path) -> str:
+    return folder.resolve().name if path == folder else path.relative_to(folder).as_posix()

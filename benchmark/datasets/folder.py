@@ -15,8 +15,9 @@ from benchmark.depth.reading import MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
 from benchmark.geometry.io import READABLE, mesh_suffix
 
-#: Extensions of unsupported meshes and point clouds, which are reported as skipped.
-UNREAD = frozenset({".3ds", ".3mf", ".dae", ".fbx", ".pcd", ".pts", ".vtk", ".vtp", ".wrl", ".xyz"})
+#: Extensions of meshes that cannot be read: they are shapes that count as 0; and of point clouds, which are skipped.
+UNREAD = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
+POINTS = (".pcd", ".pts", ".xyz")
 
 
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
@@ -50,7 +51,7 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
         entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
     frames = [] if entries else _from_depth_images(folder)
     if not entries and not frames:
-        unread = ", ".join(sorted({path.suffix for path in unread_files(folder)}))
+        unread = ", ".join(sorted({path.suffix for path in skipped_files(folder)}))
         raise DatasetError(
             f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}",
             f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files",
@@ -85,13 +86,14 @@ def mesh_files(folder: Path) -> list[Path]:
 def all_mesh_files(folder: Path) -> list[Path]:
     """Return all mesh files of a folder, preferred extensions first, including several per stem.
 
-    Broken links are included, so that missing shapes are reported.
+    Broken links and unsupported formats are included, so that they are reported and counted.
     """
+    known = (*READABLE, *UNREAD)
 
     def is_mesh(path: Path) -> bool:
-        return mesh_suffix(path) in READABLE and (path.is_file() or (path.is_symlink() and not path.exists()))
+        return mesh_suffix(path) in known and (path.is_file() or (path.is_symlink() and not path.exists()))
 
-    return sorted(_listed(folder, is_mesh), key=lambda path: READABLE.index(mesh_suffix(path)))
+    return sorted(_listed(folder, is_mesh), key=lambda path: known.index(mesh_suffix(path)))
 
 
 def sub_folders(folder: Path) -> list[Path]:
@@ -100,10 +102,10 @@ def sub_folders(folder: Path) -> list[Path]:
     return sorted(folders, key=lambda path: natural_key(path.name))
 
 
-def unread_files(folder: Path) -> list[Path]:
-    """Return meshes and point clouds in unsupported formats in a folder and its sub-folders."""
+def skipped_files(folder: Path) -> list[Path]:
+    """Return the point clouds in a folder and its sub-folders."""
     places = (folder, *sub_folders(folder))
-    return [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in UNREAD)]
+    return [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in POINTS)]
 
 
 def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:

@@ -5,9 +5,8 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli.main import data
-from benchmark.datasets.checking import check, check_source
+from benchmark.datasets.checking import check, check_source, count_holes
 from benchmark.datasets.folder import folder_set
-from benchmark.datasets.inspection import count_holes
 from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_off, write_rods
 
@@ -119,10 +118,28 @@ def test_the_same_geometry_under_two_names_is_named_whatever_the_format(rods):
     from benchmark.geometry.io import read_mesh, write_mesh
 
     write_mesh(rods / "thick7.obj", read_mesh(rods / "thin1.off"))
-    assert lines(rods) == [
-        "warning  rods  mixes 6 .off, 1 .obj; check that no mesh is left from another copy",
-        "warning  thin1.off  the same geometry as thick7.obj; keep one of the two",
-    ]
+    assert only(rods) == (
+        "error    thin1.off  the same geometry as thick7.obj of another class, 'thick'; keep one of the two"
+    )
+    write_mesh(rods / "thin7.obj", read_mesh(rods / "thin0.off"))
+    (rods / "thick7.obj").unlink()
+    assert only(rods) == "warning  thin7.obj  the same geometry as thin0.off; keep one of the two"
+
+
+def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
+    (rods / "thin7.vtk").write_text("# vtk DataFile")
+    (rods / "thin8.xyz").write_text("0 0 0")
+    (rods / "thick0.off").write_text("OFF")
+    report = check(folder_set(rods))
+    assert (report.n_shapes, len(report.rows), report.coverage) == (7, 5, 5 / 7)
+    assert report.lines()[0] == "rods: 7 shapes, 2 classes, not a stand-in, 2 unreadable, which count as 0"
+    skipped, broken, unknown = lines(rods)
+    assert skipped.startswith("warning  thin8.xyz  is skipped: it holds points, not a surface; convert it to")
+    assert broken.startswith("error    thick0.off  ")
+    assert unknown.startswith("error    thin7.vtk  unknown extension '.vtk'; convert it to one of .off,")
+    assert [(row.file, row.subject, row.vertices, row.holes) for row in report.rows][:2] == [
+        ("thick1.off", "thick", 290, 0), ("thick2.off", "thick", 290, 0)
+    ]  # fmt: skip
 
 
 def test_one_name_in_two_formats_is_named(rods):
@@ -147,12 +164,6 @@ def numbered(folder, numbers):
     ]
     (folder / "x.cla").write_text(f"PSB 1\n2 {len(numbers)}\n\n" + "\n".join(blocks))
     return folder
-
-
-def test_missing_numbers_and_numbers_from_1_are_named(tmp_path):
-    assert only(numbered(tmp_path / "gap", [0, 1, 2, 5])).startswith("warning  gap  numbers 0 to 5 lack 3, 4; fetch")
-    assert only(numbered(tmp_path / "one", [1, 2, 3, 4])).startswith("warning  one  numbered from 1 to 4; subtract 1")
-    assert lines(numbered(tmp_path / "good", [0, 1, 2, 3])) == []
 
 
 def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_read_all_the_same(tmp_path):
@@ -198,7 +209,7 @@ def test_the_verb_exits_with_1_on_errors_alone(rods):
 def test_the_count_goes_to_stderr_from_the_start_on(rods, monkeypatch):
     checked = CliRunner().invoke(data, ["check", str(rods)])
     assert checked.stderr.splitlines() == [f"checking {rods}: 0 of 6", "6 of 6"]
-    monkeypatch.setattr("benchmark.cli.terminal.INTERVAL", 0.0)
+    monkeypatch.setattr("benchmark.cli.progress.INTERVAL", 0.0)
     progress = CliRunner().invoke(data, ["check", str(rods)]).stderr.splitlines()
     assert [line.partition(",")[0] for line in progress[1:]] == [f"{n} of 6" for n in (1, 2, 3, 4, 5, 6)]
 

@@ -138,6 +138,7 @@ def test_cameras_of_single_shapes_and_the_noise_of_depth_are_kept(tmp_path, rods
         assert back.camera(after).direction == pytest.approx(source.camera(before).direction, abs=1e-15)
         assert back.load(after).vertices.tobytes() == source.load(before).vertices.tobytes()
     toml = tmp_path / "out" / "dataset.toml"
-    toml.write_text(toml.read_text().replace('"thin/0" = ', '"thin/9" = '))
+    cameras, _, seeds = toml.read_text().rpartition('"thin/0" = ')
+    toml.write_text(f'{cameras}"thin/9" = {seeds}')
     with pytest.raises(DatasetError, match="depth_noise lacks 'thin/0'; write deviation, step and seeds"):
         folder_set(tmp_path / "out")

@@ -11,7 +11,7 @@ from benchmark.cli.main import cli
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.folder import folder_set
 from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
-from tests.pipeline.test_bad_shapes import BAD
+from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_off, write_rods
 
 
@@ -108,9 +108,18 @@ ANOMALIES = {
 }
 
 
+def out_of_scale(what):
+    vertices = {"large": 1e5, "huge": 1e160, "small": 1e-5, "tiny": 1e-160}.get(what, 1.0) * rod(0.1, 0.7).vertices
+    if what == "line":
+        vertices = vertices * [1, 0, 0]
+    if what == "spike":
+        vertices[7] *= 1e5
+    return Mesh(vertices, rod(0.1, 0.7).faces)
+
+
 @pytest.mark.parametrize("what", ANOMALIES)
 def test_a_shape_out_of_scale_is_named_by_the_check(rods, what):
-    write_off(rods / "thin7.off", BAD[what][0])
+    write_off(rods / "thin7.off", out_of_scale(what))
     report = check_source(str(rods), None)
     anomalies = [anomaly for anomaly in report.anomalies if anomaly.file == "thin7.off"]
     assert any(re.match(ANOMALIES[what], str(anomaly)) for anomaly in anomalies), anomalies

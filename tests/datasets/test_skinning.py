@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmark.datasets import humans
+from benchmark.datasets import bodies
 
 
 def test_bodies_are_those_of_the_dense_kernel() -> None:
     from anny.skinning.skinning import dense_linear_blend_skinning
     from torch import from_numpy
 
-    model = humans._body().model
+    model = bodies._template().model
     random = np.random.default_rng(0)
     vertices = random.normal(size=(2, len(model.template_vertices), 3))
     transforms = np.tile(np.eye(4), (2, model.bone_count, 1, 1))
