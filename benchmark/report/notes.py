@@ -114,9 +114,11 @@ def _published(rows: Iterable[Row]) -> Iterator[str]:
 
 
 def _joined(rows: Iterable[Row]) -> Iterator[str]:
-    found = [record.notes["bridges"].max for record in _records(rows) if "bridges" in record.notes]
-    if found and max(found) > 0:
-        yield f"Shapes of several pieces are joined, by at most {max(found):.0f} bridges."
+    notes = [record.notes for record in _records(rows)]
+    bridges, gap = (max((of[name].max for of in notes if name in of), default=0) for name in ("bridges", "largest_gap"))
+    if bridges > 0:
+        across = f", across at most {gap:.2g} times the root of the area" if gap else ""
+        yield f"Shapes of several pieces are joined, by at most {bridges:.0f} bridges{across}."
 
 
 def _records(rows: Iterable[Row]) -> Iterator[Record]:
