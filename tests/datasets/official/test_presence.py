@@ -27,7 +27,6 @@ def test_the_extended_table_is_made_for_every_set_that_is_here(sets, tmp_path):
     chosen = galleries(["extended"], data_root=tmp_path)
     assert {(gallery.dataset.name, len(gallery.entries)) for gallery in chosen} == {("kids", 32)}
     assert {gallery.name for gallery in galleries([], ["kids"], tmp_path)} == {"kids"}
-    assert {len(gallery.entries) for gallery in galleries(["extended"], data_root=tmp_path, quick=True)} == {6}
 
 
 def test_the_list_fits_a_terminal_and_names_where_sets_belong(sets, tmp_path):
