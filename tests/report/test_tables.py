@@ -98,6 +98,16 @@ def test_local_rows_decide_which_version_of_the_data_is_shown():
     assert [row.method for row in view(here, record("skeleton", published=True)).rows] == ["gps"]
 
 
+def test_a_note_says_how_many_bridges_join_pieces_across_which_gap():
+    def joined(bridges, gap):
+        notes = {"bridges": {"mean": bridges, "max": bridges}, "largest_gap": {"mean": gap, "max": gap}}
+        return [note for note in view(record("gps", notes=notes)).notes if "joined" in note]
+
+    assert joined(0.0, 0.0) == []
+    words = "Shapes of several pieces are joined, by at most 2 bridges, across at most 0.79 times the root of the area."
+    assert joined(2.0, 0.789) == [words]
+
+
 def test_notes_name_each_kind_of_fact_once_and_are_at_most_eight():
     refused = [("cat0", "two pieces"), ("dog4", "cannot be read")]
     rows = [record(f"m{k}", 0.5, unsupported=refused, unprepared=["dog4"]) for k in range(9)]
