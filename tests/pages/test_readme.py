@@ -6,13 +6,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from benchmark.check import check
 from benchmark.pipeline.records import read_records
 from benchmark.reference.paper import CLASSICAL, MEASURES, PRINTED
+from benchmark.registry import find
 from benchmark.report.formats import hundredths
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims, verdicts
+from tests.baselines.embedding import limbed
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[2]
@@ -111,3 +115,18 @@ def test_the_plugin_of_the_readme_appears_as_a_row(tmp_path):
     title = re.search(r'title="([^"]+)"', block)
     assert title
     assert f"|{title[1]}" in done.stdout
+
+
+def test_the_plugin_of_the_readme_is_biharmonic_mds(tmp_path):
+    (block,) = (text for text in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "BiharmonicMDS" in text)
+    path = tmp_path / "biharmonic.py"
+    path.write_text(block, encoding="utf-8")
+    (component,) = find(str(path))
+    assert {finding.outcome for finding in check(component)} == {"ok"}
+    shape = limbed(200)
+    laplacian = shape.laplacian()
+    mass, mean_free = laplacian.mass, np.eye(200) - laplacian.mass / laplacian.mass.sum()
+    green = mean_free @ np.linalg.pinv(laplacian.stiffness.toarray()) @ mean_free.T
+    values = np.linalg.eigvalsh(np.sqrt(mass)[:, None] * (green @ (mass[:, None] * green)) * np.sqrt(mass))
+    points = component.create().canonicalise(shape).vertices
+    np.testing.assert_allclose(np.diag(points.T @ (mass[:, None] * points)), values[:-4:-1], rtol=1e-8)
