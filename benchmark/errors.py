@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 
 class BenchmarkError(Exception):
@@ -60,20 +60,6 @@ class InvalidSignature(ShapeError):
 
 class UnsupportedShape(ShapeError):
     """A method cannot process a shape; the message says why."""
-
-
-def as_facts(error: BenchmarkError) -> dict[str, str]:
-    """Return an error as strings from which another process can rebuild it; see :func:`from_facts`."""
-    kinds = (kind for kind in type(error).__mro__ if globals().get(kind.__name__) is kind)
-    return {"kind": next(kinds).__name__, "problem": error.problem, "hint": error.hint}
-
-
-def from_facts(facts: Mapping[str, str]) -> BenchmarkError:
-    """Rebuild an error from :func:`as_facts`; classes that are not in this module become ``BenchmarkError``."""
-    kind = globals().get(str(facts["kind"]))
-    if not (isinstance(kind, type) and issubclass(kind, BenchmarkError)):
-        kind = BenchmarkError
-    return kind(facts["problem"], facts["hint"])
 
 
 def message(error: BaseException) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import functools
 import hashlib
 import os
 import secrets
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -63,46 +62,13 @@ def write_text(path: Path, text: str, *, durable: bool = False) -> None:
     write_atomically(path, lambda file: file.write(text.encode("utf-8")), durable=durable)
 
 
-@contextlib.contextmanager
-def locked(folder: Path, *, alone: bool = False) -> Iterator[None]:
-    """Hold a shared lock on a folder, or an exclusive one if ``alone``.
-
-    The system releases it when the process ends. There is no lock if the folder does not exist or the file system does
-    not support locks.
-    """
-    try:
-        place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    except OSError:
-        yield
-        return
-    try:
-        with contextlib.suppress(OSError):
-            fcntl.flock(place, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-        yield
-    finally:
-        os.close(place)
-
-
-def leftovers(folder: Path, *, deep: bool = True) -> Iterator[Path]:
-    """Yield temporary files in a folder and its subfolders that are an hour old or whose writers have ended."""
-    for path in (folder.rglob if deep else folder.glob)(f".*-*{_SUFFIX}"):
+def sweep(folder: Path) -> None:
+    """Remove temporary files in a folder and its subfolders that are an hour old or whose writers have ended."""
+    for path in folder.rglob(f".*-*{_SUFFIX}"):
         writer = path.name[1:].partition("-")[0]
-        if writer.isdecimal() and (not is_alive(int(writer)) or _is_old(path)):
-            yield path
-
-
-def _is_old(path: Path) -> bool:
-    try:
-        return time.time() - path.stat().st_mtime > _LONGEST
-    except OSError:
-        return False  # it was just renamed
-
-
-def sweep(folder: Path, *, deep: bool = True) -> None:
-    """Remove the temporary files that :func:`leftovers` yields."""
-    for path in leftovers(folder, deep=deep):
         with contextlib.suppress(OSError):
-            path.unlink()
+            if writer.isdecimal() and (not is_alive(int(writer)) or time.time() - path.stat().st_mtime > _LONGEST):
+                path.unlink()
 
 
 def is_alive(process: int) -> bool:

@@ -6,11 +6,11 @@ Every ``--help`` imports this module, so it imports nothing heavy.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from typer import Argument, Option
 
@@ -79,6 +79,13 @@ class Selection:
     quick: bool = False
     everything: bool = False
     published: bool = False
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Selection:
+        """Return what the arguments of a verb select; other arguments are passed over."""
+        given: dict[str, Any] = {field.name: values[field.name] for field in fields(cls) if field.name in values}
+        given |= {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
+        return cls(**given)
 
     @property
     def is_narrow(self) -> bool:

@@ -110,5 +110,5 @@ def print_tables(views: Iterable[TableView]) -> None:
 
 def compare(options: Selection, first: str, second: str) -> None:
     """Print the differences of two methods."""
-    for line in compare_records(recorded(options), first, second, scorer=options.scorer):
+    for line in compare_records(recorded(options), first, second, quick=options.quick, scorer=options.scorer):
         say(line)

