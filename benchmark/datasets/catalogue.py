@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmark.api.datasets import ShapeSet
 from benchmark.datasets.base import canonical_entry, canonical_shapes, printable
 from benchmark.datasets.changes import changed, changed_name, split_name
-from benchmark.datasets.folder import folder_set, mesh_files
+from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
 from benchmark.datasets.own import is_own, open_own, own_sets
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
@@ -156,7 +156,8 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
         return folder_set(folder, folder_name(folder))
     if source.folder and not _is_there(source, data_root):
         where = data_root / source.folder if data_root else f"DATA_ROOT/{source.folder}"
-        raise DatasetError(f"data set '{name}' is not at {where}", _where_instead(name, source, data_root))
+        hint = f"put it there and pass --data-root; it comes from {source.url}"
+        raise DatasetError(f"data set '{name}' is not at {where}", hint)
     return source.open((data_root or Path()) / source.folder)
 
 
@@ -175,17 +176,6 @@ def _no_folder(folder: Path) -> ConfigurationError:
     elif near := difflib.get_close_matches(folder.name, beside, 1):
         hint = f"did you mean {folder.parent / near[0]}?"
     return ConfigurationError(f"{folder} is not a folder", hint)
-
-
-def _where_instead(name: str, source: Source, data_root: Path | None) -> str:
-    """Return where a set lies that is not under the data root, or where it can be had."""
-    if data_root is not None:
-        for root in (data_root.parent, *(path for path in data_root.glob("*") if path.is_dir())):
-            if (root / source.folder).is_dir():
-                return f"it is at {root / source.folder}: pass --data-root {root}"
-        if data_root.is_dir() and mesh_files(data_root):
-            return f"{data_root} itself holds meshes: move them to {data_root / source.folder}, or pass -d {data_root}"
-    return f"put it there and pass --data-root; it comes from {source.url}"
 
 
 def is_known(name: str) -> bool:

@@ -19,8 +19,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import mesh_files, mesh_stem, read_cla, sub_folders
 from benchmark.datasets.settings import with_settings
-from benchmark.errors import DatasetError, UnreadableMesh
-from benchmark.files import file_digest
+from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 #: File names of class lists in the format of the Princeton Shape Benchmark.
@@ -110,7 +109,7 @@ class OfficialSet:
         )
 
     def _named(self, folder: Path) -> list[Entry]:
-        """Read shapes whose names are known; a class list in the folder must agree with them."""
+        """Read shapes whose names are known."""
         stems = {_key(stem): stem for stem in self.shapes}
         files = _files(folder, {_form(stem) for stem in self.shapes})
         missing = [stem for key, stem in stems.items() if key not in files]
@@ -122,28 +121,7 @@ class OfficialSet:
                 f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}",
                 _renumber(map(_number, stems), map(_number, files)) or _UNPACK,
             )
-        _check_copies(files.values())
-        if source := _list(folder):
-            self._check_list(source)
         return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
-
-    def _check_list(self, source: Path) -> None:
-        """Raise ``DatasetError`` if a list groups the shapes differently from their names."""
-        subjects = {_number(stem): subject for stem, (subject, _) in self.shapes.items()}
-        classes = read_cla(source)
-        if classes.keys() != subjects.keys():
-            raise DatasetError(
-                f"{source} does not list models {min(subjects)} to {max(subjects)}",
-                _renumber(subjects, classes) or "fetch the official list or remove it",
-            )
-        pairs: dict[str, str] = {}
-        for number, subject in subjects.items():
-            known = pairs.setdefault(classes[number], subject)
-            if known != subject or len(set(pairs.values())) != len(pairs):
-                raise DatasetError(
-                    f"{source} puts model {number} into class '{classes[number]}', but it shows subject '{subject}'",
-                    "fetch the official list or remove it",
-                )
 
     def _listed(self, folder: Path) -> list[Entry]:
         """Read numbered shapes, with classes from a list or from sub-folders."""
@@ -164,7 +142,6 @@ class OfficialSet:
         if not source and len(set(classes.values())) == 1:
             raise DatasetError(f"{folder} holds no list of classes", "put the official .cla file there")
         official = self._official_names(classes, source or folder)
-        _check_copies(files.values())
         entries = []
         for number in sorted(files):
             stem = mesh_stem(files[number])
@@ -271,18 +248,6 @@ def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
         for number, path in files.items()
     }
     return {number: folder.name for number, folder in above.items()}
-
-
-def _check_copies(paths: Iterable[Path]) -> None:
-    """Raise ``DatasetError`` if two files have the same content, except empty files, which are unreadable."""
-    first: dict[str, Path] = {}
-    for path in paths:
-        try:
-            digest = file_digest(path)
-        except UnreadableMesh:
-            continue  # excludes this shape only
-        if path.stat().st_size and first.setdefault(digest, path) != path:
-            raise DatasetError(f"{path} is a copy of {first[digest].name}", "fetch the official file again")
 
 
 def _renumber(expected: Iterable[int], actual: Iterable[int]) -> str:

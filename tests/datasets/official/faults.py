@@ -13,11 +13,6 @@ def relist(folder, change, name="test.cla"):
     (folder / name).write_text(change(text))
 
 
-def duplicate(folder, file, of):
-    (folder / file).unlink()
-    (folder / file).write_bytes((folder / of).read_bytes())
-
-
 def shift(folder, pattern, numbers, step):
     for n in sorted(numbers, reverse=step > 0):
         move(folder, pattern.format(n), pattern.format(n + step))
@@ -42,8 +37,6 @@ FAULTS = {
         "holds one shape as tr_reg_007.ply and training/registrations/tr_reg_007.ply; keep one",
     ),
     "zeros": ("shrec14-synthetic", lambda f: (f / "007.obj").touch(), "holds one shape as (7|007).obj and (7|007).obj"),
-    "a copied file": ("kids", lambda f: duplicate(f, "0001.isometry.3.off", "0002.null.0.off"), "is a copy of"),
-    "a copy in a list": ("shrec10", lambda f: duplicate(f, "T3.off", "T9.off"), "T9.off is a copy of T3.off; fetch"),
     "a missing model": (
         "shrec11",
         lambda f: (f / "T137.off").unlink(),
@@ -76,36 +69,12 @@ FAULTS = {
         "test.cla has 30 classes, not the official 60",
     ),
     "no list at all": ("shrec10", lambda f: relist(f, lambda text: text[4:]), "does not start with 'PSB 1'"),
-    "labels of a numbered set": (
-        "shrec07",
-        lambda f: (f / "test.cla").write_text(cla(blocks(1, 20, exchanged=(20, 21)))),
-        "puts model (20|21) into class 'c(0|1)', but it shows subject '(human|cup)'",
-    ),
-    "a list of a numbered set from 0": (
-        "shrec07",
-        lambda f: (f / "test.cla").write_text(cla(blocks(0, 20))),
-        "does not list models 1 to 400; the numbers begin with 0: add 1 to each",
-    ),
-    "two names of one subject": (
-        "shrec14-real",
-        lambda f: (f / "test.cla").write_text(cla(blocks(0, 5))),
-        "puts model 5 into class 'c1', but it shows subject '0'",
-    ),
     "a class of the cuts": (
         "shrec16-cuts",
         lambda f: [p.unlink() for p in f.glob("*wolf*")],
         "holds no shape of class 'wolf', cuts_wolf_shape_1",
     ),
 }
-
-
-def blocks(first, n_poses, exchanged=()):
-    """Classes of 400 models, n_poses each, perhaps two of them exchanged."""
-    order = list(range(first, first + 400))
-    if exchanged:
-        one, other = (number - first for number in exchanged)
-        order[one], order[other] = order[other], order[one]
-    return {f"c{k}": order[k * n_poses : (k + 1) * n_poses] for k in range(400 // n_poses)}
 
 
 def moved(text, source, target):
