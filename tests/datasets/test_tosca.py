@@ -1,21 +1,22 @@
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from benchmark.datasets.base import canonical_entry
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE
-from tests.geometry.mutations import valid_files
 from tests.toy import rod, write_off
 
 
 def test_tosca_reads_its_three_layouts(tmp_path):
     mesh = rod(0.1, 1.0)
-    files = valid_files(mesh)
-    write_off(tmp_path / "tosca" / "cat0.off", mesh)
-    for name, content in (("cat1.mat", "plain.mat"), ("dog0.vert", "a.vert"), ("dog0.tri", "a.tri")):
-        (tmp_path / "tosca" / name).write_bytes(files[content])
-    write_off(tmp_path / "tosca" / "david12.off", mesh)
+    for name in ("cat0", "david12"):
+        write_off(tmp_path / "tosca" / f"{name}.off", mesh)
+    columns = {axis: mesh.vertices[:, [k]] for k, axis in enumerate("XYZ")}
+    savemat(tmp_path / "tosca" / "cat1.mat", {"surface": columns | {"TRIV": mesh.faces + 1.0}})
+    np.savetxt(tmp_path / "tosca" / "dog0.vert", mesh.vertices)
+    np.savetxt(tmp_path / "tosca" / "dog0.tri", mesh.faces + 1, fmt="%d")
     (tmp_path / "tosca" / "readme.txt").write_text("")
     dataset = open_dataset("tosca", tmp_path)
     assert [(e.identifier, e.subject) for e in dataset.shapes] == [
