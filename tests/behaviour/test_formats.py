@@ -49,8 +49,8 @@ def test_classes(tmp_path):
 
 
 def test_settings_of_a_set(tmp_path):
-    for name in ("cat0", "cat1", "dog0", "dog1"):
-        write_off(tmp_path / f"{name}.off", *rod(0.1, 1.0 if name.endswith("0") else 2.0))
+    for number, name in enumerate(("cat0", "cat1", "dog0", "dog1")):
+        write_off(tmp_path / f"{name}.off", *rod(0.1, 0.5 + number / 2))
     settings = tmp_path / "dataset.toml"
     settings.write_text(
         'canonical_pose = "0"\nup = "y"\nhalf_width = 1.3\nstand_in_for = "tosca"\n[camera]\ncat = "side"\n'
