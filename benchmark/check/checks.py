@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -58,11 +59,15 @@ class Skipped(Exception):
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check: its name, its outcome, and one line on what was seen, with a hint if it failed."""
+    """Result of one check: its name, its outcome, and one line on what was seen, with a hint if it failed.
+
+    ``traceback`` says where an error was raised.
+    """
 
     name: str
     outcome: Literal["ok", "failed", "skipped"]
     explanation: str
+    traceback: str = ""
 
     def __str__(self) -> str:
         return f"{self.outcome:<7}  {self.name:<15}  {self.explanation}"
@@ -103,7 +108,8 @@ def _find(name: str, run: Callable[[Any], str], case: Any) -> Finding:
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))
     except (Exception, SystemExit) as error:
-        return Finding(name, "failed", " ".join(explain(error).split()))
+        trace = "" if isinstance(error, Failed) else "".join(traceback.format_exception(error))
+        return Finding(name, "failed", " ".join(explain(error).split()), trace)
 
 
 def explain(error: BaseException) -> str:

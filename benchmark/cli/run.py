@@ -16,7 +16,6 @@ from benchmark.datasets.folder import skipped_files
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
-from benchmark.pipeline.cache import writing
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.tables import INPUTS
@@ -97,11 +96,15 @@ def run(
     passed_over = ("unsupported",) if selection.is_narrow else ("unsupported", "unavailable")
     fine = all(job.to_run or job.state in ("finished", *passed_over) for job in jobs)
     expected = estimate(to_run, selection.results).seconds / max(1, size)
+    traced = False
     with Bar(len(to_run), expected) as bar:
         ended = run_jobs(jobs, selection.results, size=size, timeout=timeout, dask=dask, watch=bar.watch)
         for job, record in ended:
             bar.ended(f"{record.status:<11}  {job.name}  {outcome(record)}")
             fine &= record.status == "ok"
+            traced |= bool(record.traceback)
+    if traced:
+        say("'plan --traceback', with the same selection, prints errors in full", err=True)
     print_tables(selection, [job.gallery for job in jobs], _names(jobs) if selection.is_narrow else ())
     return fine
 
@@ -128,12 +131,11 @@ def score_forms(selection: Selection, forms: Sequence[str]) -> None:
         )
     scorer = select_one(selection.scorer, selection.plugins, "scorer")
     chosen = _galleries(selection)
-    with writing(selection.results):
-        for gallery in chosen:
-            for input_ in gallery.inputs:
-                for title, folder in folders.items():
-                    watched = partial(counting, f"scoring {title}")
-                    score_folder(gallery, input_, title, folder, scorer, selection.results, watched)
+    for gallery in chosen:
+        for input_ in gallery.inputs:
+            for title, folder in folders.items():
+                watched = partial(counting, f"scoring {title}")
+                score_folder(gallery, input_, title, folder, scorer, selection.results, watched)
     print_tables(selection, chosen)
 
 

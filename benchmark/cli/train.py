@@ -15,11 +15,14 @@ from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import trainings_of
 from benchmark.protocols.trainings import Training, find_training, own_training
 from benchmark.registry import find, methods, select_one
-from benchmark.text import say
+from benchmark.text import say, say_lines
 
 
-def check(target: str, chosen: Sequence[str], assigned: Sequence[str], plugins: Sequence[Path], timeout: float) -> bool:
-    """Print the results of the checks of a method or file."""
+def check(
+    target: str, chosen: Sequence[str], assigned: Sequence[str], plugins: Sequence[Path], timeout: float,
+    *, traceback: bool = False,
+) -> bool:  # fmt: skip
+    """Print the results of the checks of a method or file, and the error of a failed one in full if asked."""
     names = chosen or (target,)
     plugins = [*plugins, *([Path(target)] if chosen else [])]
     failed = False
@@ -27,6 +30,10 @@ def check(target: str, chosen: Sequence[str], assigned: Sequence[str], plugins: 
         for finding in run_check(component, assignments(assigned), timeout):
             say(f"{component.name}  {finding}")
             failed |= finding.outcome == "failed"
+            if traceback:
+                say_lines(finding.traceback)
+            elif finding.traceback:
+                say("'check --traceback' prints the error in full", err=True)
     return not failed
 
 

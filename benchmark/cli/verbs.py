@@ -246,6 +246,7 @@ def check(
     assigned: shared.Assigned = [],
     plugins: shared.Plugins = [],
     timeout: shared.Timeout = "60s",  # type: ignore[assignment]
+    traceback: Annotated[bool, Option("--traceback", help="Print the error of each failed check in full.")] = False,
 ) -> None:
     """Test the contract of a plugin file, or of a method.
 
@@ -253,7 +254,7 @@ def check(
     """
     from benchmark.cli.train import check
 
-    _end(check(target, methods, assigned, plugins, timeout))
+    _end(check(target, methods, assigned, plugins, timeout, traceback=traceback))
 
 
 def train(

@@ -6,7 +6,6 @@ not delay the others.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import entry_points
@@ -19,6 +18,7 @@ from benchmark.api.scoring import ScorerInfo
 from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
 from benchmark.registry.modules import load_module
+from benchmark.text import say
 
 #: Name that selects all methods, in addition to other names.
 EVERY = "all"
@@ -146,5 +146,5 @@ def _installed(kind: Kind) -> tuple[tuple[Component, ...], dict[str, BenchmarkEr
             usable.append(component)
         except BenchmarkError as error:
             faults[point.name] = error
-            warnings.warn(str(error), stacklevel=2)
+            say(f"skipped: {error}", err=True)
     return tuple(usable), faults

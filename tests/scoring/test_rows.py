@@ -1,5 +1,6 @@
 """Results of other programs as rows: shapes are paired by name."""
 
+import json
 import shutil
 from typing import Any
 
@@ -18,6 +19,7 @@ from benchmark.scoring.evaluation import with_labels
 from benchmark.scoring.rows import keep_distances, method_name, score_forms
 from tests.scoring.line import LABELS, NAMES, D
 from tests.toy import rod, write_off, write_rods
+from tests.verbs import call
 
 NAMED = dict(zip(NAMES, LABELS, strict=True))
 
@@ -106,3 +108,18 @@ def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
     assert score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path) == record
     with pytest.raises(ConfigurationError, match="name them like the shapes: thick0.off"):
         score_forms(gallery, "mesh", "Mine", tmp_path, scorer, tmp_path)
+
+
+def test_verbs_show_rows_of_other_programs_beside_ours(tmp_path):
+    rods, results = write_rods(tmp_path / "rods", bends=(0.0, 1.0)), tmp_path / "results"
+    (tmp_path / "d.csv").write_text(pd.DataFrame(1 - np.eye(4), *[["thin1", "thin0", "thick0", "thick1"]] * 2).to_csv())
+    selected = ("-d", rods, "--input", "mesh", "--results", results)
+    call("run", *selected, "-m", "identity", "-j", 0)
+    kept = call("score", tmp_path / "d.csv", "--labels", rods, "--results", results, "--title", "My method")
+    assert "kept as external-my-method" in kept
+    call("run", *selected, "--forms", f"Other={rods}")
+    rows = {row["method"]: row for row in json.loads(call("tables", "--results", results, "--format", "json"))}
+    assert {"identity", "external-my-method", "external-other"} <= rows.keys()
+    assert rows["external-my-method"]["NN"] == pytest.approx(1 / 3, abs=1e-6)
+    assert rows["external-other"]["NN"] == rows["identity"]["NN"]
+    assert "external-my-method" in call("compare", "external-my-method", "identity", "--results", results, "-d", "rods")
