@@ -16,9 +16,6 @@ from importlib import resources
 MEASURES = ("NN", "FT", "ST", "DCG")
 """The measures that the paper prints, in its order."""
 
-SCHEDULE = "500 x 500 pixels, 500 epochs, batch 8, about three days on one RTX 4090"
-"""Training schedule of the paper."""
-
 AS_PRINTED = "learned[configuration=as_printed]"
 """The network with the paper's pixels and epochs, whose row bears the paper's name."""
 

@@ -196,10 +196,10 @@ def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs array and booktabs: one column of a paper, or ``table*``."""
     n_scores = view.scores.shape[1]
     environment = "table" if n_scores <= _ONE_COLUMN else "table*"
-    cited = rf" Paper:~\cite{{{_PAPER}}}." if view.paper else ""
+    caption = latex_text(f"{view.caption}.") + (rf" Paper:~\cite{{{_PAPER}}}." if view.paper else "")
     lines = _styler(view).to_latex(
         hrules=True, convert_css=False, multicol_align="c", environment=environment, position_float="centering",
-        column_format=f"{_TITLES[environment]}*{{{n_scores + 1}}}{{r}}@{{}}", caption=latex_text(f"{view.caption}.") + cited,
+        column_format=f"{_TITLES[environment]}*{{{n_scores + 1}}}{{r}}@{{}}", caption=caption,
         label=f"tab:{view.stem.removeprefix('table-')}",
     ).splitlines()  # fmt: skip
     first = lines.index(r"\midrule") + 1

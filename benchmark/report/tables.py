@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -137,7 +137,6 @@ class TableView:
     rows: tuple[Row, ...]
     shown: frozenset[str] = frozenset()
     left_out: tuple[str, ...] = ()
-    scorer_title: str = field(default="")
 
     @property
     def printed_rows(self) -> list[Row]:
@@ -318,7 +317,6 @@ def _view(table: Table, dataset: str, records: Sequence[Record], named: frozense
         {title: [f"{name} {label}" for name, of in each for label in of] for title, each in used.items()},
         {title: [of for _, of in each] for title, each in used.items() if each},
         tuple(sorted(made, key=lambda row: _place(row, printed))), left_out=_outdated(left_out),
-        scorer_title=next((record.scorer_title for record in records if record.scorer_title), ""),
     )  # fmt: skip
 
 

@@ -95,14 +95,14 @@ class Planned:
         """Return the record of the job with further facts."""
         files = dict(zip(("prepared", "forms", "signatures"), map(list, zip(*self.keys, strict=True)), strict=False))
         summaries = {model.training: model.summary() for model in self.models.values()}
-        dataset = self.gallery.dataset.name
-        seen = [e.identifier for e in self.gallery.entries if self._has_seen(e, dataset)]
-        content = {**self.facts, "models": [*summaries.values()], "seen": seen, "files": files or None, **facts}
+        content = {**self.facts, "models": [*summaries.values()], "seen": self.seen, "files": files or None, **facts}
         return msgspec.convert(content, Record)
 
-    def _has_seen(self, entry: Any, dataset: str) -> bool:
-        model = self.models.get(entry.identifier)
-        return model is not None and model.has_seen(entry, dataset)
+    @property
+    def seen(self) -> list[str]:
+        """Names of the shapes that the model for them was trained on."""
+        dataset, pairs = self.gallery.dataset.name, [(e, self.models.get(e.identifier)) for e in self.gallery.entries]
+        return [entry.identifier for entry, model in pairs if model is not None and model.has_seen(entry, dataset)]
 
 
 def plan(
@@ -182,7 +182,11 @@ class _Planning:
             return replace(planned, state="unavailable", reason=str(error))
         except (NoFolds, TooNear) as error:
             return replace(planned, state="unsupported", reason=str(error))
-        planned = self._with_keys(replace(planned, models=models), scores=scores)
+        planned = replace(planned, models=models)
+        if gallery.table.all_unseen and (seen := planned.seen):
+            reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}; take a model of another training"
+            return replace(planned, state="unsupported", reason=reason)
+        planned = self._with_keys(planned, scores=scores)
         state, reason = _state(planned, before)
         runs = state in ("missing", "stale") or self.again == "all" or (state == "failed" and self.again == "failed")
         return replace(planned, state=state, reason=reason, to_run=runs)

@@ -8,7 +8,8 @@ from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.protocols.galleries import QUICK_POSES, galleries
 from benchmark.protocols.tables import ABLATION, TABLES, TITLES, own_table
 from benchmark.reference import paper
-from benchmark.registry import methods, select
+from benchmark.registry import methods, select, select_one
+from benchmark.runs import plan
 from tests.toy import rod, write_off, write_rods
 
 
@@ -131,3 +132,13 @@ def test_the_paper_has_31_rows_of_four_figures():
     figures = [value for table in paper.PRINTED.values() for row in table.values() for value in row.values()]
     assert len(figures) == 31 * 4
     assert all(0 <= value <= 1 for value in figures)
+
+
+def test_a_model_that_saw_the_test_shapes_has_no_row_where_none_may_have(tmp_path):
+    fold = replace(gallery("IV", "all"), named=frozenset({"learned"}))
+    method = select_one("learned[training=humans-fold-1]")
+    (job,) = plan([fold], ["view"], [method], tmp_path)
+    assert (fold.part, job.state) == ("fold 0", "unsupported")
+    assert "100 shapes were seen in training" in job.reason
+    (allowed,) = plan([replace(fold, table=replace(fold.table, all_unseen=False))], ["view"], [method], tmp_path)
+    assert len(allowed.seen) == 100
