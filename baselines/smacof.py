@@ -190,9 +190,9 @@ def non_metric_transform(
     def transform(points: FloatArray) -> tuple[FloatArray, float]:
         distances = pair_distances(points, first, second)
         disparities = isotonic_regression(distances)
-        disparities *= norm / np.linalg.norm(disparities)
-        stress = float(np.sum((disparities - distances) ** 2))
-        return pair_transform(points, first, second, disparities / np.maximum(distances, 1e-300)), stress
+        scale = norm / float(np.linalg.norm(disparities))
+        moved, stress = pair_transform(points, first, second, distances, disparities, scale)
+        return moved, stress
 
     return transform, norm
 
@@ -213,11 +213,9 @@ def isotonic_regression(values: FloatArray) -> FloatArray:
             begin = before
         means[blocks], ends[blocks] = mean, place + 1
         blocks += 1
-    fitted, begin = np.empty_like(values), 0
-    for block in range(blocks):
-        fitted[begin : ends[block]] = means[block]
-        begin = ends[block]
-    return fitted
+    for block in range(blocks - 1, -1, -1):  # the last first: no block begins before its place in the stack
+        means[(ends[block - 1] if block > 0 else 0) : ends[block]] = means[block]
+    return means
 
 
 @njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
@@ -232,13 +230,17 @@ def pair_distances(points: FloatArray, first: Indices, second: Indices) -> Float
 
 
 @njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
-def pair_transform(points: FloatArray, first: Indices, second: Indices, ratios: FloatArray) -> FloatArray:
-    """Return the Guttman transform for the ratios of target to present distance of each pair."""
-    moved = np.zeros_like(points)
+def pair_transform(
+    points: FloatArray, first: Indices, second: Indices, distances: FloatArray, targets: FloatArray, scale: float
+) -> tuple[FloatArray, float]:
+    """Return the Guttman transform towards scaled targets of the pairs, and the raw stress of the points."""
+    moved, stress = np.zeros_like(points), 0.0
     for pair in range(len(first)):
-        i, j = first[pair], second[pair]
+        i, j, distance, target = first[pair], second[pair], distances[pair], scale * targets[pair]
+        ratio = target / distance if distance > 0.0 else 0.0
+        stress += (target - distance) ** 2
         for axis in range(3):
-            pull = ratios[pair] * (points[i, axis] - points[j, axis])
+            pull = ratio * (points[i, axis] - points[j, axis])
             moved[i, axis] += pull
             moved[j, axis] -= pull
-    return moved / len(points)
+    return moved / len(points), stress
