@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh, UnsupportedShape
+from benchmark.errors import DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import compact, connected_components, make_manifold
@@ -204,15 +204,9 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
 
     Raises
     ------
-    ConfigurationError
-        If the half width or the size is not positive.
     UnsupportedShape
         If the shape has no faces, or does not fit the frame.
     """
-    if not (np.isfinite(half_width) and half_width > 0 and size > 0):
-        raise ConfigurationError(
-            f"no frame has half width {half_width} and {size} pixels per side", "pass positive numbers"
-        )
     if mesh.n_faces == 0:
         raise UnsupportedShape("a mesh without faces casts no depth image", "pass a surface, not a point cloud")
     points = camera_coordinates(mesh, camera) / half_width
@@ -263,8 +257,6 @@ def back_project(
 
     Raises
     ------
-    ConfigurationError
-        If the half width, the stride or the jump is not positive.
     InvalidMesh
         If the image is not square, or a pixel is not a number in [0, 1].
     UnsupportedShape
@@ -276,10 +268,6 @@ def back_project(
         raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
     if stride is None:
         stride = max(1, round(math.sqrt(foreground / SAMPLES)))
-    if not (np.isfinite(half_width) and half_width > 0 and stride > 0 and jump > 0):
-        raise ConfigurationError(
-            f"half width {half_width}, stride {stride} and jump {jump} give no surface", "pass positive numbers"
-        )
     samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
     points = _sample_positions(samples, depth.shape[0], stride)
     faces = _triangulate(samples, jump / 2)

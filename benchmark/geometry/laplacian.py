@@ -87,7 +87,7 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     adjacency.sum_duplicates()
     stiffness = csr_array(diags_array(adjacency.sum(axis=1)) - adjacency)
 
-    mass = np.bincount(mesh.faces.ravel(), weights=np.repeat(mesh.face_areas / 3.0, 3), minlength=count)
+    mass = mesh.vertex_areas
     return Laplacian(stiffness, np.maximum(mass, _SMALLEST_SHARE_OF_MEAN_MASS * mass.mean()))
 
 
