@@ -15,9 +15,8 @@ from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.api.scoring import Scorer
 from benchmark.errors import InvalidForm
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.keys import digest
-from benchmark.pipeline.preparation import NOTE, Arrays
-from benchmark.pipeline.shapes import SECONDS, SharedFailure, attempt
+from benchmark.pipeline.cache import Arrays
+from benchmark.pipeline.shapes import NOTE, SECONDS, SharedFailure, attempt
 from benchmark.registry.outputs import compute_descriptor, compute_form, compute_signature
 
 #: Marks the first result of a method in a process, whose time includes loading and compiling.
@@ -25,16 +24,6 @@ FIRST = "first"
 
 #: Says that work begins which is charged to no method, such as ``"geodesics"``, and returns its ``with`` block.
 Aside = Callable[[str], AbstractContextManager[object]]
-
-
-def form_key(prepared: str, method: Mapping[str, Any], seed: int, model: str = "") -> str:
-    """Return the key of a form or a descriptor, from those of shape, method and the weights of a model."""
-    return digest([prepared, method, seed, model])
-
-
-def signature_key(form: str, scorer: Mapping[str, Any]) -> str:
-    """Return the key of the signature of a form."""
-    return digest([form, scorer])
 
 
 @dataclass

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmark.code_digest import code_of
 
@@ -26,6 +26,20 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return dict(value)
     raise TypeError(f"{type(value).__name__} cannot be part of a key")
+
+
+class Keys(NamedTuple):
+    """Keys of the cached files of a shape for a job; ``signature`` is "" for a descriptor."""
+
+    prepared: str
+    form: str
+    signature: str
+
+
+def keys_of(prepared: str, method: Mapping[str, Any], seed: int, model: str, scorer: Mapping[str, Any] | None) -> Keys:
+    """Return the keys of a shape, from those of the prepared shape, of the method, its model and the scorer."""
+    form = digest([prepared, method, seed, model])
+    return Keys(prepared, form, "" if scorer is None else digest([form, scorer]))
 
 
 def code_of_modules(modules: Iterable[str], files: tuple[str, ...] = ()) -> dict[str, str]:

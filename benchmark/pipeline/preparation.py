@@ -21,9 +21,6 @@ Arrays = Mapping[str, NDArray[Any]]
 #: Number of vertices of the prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup et al. 2018).
 N_VERTICES = 2000
 
-#: Prefix of the names of arrays that are notes on a shape.
-NOTE = "note:"
-
 
 def prepare_mesh(source: Mesh) -> Arrays:
     """Clean, join, decimate and scale a mesh.
@@ -44,7 +41,7 @@ def prepare_mesh(source: Mesh) -> Arrays:
         "vertices": prepared.mesh.vertices,
         "faces": prepared.mesh.faces,
         "source_area": np.asarray(prepared.source_area),
-        **{f"{NOTE}{name}": np.asarray(value) for name, value in prepared.report.items()},
+        **{f"note:{name}": np.asarray(value) for name, value in prepared.report.items()},
     }
 
 
@@ -79,7 +76,7 @@ def prepare_view(source: Mesh, camera: Camera, half_width: float, sensor: DepthS
         "faces": view.surface.faces,
         "depth": view.depth,
         "source_area": np.asarray(area),
-        **{f"{NOTE}{name}": np.asarray(value) for name, value in dataclasses.asdict(view.report).items()},
+        **{f"note:{name}": np.asarray(value) for name, value in dataclasses.asdict(view.report).items()},
     }
 
 

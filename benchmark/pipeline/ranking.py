@@ -5,32 +5,21 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
-from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import FIRST
+from benchmark.pipeline.keys import Keys
 from benchmark.pipeline.measures import score
-from benchmark.pipeline.preparation import Arrays
 from benchmark.pipeline.shapes import REFUSED, SECONDS, notes_of
 from benchmark.registry.outputs import compare_signatures, compute_distances
 
-#: Module with the code of all measures.
-CODE = "benchmark.pipeline.measures"
-
 _LARGE = ("vertices", "faces", "depth")
-
-
-class Keys(NamedTuple):
-    """Keys of the cached files of a shape for a job; ``signature`` is "" for a descriptor."""
-
-    prepared: str
-    form: str
-    signature: str
 
 
 @dataclass(eq=False)

@@ -12,9 +12,8 @@ from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.api.scoring import Scorer
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import SharedStages, compute_answer, mesh_of, sign
-from benchmark.pipeline.preparation import Arrays
 from benchmark.pipeline.records import Record
 from benchmark.pipeline.shapes import REFUSED, SECONDS, require_result
 from benchmark.registry.outputs import compare_signatures, compute_distances

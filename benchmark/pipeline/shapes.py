@@ -13,12 +13,14 @@ import numpy as np
 from benchmark.api.contracts import Input, Mesh
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import InvalidForm, InvalidSignature, ShapeError, UnsupportedShape
-from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.keys import code_of_modules, digest
-from benchmark.pipeline.preparation import NOTE, Arrays, common_frame, fit_frame, prepare_mesh, prepare_view
 
 #: Module with the code of all preparations.
 CODE = "benchmark.pipeline.preparation"
+
+#: Prefix of the names of arrays that are notes on a shape.
+NOTE = "note:"
 
 #: Arrays that say why there is no result, and how many seconds the result took.
 REFUSED, SECONDS = "refused", "seconds"
@@ -112,12 +114,16 @@ class Preparation:
         return float(self.cache.get("prepared", self.camera_key, self._fit_frame)["half_width"])
 
     def _prepare(self, entry: Entry, load: Callable[[Entry], Mesh]) -> Arrays:
+        from benchmark.pipeline.preparation import prepare_mesh, prepare_view  # which takes a second
+
         if self.input == "mesh":
             return prepare_mesh(load(entry))
         half_width = self.half_width
         return prepare_view(load(entry), self.shapes.camera(entry), half_width, self.shapes.sensor(entry))
 
     def _fit_frame(self) -> Arrays:
+        from benchmark.pipeline.preparation import common_frame, fit_frame
+
         widths = []
         for entry in self.shapes.shapes:
             with suppress(ShapeError):  # this shape is refused when it is prepared

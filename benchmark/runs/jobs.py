@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from benchmark.api.contracts import Input
-from benchmark.pipeline.ranking import Keys
+from benchmark.pipeline.keys import Keys
 from benchmark.registry.components import Component
 
 State = Literal["finished", "failed", "missing", "stale", "unavailable", "unsupported"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,10 +14,7 @@ import msgspec
 from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.forms import form_key, signature_key
-from benchmark.pipeline.keys import code_of_modules, digest
-from benchmark.pipeline.ranking import CODE as MEASURES
-from benchmark.pipeline.ranking import Keys
+from benchmark.pipeline.keys import Keys, code_of_modules, digest, keys_of
 from benchmark.pipeline.records import Place, Record, describe_change, read_records
 from benchmark.pipeline.shapes import Preparation
 from benchmark.protocols.galleries import Gallery
@@ -25,7 +22,9 @@ from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select_one
 from benchmark.runs.jobs import Job, State, Step
-from benchmark.runs.tasks import code_of_job
+
+#: Module with the code of all measures.
+MEASURES = "benchmark.pipeline.measures"
 
 #: Which jobs with a record run again: none, those that failed, or all.
 Again = Literal["", "failed", "all"]
@@ -157,6 +156,13 @@ class _Planning:
     plugins: tuple[Path, ...]
     _preparations: dict[tuple[str, str], Preparation] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self._key = cache(Component.key)
+
+    @cached_property
+    def _scorer_code(self) -> dict[str, str]:
+        return self.scorer.code()
+
     @cached_property
     def _records(self) -> dict[Place, Record]:
         return {record.place: record for record in read_records(self.results, published=False)}
@@ -195,27 +201,27 @@ class _Planning:
         """Return the job with the keys of its record and its files."""
         job, gallery, models = planned.job, planned.gallery, planned.models
         preparation = self._preparation(gallery, job.input)
-        method, scorer = job.method.key(), self.scorer.key()
-        keys = []
-        for entry in gallery.entries:
-            model = models.get(entry.identifier)
-            prepared = preparation.key(entry)
-            form = form_key(prepared, method, self.seed, model.digest if model else "")
-            keys.append(Keys(prepared, form, signature_key(form, scorer) if scores else ""))
-        code = {**preparation.code, **job.method.code(), **code_of_modules([MEASURES])}
+        method, scorer = self._key(job.method), self._key(self.scorer)
+        digests = {name: model.digest for name, model in models.items()}
+        keys = [
+            keys_of(preparation.key(e), method, self.seed, digests.get(e.identifier, ""), scorer if scores else None)
+            for e in gallery.entries
+        ]
+        measures = code_of_modules([MEASURES])
+        code = {**preparation.code, **job.method.code(), **measures}
         parts = {
             **code,
-            **(self.scorer.code() if scores else {}),
+            **(self._scorer_code if scores else {}),
             "the data": planned.facts["gallery_digest"],
             "the camera": preparation.camera_key,
             "its parameters": json.dumps(method["parameters"], sort_keys=True, default=str),
             "the scorer's parameters": json.dumps(scorer["parameters"], sort_keys=True, default=str),
             **{f"the model {model.training}": model.digest for model in models.values()},
         }
-        content = [place_of(planned.facts), planned.facts["gallery_digest"], keys, code_of_modules([MEASURES])]
+        content = [place_of(planned.facts), planned.facts["gallery_digest"], keys, measures]
         key = digest(content)
         facts = {**planned.facts, "key": key, "parts": parts}
-        job = replace(job, key=key, code=code_of_job(job.method, self.scorer))
+        job = replace(job, key=key, code=digest([method, scorer]))
         return replace(planned, job=job, facts=facts, keys=tuple(keys))
 
     def _preparation(self, gallery: Gallery, input_: Input) -> Preparation:

@@ -12,11 +12,9 @@ from typing import Any
 from benchmark.api.contracts import Descriptor, Mesh, Shape
 from benchmark.api.datasets import Entry
 from benchmark.errors import BenchmarkError, InvalidForm, InvalidSignature, ShapeError, locate
-from benchmark.pipeline.cache import Cache, StorageError
+from benchmark.pipeline.cache import Arrays, Cache, StorageError
 from benchmark.pipeline.forms import Aside, SharedStages, compute_answer, mesh_of, shape_of, sign
 from benchmark.pipeline.keys import digest
-from benchmark.pipeline.preparation import Arrays
-from benchmark.pipeline.ranking import CODE as MEASURES
 from benchmark.pipeline.ranking import Ranking
 from benchmark.pipeline.shapes import Preparation, SharedFailure, Unprepared, require_result
 from benchmark.registry.components import Component
@@ -85,8 +83,8 @@ class ShapeAtWork:
         self._shapes: dict[tuple[str, int], tuple[Shape, SharedStages]] = {}
         self._mesh: Mesh | None = None
 
-    def process(self, step: Step) -> Outcome:
-        """Compute the files of a step that are missing.
+    def process(self, step: Step, *, again: bool = False) -> Outcome:
+        """Compute the files of a step that are missing, that of the prepared shape only if ``again``.
 
         Raises
         ------
@@ -94,6 +92,8 @@ class ShapeAtWork:
             If the shape is refused.
         """
         cache_ = Cache(step.job.results)
+        if again:
+            self._arrays(step)
         form = cache_.get("forms", step.keys.form, lambda: self._compute(step))
         require_result(form)
         if step.keys.signature:
@@ -146,7 +146,7 @@ def rank(task: Task, step: Step, aside: Aside) -> Outcome:
 
     def compute(index: int) -> Outcome:
         missing = Step(job, gallery.keys[index], gallery.models[index])
-        return attempt(lambda: ShapeAtWork(gallery.shapes[index], aside).process(missing))
+        return attempt(lambda: ShapeAtWork(gallery.shapes[index], aside).process(missing, again=True))
 
     with aside("loading"):
         method = load_method(job, gallery.models[0])
@@ -195,11 +195,8 @@ def load_scorer(job: Job) -> Any:
 
 def require_code(job: Job) -> None:
     """Raise :class:`CodeChanged` unless this process would run the code of the plan."""
-    if code_of_job(job.method, job.scorer) != job.code:
+    if digest([_key(job.method), _key(job.scorer)]) != job.code:
         raise CodeChanged("its code changed during the run, or is another one on this machine", "run again")
 
 
-@cache
-def code_of_job(method: Component, scorer: Component) -> str:
-    """Return the digest of the code of a method and a scorer, as it is on this machine."""
-    return digest([method.key(), scorer.key(), MEASURES])
+_key = cache(Component.key)
