@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial.transform import Rotation
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact, extent_of, largest_component
 from benchmark.geometry.mesh import Mesh, edges_of
-from benchmark.geometry.preparation import decimate, isotropic_remesh
-from benchmark.geometry.rasterise import depth_buffer
 
 Random = np.random.Generator
 Floats = NDArray[np.float64]
@@ -67,16 +64,22 @@ def resolution(mesh: Mesh, amount: float, _: Random) -> Mesh:
     """Change the number of vertices: halve all edges until there are enough, then collapse edges."""
     while mesh.n_vertices < amount:
         mesh = _halved(mesh)
+    from benchmark.geometry.preparation import decimate  # which, as others here, takes half a second
+
     return decimate(mesh, int(amount))
 
 
 def remeshing(mesh: Mesh, amount: float, _: Random) -> Mesh:
     """Re-mesh the surface isotropically with the given edge length."""
+    from benchmark.geometry.preparation import isotropic_remesh
+
     return isotropic_remesh(mesh, amount * extent_of(mesh), iterations=ROUNDS, feature_degrees=30.0)
 
 
 def turned(camera: Camera, amount: float, random: Random) -> Camera:
     """Turn a camera about the vertical by up to +- the amount, in degrees."""
+    from scipy.spatial.transform import Rotation
+
     angle = np.radians(amount) * random.uniform(-1, 1)
     direction = Rotation.from_rotvec(angle * np.asarray(camera.up)).apply(camera.direction)
     return Camera(tuple(direction.tolist()), camera.up)
@@ -88,6 +91,8 @@ def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
     The camera looks at the centre of the bounding box in the direction of the orthographic one. Its pixels become
     vertices in the coordinates of the mesh; triangles across steps in depth are left out.
     """
+    from benchmark.geometry.rasterise import depth_buffer
+
     extent = extent_of(mesh)
     centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     points = (mesh.vertices - centre) @ camera.rotation.T

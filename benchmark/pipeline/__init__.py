@@ -37,11 +37,6 @@ def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
     return mesh_of(form, prepared) if "vertices" in form and "vertices" in prepared else None
 
 
-def read_descriptor(results: Path, record: Record, shape: str) -> NDArray[np.float64] | None:
-    """Return the descriptor of a shape of a record; None if it is not kept here, or there is none."""
-    return _read(results, record, "forms", shape).get("descriptor")
-
-
 def _read(results: Path, record: Record, kind: str, shape: str) -> dict[str, NDArray[Any]]:
     from benchmark.pipeline.cache import Cache
 
