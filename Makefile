@@ -124,4 +124,4 @@ figures: setup
 # Leaves the records of finished jobs.
 clean:
 	rm -rf $(VENV) build .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	rm -rf results/runs/artefacts results/runs/scratch results/runs/progress
+	rm -rf results/runs/prepared results/runs/forms results/runs/signatures

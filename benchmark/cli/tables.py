@@ -9,8 +9,6 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from click import echo
-
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.pipeline.records import Record, read_records
@@ -105,7 +103,7 @@ def print_tables(views: Iterable[TableView]) -> None:
     """Print tables, in bold and italics where that goes to a terminal."""
     width = shutil.get_terminal_size().columns
     for view in views:
-        echo(f"\n{text(view, width, colour=sys.stdout.isatty())}", nl=False)
+        print(f"\n{text(view, width, colour=sys.stdout.isatty())}", end="")  # noqa: T201  # it has escape sequences
 
 
 def compare(options: Selection, first: str, second: str) -> None:
