@@ -1,21 +1,18 @@
 """Compile all kernels before the first run: ``python -m benchmark.kernels``.
 
 Kernels are compiled on first use and cached beside the code. The workers of a run start together, so each would compile
-all of them. Here one process compiles each part, by the steps of a run, so that the kernels fit the types of its
-arrays.
+all of them. Here one process compiles them by the steps of a run, so that they fit the types of its arrays.
 """
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
 from benchmark.kernels import drop_stale_kernels
-from benchmark.machine import available_cores, pin_threads
+from benchmark.machine import pin_threads
 from benchmark.text import say
 
 
@@ -81,30 +78,16 @@ PARTS: dict[str, Callable[[], None]] = {
 }
 
 
-def main() -> int:
-    """Compile the part named on the command line, or each part in a process of its own."""
+def main() -> None:
+    """Compile all parts, one after the other."""
     pin_threads()
-    if len(sys.argv) > 1:
-        with suppress(BenchmarkError):  # missing packages are left for the run to report
-            PARTS[sys.argv[1]]()
-        return 0
-    start, waiting, codes = time.monotonic(), list(PARTS), list[int]()
     drop_stale_kernels()
-    say(f"compiling, once for this checkout: {', '.join(PARTS)}", err=True)
-    running: dict[str, subprocess.Popen[bytes]] = {}
-    while waiting or running:
-        while waiting and len(running) < available_cores():
-            name = waiting.pop(0)
-            running[name] = subprocess.Popen([sys.executable, "-m", "benchmark.kernels", name])
-        name, process = next(((name, p) for name, p in running.items() if p.poll() is not None), ("", None))
-        if process:
-            del running[name]
-            codes.append(process.returncode)
-            end = "done" if process.returncode == 0 else f"failed with exit code {process.returncode}"
-            say(f"{name} {end} after {time.monotonic() - start:.0f} s", err=True)
-        time.sleep(0.1)
-    return int(any(codes))
+    for name, compile_part in PARTS.items():
+        start = time.monotonic()
+        with suppress(BenchmarkError):  # missing packages are left for the run to report
+            compile_part()
+        say(f"{name} done after {time.monotonic() - start:.0f} s", err=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
