@@ -75,28 +75,17 @@ def resampled(image: Floats, resolution: int, crop: bool = False) -> Floats:
     numpy.ndarray
         Shape (2, r, r), float32: depth and binary mask.
     """
-    if not crop:
-        return _pooled(image, resolution)
-    size = image.shape[-1]
-    seen = image > 0
-    starts, length = _window(seen)
+    size, seen = image.shape[-1], image > 0
+    starts, length = _window(seen) if crop else ((0.0, 0.0), float(size))
     rows, columns = (_shares(start, length, size, resolution) for start in starts)
     # A sparse product adds in the same order on every machine.
-    cover = (columns @ (rows @ seen.astype(np.float64)).T).T
-    depth = (columns @ (rows @ image.astype(np.float64)).T).T
+    cover, depth = ((columns @ (rows @ array.astype(np.float64)).T).T for array in (seen, image))
     mask = cover >= COVERED - _TIE
     depth = depth / np.where(mask, cover, 1)
-    depth = 0.5 + (depth - float(image[seen].mean(dtype=np.float64))) * (size / length)
+    if crop:
+        depth = 0.5 + (depth - float(image[seen].mean(dtype=np.float64))) * (size / length)
     depth = np.where(mask, np.clip(depth, LEAST_DEPTH, 1), 0)
     return np.ascontiguousarray(np.stack([depth, mask]), dtype=np.float32)
-
-
-def _pooled(image: Floats, resolution: int) -> Floats:
-    fine = torch.from_numpy(np.stack([image, image > 0]).astype(np.float64))[None]
-    depth, cover = functional.adaptive_avg_pool2d(fine, resolution)[0]
-    mask = (cover >= COVERED).double()
-    depth = torch.where(mask > 0, depth / cover.clamp(min=COVERED), 0.0)
-    return np.asarray(torch.stack([depth, mask]).numpy(), dtype=np.float32)
 
 
 def _window(seen: NDArray[np.bool_]) -> tuple[tuple[float, float], float]:

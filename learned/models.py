@@ -35,7 +35,7 @@ HISTORY = "history.csv"
 _TRAINING_ONLY = ("places.", "points.")
 """Weights of outputs that only losses used."""
 
-_ROWS = 4
+_ROWS = 8
 """Rows of a convolution that are computed together: their patches of a feature image fit into the cache."""
 
 
