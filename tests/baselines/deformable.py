@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 
-from benchmark.api.contracts import CanonicalForm, Mesh, Method, Shape
+from benchmark.api.contracts import Mesh, Shape
 
 
 def tube(bend: float, *, radius: float = 0.1, rings: int = 40, sides: int = 14) -> Mesh:
@@ -100,26 +97,6 @@ def moved_to(points: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 def shape_of(mesh: Mesh, name: str = "test") -> Shape:
     return Shape(identifier=name, mesh=mesh)
-
-
-def check_real_body(method: Method, path: Path) -> CanonicalForm:
-    """Assert that the form of a scanned body unfolds it, keeps its volume, and is not inside out."""
-    from benchmark.geometry.io import read_mesh
-    from benchmark.geometry.preparation import prepare
-
-    mesh = prepare(read_mesh(path), 2000).mesh
-    shape = shape_of(mesh, path.stem)
-    form = method.canonicalise(shape)
-    assert 0.6 < signed_volume(form.mesh) / signed_volume(mesh) < 1.5
-    geodesics = squareform(shape.geodesics(), checks=False)
-    unfolded, folded = (cosine(pdist(vertices), geodesics) for vertices in (form.vertices, mesh.vertices))
-    assert 1 - unfolded < 0.9 * (1 - folded)
-    return form
-
-
-def cosine(first: np.ndarray, second: np.ndarray) -> float:
-    """Cosine between two vectors of distances: 1 if one is a multiple of the other."""
-    return float(first @ second / np.linalg.norm(first) / np.linalg.norm(second))
 
 
 def signed_volume(mesh: Mesh) -> float:

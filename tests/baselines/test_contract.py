@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
 from benchmark.registry import methods, select_one
 from benchmark.registry.known import BUILT_IN
 from benchmark.registry.outputs import compute_descriptor, compute_form
-from tests.baselines.deformable import centre_line, check_real_body, moved_to, shape_of, sheet, straightness, tube
+from tests.baselines.deformable import centre_line, moved_to, shape_of, sheet, straightness, tube
 from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, moved, relabelled, sphere
 
 #: All but those that copy the mesh: nothing to compare with another numbering, place or size.
@@ -120,12 +119,3 @@ def test_the_stress_is_near_that_of_classic_scaling_without_all_pairs(name: str,
     classic = select_one("classic-mds").create().canonicalise(shape)
     stresses = [brute_force_stress(found.vertices, shape.geodesics()) for found in (form, classic)]
     assert stresses[0] < 1.2 * stresses[1]
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(
-    ("name", "strain"), [("constrained-mds", 0.08), ("feature-preserved", 0.08), ("mesh-unfolding", 0.05)]
-)
-def test_real_bodies_spread_their_limbs(data_root: Path, name: str, strain: float) -> None:
-    form = check_real_body(select_one(name).create(), data_root / "tosca" / "michael6.off")
-    assert form.notes["mean_edge_strain"] <= strain
