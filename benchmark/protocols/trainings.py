@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import Learner
@@ -88,9 +87,6 @@ _SAME_SUBJECTS = {
     "shrec16-holes": "tosca",
     **{f"people[draw={draw}]": "people" for draw in range(3)},
 }
-
-#: Data sets with some of the poses of another one, for which the fold of a pose is unknown.
-_FEWER_POSES = frozenset({"animals-few"})
 
 
 def set_of_subjects(dataset: str) -> str | None:
@@ -211,7 +207,7 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
     prefix = f"{trained_on}-{'strict' if is_strict else 'fold'}-"
     # The models of `people` are not among the shipped ones.
     folds = [training for name, training in TRAININGS.items() if name.startswith(prefix) and trained_on != "people"]
-    if folds and not (is_strict and catalogued(dataset) in _FEWER_POSES):
+    if folds:
         return folds
     if is_strict:
         raise NoFolds(f"the set '{dataset}' has no folds of subjects and poses", "use the synthetic humans")
@@ -233,22 +229,13 @@ def trainings_by_shape(
     dataset, entries
         The shapes.
     """
-    entries = list(entries)
     trainings = trainings_on(learner, dataset.name, data_root)
     if len(trainings) == 1:
         return dict.fromkeys((entry.identifier for entry in entries), trainings[0])
     # Indices of poses refer to the training data set, of which another data set may show only some.
-    if dataset.name != trainings[0].dataset:
-        dataset = open_dataset(trainings[0].dataset, data_root)
-    shapes = tuple((entry.identifier, entry.subject) for entry in dataset.shapes)
-    place = shapes, *(training.name for training in trainings)
-    if place not in _OF_SHAPE:
-        _OF_SHAPE[place] = {e.identifier: training for training in trainings for e in training.tested.of(dataset)}
-    return {entry.identifier: _OF_SHAPE[place][entry.identifier] for entry in entries}
-
-
-#: Cache of the training for each shape, by the shapes and the names of the trainings: many rows share it.
-_OF_SHAPE: dict[tuple[Any, ...], Mapping[str, Training]] = {}
+    trained_on = dataset if dataset.name == trainings[0].dataset else open_dataset(trainings[0].dataset, data_root)
+    of_shape = {entry.identifier: training for training in trainings for entry in training.tested.of(trained_on)}
+    return {entry.identifier: of_shape[entry.identifier] for entry in entries}
 
 
 def only_training(learner: Learner) -> Training | None:
