@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from benchmark.cli.options import Selection, explained
+from benchmark.cli.options import Selection
 from benchmark.cli.progress import counting
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.checking import check_source
@@ -44,6 +44,5 @@ def sheet(name: str, options: Selection, output: Path | None, subjects: int | No
 
 def _source(name: str, options: Selection) -> str:
     options.require_data_root()
-    with explained(name, "data set"):
-        (source,) = sources([name], options.plugins)
+    (source,) = sources([name], options.plugins)
     return source

@@ -17,7 +17,7 @@ import numpy as np
 from benchmark.api.contracts import CanonicalForm, Input, Shape
 from benchmark.api.datasets import ShapeSet
 from benchmark.cli.methods import trained_on_people
-from benchmark.cli.options import Selection, explained
+from benchmark.cli.options import Selection
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.folder import folder_set
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
@@ -44,9 +44,6 @@ from benchmark.registry import Component, select_one
 from benchmark.report.drawing import save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.text import aligned, say
-
-#: Fewest vertices of a prepared mesh.
-FEWEST_VERTICES = 4
 
 #: Characters of method names that are replaced in file names.
 _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
@@ -80,8 +77,13 @@ class Request:
 
 
 def canonicalise(
-    paths: Sequence[Path], request: Request, output: Path | None, vertices: str = "", picture: Path | None = None
-) -> bool:
+    paths: Sequence[Path],
+    request: Request,
+    output: Path | None,
+    picture: Path | None = None,
+    *,
+    all_vertices: bool = False,
+) -> bool:  # fmt: skip
     """Write the form of a mesh, or the forms of depth images."""
     method = request.method
     may_miss = len(paths) > 1 or _is_pattern(paths[0])  # a missing frame costs only itself
@@ -93,31 +95,20 @@ def canonicalise(
     if warning := trained_on_people(component):
         say(f"{method}: {warning}", err=True)
     if may_miss or paths[0].suffix.lower() in EXTENSIONS or paths[0].is_dir():
-        if vertices:
-            raise ConfigurationError("a depth image has no vertices", "omit --vertices")
+        if all_vertices:
+            raise ConfigurationError("a depth image has no vertices", "omit --all-vertices")
         return _canonicalise_frames(_frame_jobs(paths, request, output, picture), request)
     if request.camera != Camera():
         raise ConfigurationError(f"{paths[0]} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
     target = _mesh_target(output, paths[0], method)
     if target.exists() and paths[0].exists() and target.samefile(paths[0]):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    form = form_of_mesh(paths[0], request, vertex_count(vertices))
+    form = form_of_mesh(paths[0], request, all_vertices=all_vertices)
     write_form(target, form.mesh)
     if picture is not None:
         save_png(mesh_picture(read_mesh(paths[0]), form.mesh), picture)
     say(", ".join([f"{target}: {len(form.vertices)} vertices", *_facts(form.notes)]))
     return True
-
-
-def vertex_count(text: str) -> int | str | None:
-    """Parse a number of vertices, ``all``, or nothing."""
-    if text in ("", "all"):
-        return text or None
-    if not text.isdecimal() or int(text) < FEWEST_VERTICES:
-        raise ConfigurationError(
-            f"'{text}' is not a number of vertices", f"pass --vertices {FEWEST_VERTICES} or more, or all"
-        )
-    return int(text)
 
 
 def require_png(picture: Path) -> None:
@@ -165,7 +156,7 @@ def _facts(notes: Mapping[str, float | str]) -> list[str]:
     return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
 
 
-def form_of_mesh(source: Path, request: Request, vertices: int | str | None = None) -> CanonicalForm:
+def form_of_mesh(source: Path, request: Request, *, all_vertices: bool = False) -> CanonicalForm:
     """Prepare a mesh as in the benchmark and return its form.
 
     A method that accepts only views gets the view of a camera in front of the mesh (z up, facing -y), in a frame that
@@ -177,10 +168,9 @@ def form_of_mesh(source: Path, request: Request, vertices: int | str | None = No
         The file.
     request
         The method.
-    vertices
-        Number of vertices of the prepared mesh and so of the form; None for that of the benchmark.
-        ``"all"`` prepares the mesh as in the benchmark and interpolates the form at the vertices of the file: each gets
-        the barycentric mean over the nearest triangle of the prepared mesh that faces the same way.
+    all_vertices
+        Whether the form of a decimated mesh is interpolated at the vertices of the file: each gets the barycentric mean
+        over the nearest triangle of the prepared mesh that faces the same way.
 
     Raises
     ------
@@ -192,25 +182,25 @@ def form_of_mesh(source: Path, request: Request, vertices: int | str | None = No
     spec = select_one(request.method, request.plugins)
     maker = form_maker(spec)
     reads_meshes = "mesh" in spec.info.inputs
-    if vertices is not None and not reads_meshes:
-        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --vertices")
+    if all_vertices and not reads_meshes:
+        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --all-vertices")
     mesh = read_mesh(source)
     if not reads_meshes:
         arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
         return form_with_fit(maker, shape_of(arrays, source.stem, request.seed), {})
-    prepared = prepare(mesh, vertices if isinstance(vertices, int) else N_VERTICES)
+    prepared = prepare(mesh, N_VERTICES)
     shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.seed)
     form = form_with_fit(maker, shape, prepared.notes)
     numbers = prepared.numbers_of(mesh)
     if numbers is not None and np.array_equal(form.faces, prepared.mesh.faces):
         return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)  # in the numbering of the file
-    return _at_vertices(mesh, prepared, form, spec.info.name) if vertices == "all" else form
+    return _at_vertices(mesh, prepared, form, spec.info.name) if all_vertices else form
 
 
 def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: str) -> CanonicalForm:
     """Return the form of a prepared mesh, interpolated at the vertices of the mesh."""
     if not np.array_equal(form.faces, prepared.mesh.faces):
-        raise ConfigurationError(f"forms of method '{method}' have vertices of their own", "omit '--vertices all'")
+        raise ConfigurationError(f"forms of method '{method}' have vertices of their own", "omit --all-vertices")
     points = (mesh.vertices - prepared.centre) / prepared.scale
     positions, distances = interpolate(prepared.mesh, form.vertices, points, vertex_normals(mesh))
     return CanonicalForm(positions, mesh.faces, {**form.notes, "farthest_from_prepared": float(distances.max())})
@@ -292,8 +282,7 @@ def retrieve(query: Path, name: str, request: Request, options: Selection, k: in
     if picture is not None:
         require_png(picture)
     start, component = time.perf_counter(), select_one(request.method, request.plugins)
-    with explained(name, "data set"):
-        (source,) = sources([name], options.plugins)
+    (source,) = sources([name], options.plugins)
     shapes = open_dataset(source, options.require_data_root())
     input_ = _input(query, shapes, component)
     record = _record(options, shapes.name, input_, component)

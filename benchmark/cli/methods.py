@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmark.api.learning import CARD, Learner, read_card
 from benchmark.api.parameters import format_value
-from benchmark.cli.options import Selection, explained
+from benchmark.cli.options import Selection
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import ConfigurationError
 from benchmark.new import new_method
@@ -136,8 +136,7 @@ def _model(folder: Path) -> dict[str, str]:
 
 def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
     """Print the details of a method."""
-    with explained(name, "method"):
-        facts = _facts(select_one(name, plugins))
+    facts = _facts(select_one(name, plugins))
     if as_json:
         say_lines(json.dumps(facts, indent=1))
         return

@@ -6,8 +6,7 @@ Every ``--help`` imports this module, so it imports nothing heavy.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -117,35 +116,3 @@ def require_data_root(root: Path | None) -> Path | None:
     if right := next(filter(has_official_sets, near), None):
         raise ConfigurationError(f"data root {root} holds no official data set", f"pass --data-root {right}")
     return root
-
-
-@contextmanager
-def explained(name: str, wanted: str) -> Iterator[None]:
-    """Improve the error for a name of another kind: suggest the command that accepts it.
-
-    Parameters
-    ----------
-    name
-        The name.
-    wanted
-        Expected kind of name: ``"method"`` or ``"data set"``.
-    """
-    try:
-        yield
-    except ConfigurationError as error:
-        from benchmark.datasets.catalogue import is_known
-        from benchmark.protocols.tables import TABLES
-        from benchmark.registry import BUILT_IN, SCORERS
-
-        base = name.partition("[")[0]
-        kinds = {
-            "method": (base in BUILT_IN, f"describe {name}"),
-            "data set": (is_known(name) or Path(name).is_dir(), f"data check {name}"),
-            "scorer": (base in SCORERS, "list scorers"),
-            "table": (name in {table.identifier for table in TABLES}, "list tables"),
-            "file": (Path(name).is_file(), f"check {name}"),
-        }
-        for kind, (is_it, command) in kinds.items():
-            if is_it and kind != wanted:
-                raise ConfigurationError(f"'{name}' is a {kind}, not a {wanted}", f"see '{command}'") from error
-        raise

@@ -182,9 +182,7 @@ def canonicalise(
     ] = None,
     plugins: shared.Plugins = [],
     seed: shared.Seed = 0,
-    vertices: Annotated[
-        str, Option("--vertices", metavar="N|all", help="Number of vertices, or all of the file. [2000]")
-    ] = "",
+    all_vertices: Annotated[bool, Option("--all-vertices", help="Keep the vertices of a large mesh.")] = False,
     intrinsics: shared.Intrinsics = "",
     mask: shared.Mask = None,
     depth_scale: shared.DepthScale = None,
@@ -198,7 +196,7 @@ def canonicalise(
 
     camera = body.Camera(intrinsics, mask, depth_scale)
     request = body.Request(method, tuple(plugins), seed, camera)
-    _end(body.canonicalise(paths, request, output, vertices, picture))
+    _end(body.canonicalise(paths, request, output, picture, all_vertices=all_vertices))
 
 
 def retrieve(

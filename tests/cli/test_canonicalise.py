@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from benchmark.cli.forms import Request, form_of_mesh, vertex_count, write_form
+from benchmark.cli.forms import Request, form_of_mesh, write_form
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.io import read_mesh
@@ -97,23 +97,17 @@ def sheared(tmp_path):
     mesh = sphere(5)
     write_off(tmp_path / "in.off", mesh)
 
-    def make(vertices, method="sheared", plugins=("sheared.py",)):
+    def make(method="sheared", plugins=("sheared.py",)):
         request = Request(method, tuple(tmp_path / name for name in plugins))
-        form = form_of_mesh(tmp_path / "in.off", request, vertices)
+        form = form_of_mesh(tmp_path / "in.off", request, all_vertices=True)
         return form.notes, form.mesh
 
     return make, mesh
 
 
-def test_the_form_has_as_many_vertices_as_were_asked_for(sheared):
-    make, _ = sheared
-    _, form = make(300)
-    assert abs(form.n_vertices - 300) <= 3
-
-
 def test_all_vertices_of_the_file_get_their_place_in_the_form_in_their_order(sheared):
     make, mesh = sheared
-    notes, form = make("all")
+    notes, form = make()
     assert form.n_vertices == mesh.n_vertices == 10242
     np.testing.assert_array_equal(form.faces, mesh.faces)
     unit = (mesh.vertices - mesh.vertices.mean(axis=0)) / mesh.area**0.5
@@ -122,26 +116,13 @@ def test_all_vertices_of_the_file_get_their_place_in_the_form_in_their_order(she
     assert 0 < notes["farthest_from_prepared"] < 0.005
 
 
-@pytest.mark.parametrize(
-    ("method", "vertices", "message"),
-    [
-        ("learned", "all", "'learned' reads depth images, not vertices; omit --vertices"),
-        ("learned", 500, "reads depth images"),
-    ],
-)
-def test_a_method_without_such_vertices_says_so(sheared, method, vertices, message):
-    with pytest.raises(ConfigurationError, match=message):
-        sheared[0](vertices, method, ())
+def test_a_method_without_such_vertices_says_so(sheared):
+    with pytest.raises(ConfigurationError, match="'learned' reads depth images, not vertices; omit --all-vertices"):
+        sheared[0]("learned", ())
 
 
 def test_a_form_with_vertices_of_its_own_cannot_be_carried_over(sheared, tmp_path):
     own = SHEARED.replace("return shape", "return CanonicalForm(shape.mesh.vertices[:3], [[0, 1, 2]])  # ")
     (tmp_path / "own.py").write_text(own.replace("import canonical", "import CanonicalForm, canonical"))
-    with pytest.raises(ConfigurationError, match="vertices of their own; omit '--vertices all'"):
-        sheared[0]("all", plugins=("own.py",))
-
-
-@pytest.mark.parametrize("count", ["3", "-1", "0", "many", "1.5"])
-def test_what_is_no_number_of_vertices_is_refused(count):
-    with pytest.raises(ConfigurationError, match="pass --vertices 4 or more, or all"):
-        vertex_count(count)
+    with pytest.raises(ConfigurationError, match="vertices of their own; omit --all-vertices"):
+        sheared[0](plugins=("own.py",))
