@@ -149,7 +149,7 @@ def print_tables(selection: Selection, shown: Iterable[Gallery], methods: Iterab
     of_galleries = [record for record in records if (record.gallery, record.input) in places]
     views = table_views(
         of_galleries, {gallery.table.identifier for gallery in shown}, methods,
-        [name for name in names if not changed(name)],
+        {gallery.dataset.name for gallery in shown if not gallery.table.is_robustness},
         quick=selection.quick, scorer=selection.scorer, seed=selection.seed,
     )  # fmt: skip
     print_views(views)
