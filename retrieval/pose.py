@@ -17,7 +17,7 @@ Matrix = NDArray[np.float64]
 #: Number of values per axis of the search grid of Rodrigues vectors (axis times tan of half the angle); the cube
 #: [-tan(pi/8), tan(pi/8)]^3 contains every rotation up to the 24 rotations of the cube.
 GRID = 9
-#: Number of best grid rotations to refine, and first and last step of the refinement in radians.
+#: Number of best grid rotations from which the pattern search starts, and its first and last step in radians.
 STARTS = 8
 FIRST_STEP, LAST_STEP = 0.1, 1e-6
 

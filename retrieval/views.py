@@ -55,12 +55,6 @@ class ViewSphere:
         return self.permutation_of(-np.eye(3))
 
     @cached_property
-    def orbits(self) -> NDArray[np.int32]:
-        """Orbit of each view under the cube group, counted from 0, shape (V,)."""
-        smallest = self.permutations.min(axis=0)
-        return np.asarray(np.unique(smallest, return_inverse=True)[1], dtype=np.int32)
-
-    @cached_property
     def cameras(self) -> NDArray[np.float64]:
         """Rotations with rows right, up (both of the image) and direction to the eye, shape (V, 3, 3)."""
         up = np.tile([0.0, 1.0, 0.0], (len(self.directions), 1))
