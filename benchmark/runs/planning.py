@@ -189,7 +189,7 @@ class _Planning:
         except (NoFolds, TooNear) as error:
             return replace(planned, state="unsupported", reason=str(error))
         planned = replace(planned, models=models)
-        if gallery.table.all_unseen and (seen := planned.seen):
+        if (seen := planned.seen) and gallery.table.all_unseen:
             reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}; take a model of another training"
             return replace(planned, state="unsupported", reason=reason)
         planned = self._with_keys(planned, scores=scores)
