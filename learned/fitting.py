@@ -19,7 +19,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores
 from learned import pictures
 from learned.methods import TRAINABLE_AT
-from learned.models import CONFIGURATIONS, hardware, load, save
+from learned.models import CONFIGURATIONS, Configuration, hardware, load, save
 from learned.pairs import Pairs, gather
 from learned.paper_network import RESOLUTIONS
 from learned.training import CHECKPOINT, Device, Schedule, device_named, fit, measures, resolved
@@ -62,11 +62,9 @@ def train(
     say(f"training '{name}', seed {seed}: {words}; {data.title}")
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
     unseen = gather(data.validation(), data.n_validation, schedule.resolution, configuration.crop)
-    network = configuration.build(seed)
-    if machine.init:
-        network.load_state_dict({key: value.float() for key, value in load(Path(machine.init))[0].state_dict().items()})
+    network, init = _initial(configuration, seed, machine.init)
     folder.mkdir(parents=True, exist_ok=True)
-    history = fit(network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say)
+    history = fit(network, pairs, unseen, schedule, folder, seed=seed, init=init, device=device, log=say)
     network = network.cpu().eval()
     title = f"{name}, seed {seed}, {data.name}"
     facts = {
@@ -81,6 +79,24 @@ def train(
     load(folder)
     (folder / CHECKPOINT).unlink(missing_ok=True)
     say(f"finished; the losses of the last epoch are {json.dumps(history[-1])}")
+
+
+def _initial(configuration: Configuration, seed: int, folder: str) -> tuple[nn.Module, str]:
+    """Return the network with random weights or those of the model in a folder, and the digest of the latter."""
+    network = configuration.build(seed)
+    if not folder:
+        return network, ""
+    trained, card = load(Path(folder))
+    weights = {name: tensor.float() for name, tensor in trained.state_dict().items()}
+    if {name: tensor.shape for name, tensor in weights.items()} != {
+        name: tensor.shape for name, tensor in network.state_dict().items()
+    }:
+        raise ConfigurationError(
+            f"the model in {folder} is of network '{card.configuration.name}', not '{configuration.name}'",
+            "begin with a model of the same network",
+        )
+    network.load_state_dict(weights)
+    return network, card.digest
 
 
 def _check_finished(folder: Path, schedule: Schedule, data: TrainingData, words: str) -> None:

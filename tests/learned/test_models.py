@@ -160,6 +160,12 @@ def test_a_training_begins_with_the_weights_of_a_model(trained: Path, tmp_path: 
     assert f"from {trained}" in json.loads((tmp_path / "model" / CARD).read_text())["schedule_in_words"]
 
 
+def test_a_training_does_not_begin_with_another_network(trained: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="is of network 'tiny', not 'literal'; begin with a model of the same"):
+        train("literal", 0, toy_data(), tmp_path / "model", {**OPTIONS, "init": str(trained)}, quiet)
+    assert not (tmp_path / "model").exists()
+
+
 def test_networks_of_generated_bodies_come_trained(tmp_path: Path) -> None:
     for name in ("streamed-people", "field-plain"):
         with pytest.raises(ConfigurationError, match=f"'{name}' comes trained; train it at commit 4868b8b9"):
