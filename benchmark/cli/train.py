@@ -39,7 +39,7 @@ def check(
 
 def train(
     method: str, options: Selection, table: str, only: str, own: tuple[Path | None, Sequence[str], Path | None],
-    parameters: Mapping[str, Any], assigned: Sequence[str],
+    assigned: Sequence[str],
 ) -> None:  # fmt: skip
     """Train the missing models.
 
@@ -49,13 +49,10 @@ def train(
         As on the command line.
     own
         Folder of the user's own data, subjects that are held out from it, and folder of a model to begin with.
-    parameters
-        Parameters of the method.
     """
     spec = select_one(method, options.plugins)
     if not spec.learns:
         raise _no_learner(method, options.plugins)
-    spec = spec.with_parameters({name: value for name, value in parameters.items() if value is not None})
     learner = spec.create()
     if not isinstance(learner, Learner):
         raise _no_learner(method, options.plugins)

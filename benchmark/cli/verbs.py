@@ -256,8 +256,6 @@ def train(
     method: shared.MethodName,
     table: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table that the model is for.")] = "I",
     only: Annotated[str, Option("--only", metavar="TRAINING", help="Train only on this.")] = "",
-    configuration: Annotated[str | None, Option("--config", metavar="NAME", help="Configuration.")] = None,
-    seed: Annotated[int | None, Option("--seed", metavar="N", help="Seed of the training.")] = None,
     assigned: shared.Assigned = [],
     data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
     hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
@@ -273,9 +271,8 @@ def train(
     from benchmark.cli.train import train
 
     selection = Selection.of(locals())
-    parameters = {"configuration": configuration, "training_seed": seed}
     own = data, tuple(filter(None, hold_out.split(","))), init
-    train(method, selection, table, only, own, parameters, assigned)
+    train(method, selection, table, only, own, assigned)
 
 
 def check_data(name: shared.SetName, plugins: shared.Plugins = [], data_root: shared.DataRoot = None) -> None:
