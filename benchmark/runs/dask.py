@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -12,7 +13,7 @@ from typing import Any
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.machine import memory_per_process
 from benchmark.runs.jobs import Outcome, Step, Task
-from benchmark.runs.pool import Ended, IsOpen, Pool
+from benchmark.runs.pool import INTERVAL, Ended, IsOpen, Pool
 
 #: Losses of dask workers that a task survives.
 _LOSSES = 5
@@ -87,13 +88,9 @@ class DaskPool:
 
     def _ended(self, queue: deque[Task]) -> Iterator[tuple[Task, Step, Outcome]]:
         """Yield what has ended; the tasks of a lost worker go back to the queue."""
-        from distributed import TimeoutError as NothingEnded
-        from distributed import wait
-
-        try:
-            done = wait(list(self._tasks), timeout=0.2, return_when="FIRST_COMPLETED").done
-        except NothingEnded:
-            return
+        done = [future for future in self._tasks if future.done()]
+        if not done:
+            time.sleep(INTERVAL)
         for future in done:
             task = self._tasks.pop(future)
             if future.status == "finished":
