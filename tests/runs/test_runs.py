@@ -127,9 +127,9 @@ def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp
         "from benchmark.api import canonical_form\n@canonical_form(name='debugged', title='Debugged')\n"
         "def debugged(shape):\n    breakpoint()\n    return shape.mesh.vertices\n"
     )
-    for method, error in (("debugged", BdbQuit), ("interrupts", KeyboardInterrupt)):
+    for method, file, error in (("debugged", plugin, BdbQuit), ("interrupts", FAULTS, KeyboardInterrupt)):
         with pytest.raises(error):
-            run_toy(rods, tmp_path / "results", method, plugins=(FAULTS, plugin))
+            run_toy(rods, tmp_path / "results", method, plugins=(file,))
     assert not read_records(tmp_path / "results").records
 
 

@@ -18,7 +18,8 @@ def gallery(folder: Path | str) -> Any:
     """All shapes of a data set, with whatever methods are selected."""
     shapes = open_dataset(str(folder))
     return SimpleNamespace(
-        table=SimpleNamespace(all_unseen=False), name=shapes.name, source=str(folder), dataset=shapes, entries=shapes.shapes, quick=False,
+        table=SimpleNamespace(all_unseen=False), name=shapes.name, source=str(folder), dataset=shapes,
+        entries=shapes.shapes, quick=False,
         inputs=("mesh", "view"), data_root=None, rows=lambda methods, _: methods,
     )  # fmt: skip
 
