@@ -133,9 +133,9 @@ def sleep_once(real):
 
 if "benchmark.runs.serve" in sys.orig_argv and os.environ.get("HANGS"):
     import benchmark.geometry.geodesics
-    import benchmark.pipeline.shapes
+    import benchmark.pipeline.preparation
 
     if os.environ["HANGS"] == "geodesics":
         benchmark.geometry.geodesics.all_pairs = sleep_once(benchmark.geometry.geodesics.all_pairs)
     else:
-        benchmark.pipeline.shapes.prepare_mesh = sleep_once(benchmark.pipeline.shapes.prepare_mesh)
+        benchmark.pipeline.preparation.prepare_mesh = sleep_once(benchmark.pipeline.preparation.prepare_mesh)
