@@ -13,6 +13,9 @@ from benchmark.runs.planning import Planned
 #: Stages whose results all methods share; they count once a shape.
 SHARED = ("prepare", "geodesics")
 
+#: Results folder of the checkout, whose published records know seconds of every method; an installed package has none.
+SUITE_RESULTS = Path(__file__).parents[2] / "results"
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -30,14 +33,14 @@ class Estimate:
     unknown: int
 
 
-def estimate(planned: Sequence[Planned], results: Path) -> Estimate:
+def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_RESULTS) -> Estimate:
     """Estimate the work of a plan.
 
     Seconds a shape are those of the same method and input on the same gallery, otherwise the median over other
     galleries, of the method with any parameters if need be. Jobs here count before published ones.
     """
     costs: dict[tuple[str, str], list[Record]] = {}
-    for record in (*read_records(results, local=False), *read_records(results, published=False)):
+    for record in (*read_records(published, local=False), *read_records(results, published=False)):
         for name in {record.method, _base(record.method)} if record.seconds else ():
             costs.setdefault((name, record.input), []).append(record)
     seconds, unknown = 0.0, 0

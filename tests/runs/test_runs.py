@@ -173,6 +173,12 @@ def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(r
     assert found.seconds == pytest.approx(4 * (sum(each) + shared), abs=1e-3)
 
 
+def test_a_plan_in_an_empty_folder_is_estimated_from_published_records(rods, tmp_path):
+    jobs = planned(rods, tmp_path / "empty", "classic-mds", "identity")
+    assert estimate(jobs, tmp_path / "empty").unknown == 0
+    assert estimate(jobs, tmp_path / "empty", published=tmp_path).unknown == 2
+
+
 def _unknown(folder):
     plugin = folder / "unknown.py"
     plugin.write_text(
