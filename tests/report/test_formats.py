@@ -74,6 +74,17 @@ def test_every_name_is_text_in_latex():
     assert "\\textbackslash{}input\\{/etc/passwd\\}" in shown
 
 
+def test_rows_of_latex_stand_between_the_heading_of_their_block_and_the_bottom_rule():
+    records = [record("gps", 0.5, dataset="tosca"), record("mine", 0.75, dataset="tosca")]
+    lines = latex(table_views(records, ["III"])[0]).splitlines()
+    body = lines[lines.index(r"\midrule") + 1 : lines.index(r"\bottomrule")]
+    assert "Canonical forms" in body[0]
+    assert [line.partition(" & ")[0] for line in body if " & " in line] == [
+        "Classic MDS", "Fast MDS", r"Non-\allowbreak{}metric MDS", "Least Square MDS", "Constrained MDS", "GPS",
+        "Mesh Unfolding", r"Skeleton-\allowbreak{}based", "Mine", "Depth network", "Random order",
+    ]  # fmt: skip
+
+
 @given(st.text(max_size=30))
 def test_latex_text_is_ascii_or_accented_and_has_no_open_group(words):
     shown = latex_text(words)
