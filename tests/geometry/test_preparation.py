@@ -111,6 +111,16 @@ def test_numbering_and_last_bits_of_coordinates_leave_nothing_in_the_order(mesh:
     np.testing.assert_array_equal(in_spatial_order(mesh.with_vertices(mesh.vertices + noise)).faces, ordered.faces)
 
 
+def test_vertices_at_one_point_keep_their_order_where_the_surface_is_moved() -> None:
+    fan = Mesh(
+        [[0, 0, 0], [0.5, 0, 1], [0.5, 1, 0], [0.5, 0, -1], [0.5, -1, 0]], [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]
+    )
+    touching = joined(Mesh([[0, 0, 0], [1, 1, 0], [1, -1, 0]], [[0, 1, 2]]), fan)
+    ordered = in_spatial_order(touching)
+    for x in (-2.0, -1.0, 1.0):
+        np.testing.assert_array_equal(in_spatial_order(moved(touching, x, 0, 0)).faces, ordered.faces)
+
+
 def test_draws_follow_from_seed_purpose_and_measurements_alone() -> None:
     mesh = limbed_body(3)
 
