@@ -24,7 +24,7 @@ from benchmark.report.figures import (
 from benchmark.report.forms import StoredForms
 from benchmark.report.pages import write_report
 from benchmark.report.results import Results
-from benchmark.report.sheets import WIDTH, contact_sheet, spread
+from benchmark.report.sheets import WIDTH, contact_sheet, frame_picture, spread
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 from tests.report.test_formats import HOSTILE
@@ -170,3 +170,12 @@ def test_numbers_that_make_no_sheet_are_refused(subjects, poses):
 def test_some_of_many_are_spread_evenly():
     assert spread(range(10), 4) == [0, 3, 6, 9]
     assert spread([1], 4) == [1]
+
+
+def test_the_object_in_a_depth_image_is_orange_and_its_surroundings_are_pale():
+    depths = np.full((40, 30), 2.0)
+    mask = np.zeros(depths.shape, dtype=bool)
+    mask[10:30, 8:22] = True
+    picture = np.asarray(frame_picture(depths, mask, rod(0.1, 0.5)).convert("RGB"))
+    colours = set(map(tuple, picture.reshape(-1, 3).tolist()))
+    assert {(238, 171, 113), (238, 238, 238)} <= colours
