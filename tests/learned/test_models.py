@@ -18,7 +18,7 @@ from safetensors.torch import save
 from benchmark.api.learning import CARD, WEIGHTS, digest_of
 from benchmark.errors import ConfigurationError, TrainingError
 from learned.fitting import train
-from learned.models import HISTORY, load
+from learned.models import HISTORY, hardware, load
 from tests.learned.toy import OPTIONS, TINY, edit_card, files, quiet, replace_weights, toy_data
 
 IMAGE = torch.linspace(0, 1, 32 * 32, dtype=torch.float64).reshape(1, 1, 32, 32)
@@ -51,6 +51,14 @@ def test_the_folder_of_a_model_tells_what_was_trained(trained: Path) -> None:
     assert float(rows[-1]["mask loss"]) < 0.3 * float(rows[0]["mask loss"])
     assert card["training_measures"]["mask overlap"] > 0.8
     assert 0 < card["validation_measures"]["mask overlap"] <= 1
+
+
+def test_a_card_names_the_graphics_card_or_counts_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "Some GPU 3000")
+    assert hardware(torch.device("cuda")) == "Some GPU 3000"
+    for threads, words in ((1, "1 thread"), (2, "2 threads")):
+        monkeypatch.setattr(torch, "get_num_threads", lambda threads=threads: threads)
+        assert hardware(torch.device("cpu")).endswith(f", {words}")
 
 
 def test_predictions_are_those_of_the_weights_on_disk(trained: Path) -> None:
