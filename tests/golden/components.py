@@ -17,6 +17,8 @@ from tests.golden import inputs, stages
 
 #: Differences between processors are below 1e-9 of the size of a form.
 FORMS = 1e-8
+#: Of the skeleton, whose contraction solves some fifty systems in a row: other BLAS kernels moved it by 1e-7 at most.
+CONTRACTED = 1e-6
 #: Equal distances have equal disparities in non-metric scaling, and rounding decides which are equal in single
 #: precision.
 NON_METRIC = 2e-4
@@ -82,12 +84,10 @@ def components() -> Mapping[str, Component]:
 
 
 def _components() -> Iterator[tuple[str, Component]]:
+    looser = {"non-metric-mds": NON_METRIC, "skeleton": CONTRACTED}
     for name, target in METHODS.items():
         networks = NETWORKS if target.startswith("learned.") else FORMS
-        yield (
-            f"method/{name}",
-            Component(partial(_of_method, name), NON_METRIC if name == "non-metric-mds" else networks),
-        )
+        yield f"method/{name}", Component(partial(_of_method, name), looser.get(name, networks))
     for name in SCORERS:
         yield f"scorer/{name}", Component(partial(_of_scorer, name))
     raw = {name: (name,) for name in RAW}

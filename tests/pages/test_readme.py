@@ -114,7 +114,7 @@ def test_the_plugin_of_the_readme_appears_as_a_row(tmp_path):
     assert done.returncode == 0, done.stderr
     title = re.search(r'title="([^"]+)"', block)
     assert title
-    assert f"|{title[1]}" in done.stdout
+    assert re.search(rf"^{title[1]} +[.1]", done.stdout, re.MULTILINE)
 
 
 def test_the_plugin_of_the_readme_is_biharmonic_mds(tmp_path):
