@@ -166,7 +166,8 @@ def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
     styles = {"bold": "\x1b[1m{}\x1b[0m", "italic": "\x1b[3m{}\x1b[0m"} if colour else {}
     groups, of_group = _groups(view), len(" ".join([".00"] * len(MEASURES)))
     room = width - len(groups) * (of_group + 2) - 7
-    longest = min(max(len(row.title) for row in view.printed_rows), max(room, _SHORTEST))
+    titles = (CHANCE, *(row.title for row in view.printed_rows))
+    longest = min(max(map(len, titles)), max(room, _SHORTEST))
     at_once = max(1, (width - longest - 7) // (of_group + 2))
     lines = wrap(f"Table {clean(view.table.identifier)}. {clean(view.caption)}", width)
     for start in range(0, len(groups), at_once):

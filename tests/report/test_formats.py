@@ -38,6 +38,11 @@ def test_scores_have_two_decimals_and_no_leading_zero(value, shown):
     assert hundredths(value) == shown
 
 
+def test_a_table_of_short_titles_names_the_random_order_in_full():
+    (table,) = table_views([record("gps", 0.25, dataset="tosca")], ["III"], ["gps"])
+    assert "Random order " in text(table)
+
+
 @given(st.integers(0, 999_999))
 def test_rounding_is_that_of_whole_millionths(millionths):
     assert hundredths(millionths / 1e6) == f"{(millionths + 5000) // 10_000 / 100:.2f}".removeprefix("0")
