@@ -6,14 +6,11 @@ import platform
 import subprocess
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+
+from benchmark.code_digest import FIRST_PARTY, ROOT
 
 #: Packages that move results.
 PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "torch", "anny")
-
-#: Folder that holds the packages of the suite.
-ROOT = Path(__file__).parents[2]
-_SUITE = ("benchmark", "baselines", "learned", "retrieval")
 
 
 @cache
@@ -37,7 +34,7 @@ def commit() -> str:
 
 def has_edits() -> bool:
     """Return whether files of the suite differ from the commit."""
-    return bool(_git("status", "--porcelain", "--untracked-files=no", "--", *_SUITE))
+    return bool(_git("status", "--porcelain", "--untracked-files=no", "--", *FIRST_PARTY))
 
 
 def _git(*words: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmark.code_digest import ROOT
 from benchmark.pipeline.records import Record, read_records
 from benchmark.runs.planning import Planned
 
@@ -14,7 +15,7 @@ from benchmark.runs.planning import Planned
 SHARED = ("prepare", "geodesics")
 
 #: Results folder of the checkout, whose published records know seconds of every method; an installed package has none.
-SUITE_RESULTS = Path(__file__).parents[2] / "results"
+SUITE_RESULTS = ROOT / "results"
 
 
 @dataclass(frozen=True)
