@@ -12,6 +12,7 @@ import pytest
 import typer
 
 from benchmark.cli.main import cli
+from tests.test_architecture import LAYERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -111,7 +112,18 @@ def test_the_command_line_lists_every_verb() -> None:
 ARCHITECTURE = TEXTS[ROOT / "docs" / "architecture.md"]
 
 
-def test_every_file_that_the_architecture_names_exists() -> None:
-    named = re.findall(r"`((?:baselines|benchmark|examples|learned|retrieval|tests)/[\w/.]+)`", ARCHITECTURE)
+def test_every_file_and_name_in_it_that_the_architecture_names_exists() -> None:
+    named = re.findall(r"`((?:baselines|benchmark|learned|retrieval)/[\w/.]+)`", ARCHITECTURE)
     assert len(named) > 20
     assert [path for path in named if "NAME" not in path and not (ROOT / path).exists()] == []
+    defined = re.findall(r"`(\w+)` in `([\w/]+\.py)`", ARCHITECTURE)
+    assert len(re.findall(r"^\d+\. ", ARCHITECTURE, re.MULTILINE)) <= 10 <= len(defined)
+    for name, path in defined:
+        assert re.search(rf"^(def |class )?{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE), name
+
+
+def test_the_layers_of_the_architecture_are_those_that_imports_are_tested_against() -> None:
+    (block,) = re.findall(r"```layers\n(.*?)```", ARCHITECTURE, re.DOTALL)
+    shown = [set(re.match(r"((?:\S+ {1,2})+)", line)[1].split()) for line in reversed(block.splitlines())]
+    tested = [{package for package in layer if not package.endswith("__main__")} for layer in LAYERS]
+    assert shown == [layer for layer in tested if layer]

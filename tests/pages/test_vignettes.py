@@ -57,14 +57,6 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_your_method_on_your_meshes(tmp_path: Path) -> None:
-    write_rods(tmp_path / "meshes")
-    (tmp_path / "data").mkdir()
-    walked(tmp_path, "start/own-meshes")
-    assert (tmp_path / "report" / "index.html").is_file()
-
-
-@pytest.mark.slow
 def test_your_method_in_the_papers_tables(folder: Path) -> None:
     write_off(folder / "cat1.off", rod(0.06, 1.2))
     walked(folder, "start/first-method")
@@ -73,9 +65,11 @@ def test_your_method_in_the_papers_tables(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_from_a_depth_camera(tmp_path: Path) -> None:
+def test_your_own_meshes_and_depth_images(tmp_path: Path) -> None:
+    write_rods(tmp_path / "meshes")
     (tmp_path / "data").mkdir()
     shutil.copytree(ROOT / "examples" / "depth", tmp_path / "examples" / "depth")
-    walked(tmp_path, "start/depth-camera")
+    walked(tmp_path, "start/own-data")
+    assert (tmp_path / "report" / "index.html").is_file()
     assert len(list((tmp_path / "forms").rglob("*.*"))) == len(list((tmp_path / "pictures").rglob("*.png"))) == 8
     assert (tmp_path / "found.png").is_file()
