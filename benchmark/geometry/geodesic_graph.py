@@ -75,7 +75,11 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
     sides = _Sides.of(mesh)
     opposite = np.argsort(sides.apexes, kind="stable")
     first = np.concatenate(([0], np.cumsum(np.bincount(sides.apexes, minlength=mesh.n_vertices))))
-    tails, heads, lengths = _follow_windows(*_first_windows(sides, opposite), *_passages(sides), first, windows)
+    # Successors of the last ring are neither followed nor stored. If that is the first ring, it has at most one window
+    # per triangle at the source. Otherwise, fewer than ``windows`` precede it, which include the previous ring, and a
+    # window has at most two successors. One extra entry, as a window is written before it is counted.
+    room = max(3 * windows, int(np.diff(first).max(initial=0))) + 1
+    tails, heads, lengths = _follow_windows(*_first_windows(sides, opposite), *_passages(sides), first, windows, room)
     return _undirected(mesh.n_vertices, tails, heads, lengths)
 
 
@@ -149,61 +153,17 @@ class _Sides:
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> Graph:
     """Build a graph from arcs in any order and direction; parallel arcs reduce to the shortest."""
-    return Graph(*_mirror(count, tails, heads, lengths))
+    key, lengths = np.concatenate((tails * count + heads, heads * count + tails)), np.tile(lengths, 2)
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    first = np.flatnonzero(np.diff(key, prepend=-1))
+    tails, heads = np.divmod(key[first], count)
+    starts = np.searchsorted(tails, np.arange(count + 1))
+    return Graph(starts, heads, np.minimum.reduceat(lengths[order], first) if len(first) else lengths)
 
 
 @njit(cache=True, nogil=True)
-def _mirror(count, tails, heads, lengths):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    # Counting sort of the arcs and their reverses by tail: each arc has two entries, and merging only removes some.
-    place = np.zeros(count + 1, np.int64)
-    for arc in range(tails.size):
-        place[tails[arc] + 1] += 1
-        place[heads[arc] + 1] += 1
-    place = np.cumsum(place)
-    row_end = place.copy()
-    far = np.empty(2 * tails.size, np.int64)
-    size = np.empty(2 * tails.size, np.float64)
-    for arc in range(tails.size):
-        tail, head = tails[arc], heads[arc]
-        far[row_end[tail]], size[row_end[tail]] = head, lengths[arc]
-        row_end[tail] += 1
-        far[row_end[head]], size[row_end[head]] = tail, lengths[arc]
-        row_end[head] += 1
-
-    # Merge parallel arcs in place; ``slot`` is the position of the arc from the current row to each vertex.
-    slot = np.full(count, -1, np.int64)
-    starts = np.zeros(count + 1, np.int64)
-    write = 0
-    for vertex in range(count):
-        begin = write
-        for read in range(place[vertex], place[vertex + 1]):
-            head = far[read]
-            if head == vertex:
-                continue
-            if slot[head] < begin:
-                slot[head] = write
-                far[write], size[write] = head, size[read]
-                write += 1
-            elif size[read] < size[slot[head]]:
-                size[slot[head]] = size[read]
-        starts[vertex + 1] = write
-    return starts, far[:write].copy(), size[:write].copy()
-
-
-@njit(cache=True, nogil=True)
-def largest_count(starts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the length of the longest run, where run i begins at ``starts[i]`` and ends before ``starts[i + 1]``.
-
-    ``np.diff`` is equivalent, but takes two seconds to compile.
-    """
-    largest = 0
-    for i in range(starts.size - 1):
-        largest = max(largest, starts[i + 1] - starts[i])
-    return largest
-
-
-@njit(cache=True, nogil=True)
-def _follow_windows(first_names, first_plane, passages, moves, first, budget):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _follow_windows(first_names, first_plane, passages, moves, first, budget, room):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Collect the arcs of :func:`geodesic_graph`; the source lies at the origin of every unfolded plane.
 
     A window consists of a passage through a side PQ and, in the plane, P, Q and the two rays that bound the cone. Q is
@@ -218,11 +178,6 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget):  
     # Distinct vertices with a finite ``best``, without the source; one extra entry, as a vertex is written before it is
     # counted.
     seen = np.empty(count, np.int64)
-    # All stored windows. Successors of the last ring are neither followed nor stored. If that is the first ring, it has
-    # at most one window per triangle at the source. Otherwise, s < ``budget`` windows precede it, which include the
-    # previous ring. A window has at most two successors, so the last ring has at most 2 s windows: 3 s in total, less
-    # than three times the budget. One extra entry, as a window is written before it is counted.
-    room = max(3 * budget, largest_count(first)) + 1
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
     for source in range(count):

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import UnsupportedShape, did_you_mean
@@ -83,12 +82,6 @@ _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
 SOLVERS: tuple[str, ...] = tuple(_BY_NAME)
 DEFAULT_SOLVER: str = "geodesic-graph"
 
-#: Side of the tiles for traversing a large matrix; two tiles fit the L1 cache.
-TILE = 32
-
-#: Maximum coordinate; beyond it, squared distances may overflow.
-LARGEST_COORDINATE = 1e150
-
 
 def resolve_solver(name: str) -> str:
     """Resolve the name of a solver, including ``"default"``; raises ``ConfigurationError`` with similar names."""
@@ -123,23 +116,9 @@ def all_pairs(mesh: Mesh, solver: str = "default") -> FloatArray:
         If the solver is unknown.
     """
     distances = from_sources(mesh, np.arange(mesh.n_vertices), solver)
-    _symmetrise(distances)
+    distances = (distances + distances.T) / 2
+    np.fill_diagonal(distances, 0.0)
     return distances
-
-
-@njit(cache=True, nogil=True)
-def _symmetrise(matrix: FloatArray) -> None:
-    """Replace mirrored entries by their mean and the diagonal by zeros, in tiles that fit the cache."""
-    count = matrix.shape[0]
-    for top in range(0, count, TILE):
-        bottom = min(top + TILE, count)
-        for left in range(top, count, TILE):
-            right = min(left + TILE, count)
-            for i in range(top, bottom):
-                for j in range(max(left, i + 1), right):
-                    matrix[i, j] = matrix[j, i] = 0.5 * (matrix[i, j] + matrix[j, i])
-        for i in range(top, bottom):
-            matrix[i, i] = 0.0
 
 
 def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> FloatArray:
@@ -162,8 +141,7 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
     Raises
     ------
     UnsupportedShape
-        If the mesh has more than one component, a source is not a vertex, a coordinate is beyond
-        :data:`LARGEST_COORDINATE`, or the solver does not support the mesh.
+        If the mesh has more than one component, a source is not a vertex, or the solver does not support the mesh.
     ConfigurationError
         If the solver is unknown.
     """
@@ -178,11 +156,6 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
         raise UnsupportedShape(
             f"the mesh has {components} components, so some geodesic distances do not exist",
             "join them (benchmark.geometry.bridging) or keep the largest, and drop unreferenced vertices",
-        )
-    if np.abs(mesh.vertices).max() > LARGEST_COORDINATE:
-        raise UnsupportedShape(
-            f"a coordinate is beyond {LARGEST_COORDINATE:g}, so squares of distances overflow",
-            "choose a larger unit of length, or prepare the mesh (benchmark.geometry.preparation)",
         )
     if not indices.size:
         return np.empty((0, mesh.n_vertices))

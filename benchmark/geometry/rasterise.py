@@ -6,12 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from benchmark.errors import InvalidMesh
-
 DepthImage = NDArray[np.float32]
 
-#: Minimum length in pixels of a span for branch-free drawing, which does not pay off for shorter ones.
-LONG_SPAN = 8
 #: Placeholder for no image from behind.
 NOT_BEHIND: DepthImage = np.empty((0, 0), dtype=np.float32)
 
@@ -39,21 +35,12 @@ def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: flo
     numpy.ndarray
         Shape (size, size), float32. Parts outside the image are clipped.
 
-    Raises
-    ------
-    InvalidMesh
-        If the arrays have the wrong shape, a coordinate is not finite, or a vertex index is out of range.
-
     References
     ----------
     Catmull, "A subdivision algorithm for computer display of curved surfaces", 1974 (the z-buffer).
     """
     positions = np.ascontiguousarray(points, dtype=np.float64)
     triangles = np.ascontiguousarray(faces, dtype=np.int32)
-    if not np.isfinite(positions).all():
-        raise InvalidMesh("a projected point is NaN or infinite", "check the camera and the vertices")
-    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(positions)):
-        raise InvalidMesh("a face names a vertex that does not exist", "check whether the file counts from 1")
     image = np.full((size, size), np.inf, dtype=np.float32)
     draw_triangles(positions, triangles, image, NOT_BEHIND)
     image[np.isinf(image)] = background
@@ -103,17 +90,13 @@ def draw_triangles(
             t = (y - y0) / (y2 - y0)
             left, left_depth = x0 + t * (x2 - x0), z0 + t * (z2 - z0)
             # At the height of the middle vertex, use both short edges: a neighbour may share either of them.
-            for short in range(2):
-                if short == 0:
-                    if y > y1 or y0 == y1:
-                        continue
-                    t = (y - y0) / (y1 - y0)
-                    right, right_depth = x0 + t * (x1 - x0), z0 + t * (z1 - z0)
-                else:
-                    if y < y1 or y1 == y2:
-                        continue
-                    t = (y - y1) / (y2 - y1)
-                    right, right_depth = x1 + t * (x2 - x1), z1 + t * (z2 - z1)
+            if y <= y1 and y0 != y1:
+                t = (y - y0) / (y1 - y0)
+                right, right_depth = x0 + t * (x1 - x0), z0 + t * (z1 - z0)
+                _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
+            if y >= y1 and y1 != y2:
+                t = (y - y1) / (y2 - y1)
+                right, right_depth = x1 + t * (x2 - x1), z1 + t * (z2 - z1)
                 _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
 
 
@@ -126,39 +109,8 @@ def _draw_span(
     first = max(0, int(np.ceil(x0 - 0.5)))
     last = min(width - 1, int(np.floor(x1 - 0.5)))
     slope = (z1 - z0) / (x1 - x0) if x1 > x0 else 0.0
-    if last - first >= LONG_SPAN:
-        _draw_long_span(image[row], first, last, x0, z0, slope)
-        if behind.shape[0] > 0:
-            _draw_long_span_behind(behind[row], first, last, x0, z0, slope)
-    elif behind.shape[0] == 0:
-        for column in range(first, last + 1):
-            depth = np.float32(z0 + (column + 0.5 - x0) * slope)
-            if depth < image[row, column]:
-                image[row, column] = depth
-    else:
-        for column in range(first, last + 1):
-            exact = z0 + (column + 0.5 - x0) * slope
-            depth, other = np.float32(exact), np.float32(1.0 - exact)
-            if depth < image[row, column]:
-                image[row, column] = depth
-            if other < behind[row, width - 1 - column]:
-                behind[row, width - 1 - column] = other
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _draw_long_span(pixels: DepthImage, first: int, last: int, x0: float, z0: float, slope: float) -> None:
-    # Branch-free and on contiguous memory, so that the loop is vectorised.
-    target = pixels[first : last + 1]
-    start = np.int32(first)
-    for k in range(target.size):
-        depth = np.float32(z0 + (np.float64(start + np.int32(k)) + 0.5 - x0) * slope)
-        target[k] = depth if depth < target[k] else target[k]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _draw_long_span_behind(pixels: DepthImage, first: int, last: int, x0: float, z0: float, slope: float) -> None:
-    target = pixels[pixels.size - 1 - last : pixels.size - first]
-    start = np.int32(last)
-    for k in range(target.size):
-        other = np.float32(1.0 - (z0 + (np.float64(start - np.int32(k)) + 0.5 - x0) * slope))
-        target[k] = other if other < target[k] else target[k]
+    for column in range(first, last + 1):
+        depth = z0 + (column + 0.5 - x0) * slope
+        image[row, column] = min(np.float32(depth), image[row, column])
+        if behind.shape[0]:
+            behind[row, width - 1 - column] = min(np.float32(1.0 - depth), behind[row, width - 1 - column])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import heapq
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmark.geometry.geodesic_graph import Graph, largest_count
+from benchmark.geometry.geodesic_graph import Graph
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -52,22 +54,9 @@ def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
         nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
         rows = _relax(graph.starts, graph.heads, lengths, np.argsort(reference, kind="stable"), sources[block])
-        _store(rows, unit, block, distances)
+        distances[block] = rows.T.astype(np.float64) * unit
         waiting = np.delete(waiting, nearest)
     return distances
-
-
-@njit(cache=True, nogil=True)
-def _store(rows, unit, block, distances):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write column c of ``rows``, times the unit, to row ``block[c]`` of ``distances``."""
-    count = rows.shape[0]
-    # A few rows at a time, so that they stay in the cache until their last column is read.
-    for first in range(0, count, 16):
-        last = min(first + 16, count)
-        for column in range(block.size):
-            target = distances[block[column]]
-            for vertex in range(first, last):
-                target[vertex] = unit * rows[vertex, column]
 
 
 @njit(cache=True, nogil=True)
@@ -78,8 +67,6 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
     updated = np.full(count, -1, np.int64)  # time of the last update of a row from its neighbours
     for column in range(sources.size):
         rows[sources[column], column] = 0
-    # Room for the arcs of any vertex; one extra entry, as an arc is written before it is counted.
-    arcs = np.empty(largest_count(starts) + 1, np.int64)
     clock = 0
     settled = False
     while not settled:
@@ -88,7 +75,7 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
             since = updated[vertex]
             clock += 1
             updated[vertex] = clock
-            if _pull(rows, vertex, starts, heads, lengths, changed, since, arcs):
+            if _pull(rows, vertex, starts, heads, lengths, changed, since):
                 changed[vertex] = clock
                 settled = False
         # A vertex between two sources is reached from one of them in this order, from the other in reverse order.
@@ -98,94 +85,34 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
 
 # Distances are never NaN; without that guarantee, the compiler would not vectorise the inner loop.
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
-def _pull(rows, vertex, starts, heads, lengths, changed, since, arcs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     row = rows[vertex]
     improved = False
-    news = 0
     for arc in range(starts[vertex], starts[vertex + 1]):
-        arcs[news] = arc
-        news += changed[heads[arc]] > since
-    # Four neighbours at a time, which reduces loads and stores of the row to a quarter.
-    fours = news - news % 4
-    for at in range(0, fours, 4):
-        i, j, k, m = arcs[at], arcs[at + 1], arcs[at + 2], arcs[at + 3]
-        first, second, third, fourth = rows[heads[i]], rows[heads[j]], rows[heads[k]], rows[heads[m]]
-        to_first, to_second, to_third, to_fourth = lengths[i], lengths[j], lengths[k], lengths[m]
-        shorter = 0
-        for column in range(row.size):
-            one, two = first[column] + to_first, second[column] + to_second
-            three, four = third[column] + to_third, fourth[column] + to_fourth
-            one, three = one if one < two else two, three if three < four else four
-            candidate = one if one < three else three
-            shorter |= candidate < row[column]
-            row[column] = candidate if candidate < row[column] else row[column]
-        if shorter:
-            improved = True
-    for at in range(fours, news):
-        other, length = rows[heads[arcs[at]]], lengths[arcs[at]]
+        if changed[heads[arc]] <= since:
+            continue
+        other, length = rows[heads[arc]], lengths[arc]
         shorter = 0
         for column in range(row.size):
             candidate = other[column] + length
             shorter |= candidate < row[column]
             row[column] = candidate if candidate < row[column] else row[column]
-        if shorter:
-            improved = True
+        improved |= shorter > 0
     return improved
 
 
 @njit(cache=True, nogil=True)
 def _dijkstra(starts, heads, lengths, source):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    count = starts.size - 1
-    distance = np.full(count, np.float32(np.inf))
-    # A vertex enters the heap once and keeps its ``place``; after it leaves, nonnegative lengths cannot lower it.
-    heap = np.empty(count, np.int64)
-    place = np.full(count, -1, np.int64)
+    distance = np.full(starts.size - 1, np.float32(np.inf))
     distance[source] = 0
-    heap[0], place[source], size = source, 0, 1
-    while size:
-        nearest = heap[0]
-        size -= 1
-        if size:
-            _sink(heap, place, distance, heap[size], size)
-        near = distance[nearest]
+    heap = [(np.float32(0), source)]
+    while heap:
+        near, nearest = heapq.heappop(heap)
+        if near > distance[nearest]:
+            continue
         for arc in range(starts[nearest], starts[nearest + 1]):
-            head = heads[arc]
             candidate = near + lengths[arc]
-            if candidate < distance[head]:
-                distance[head] = candidate
-                if place[head] < 0:
-                    place[head] = size
-                    size += 1
-                _rise(heap, place, distance, head)
+            if candidate < distance[heads[arc]]:
+                distance[heads[arc]] = candidate
+                heapq.heappush(heap, (candidate, heads[arc]))
     return distance
-
-
-@njit(cache=True, nogil=True)
-def _rise(heap, place, distance, vertex):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    at = place[vertex]
-    key = distance[vertex]
-    while at > 0:
-        parent = (at - 1) >> 2
-        other = heap[parent]
-        if distance[other] <= key:
-            break
-        heap[at], place[other] = other, at
-        at = parent
-    heap[at], place[vertex] = vertex, at
-
-
-@njit(cache=True, nogil=True)
-def _sink(heap, place, distance, vertex, size):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    at = 0
-    key = distance[vertex]
-    while 4 * at + 1 < size:
-        best = 4 * at + 1
-        for sibling in range(best + 1, min(4 * at + 5, size)):
-            if distance[heap[sibling]] < distance[heap[best]]:
-                best = sibling
-        other = heap[best]
-        if distance[other] >= key:
-            break
-        heap[at], place[other] = other, at
-        at = best
-    heap[at], place[vertex] = vertex, at

@@ -113,7 +113,6 @@ def test_scale_and_rigid_motion(exponent: int, seed: int) -> None:
 
 REFUSED: dict[str, tuple[Mesh, tuple[str, ...], str]] = {
     "two pieces": (joined(TETRAHEDRON, TETRAHEDRON), geodesics.SOLVERS, "2 components.*join"),
-    "overflow": (TETRAHEDRON.with_vertices(TETRAHEDRON.vertices * 1e151), geodesics.SOLVERS, "overflow.*unit"),
     "repeated corner": (Mesh(np.eye(3), [[0, 1, 2], [0, 1, 1]]), ("exact",), "manifold"),
     "two fans": (Mesh([*np.eye(3), [2, 0, 0], [0, 2, 1]], [[0, 1, 2], [0, 3, 4]]), ("exact",), "manifold"),
     "no length": (Mesh([[0, 0, 0], *np.eye(3)[:2], [0, 0, 0]], [[0, 2, 1], [0, 1, 3]]), ("exact",), "manifold"),

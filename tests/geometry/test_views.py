@@ -175,9 +175,3 @@ def test_bad_images_are_named(image: np.ndarray, error: type[BenchmarkError], me
     with pytest.raises(error, match=message) as caught:
         back_project(image.astype(np.float32), 1.0)
     assert caught.value.hint
-    for points, faces, reason in (
-        ([[0, 0, np.nan], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "NaN"),
-        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 3]], "does not exist"),
-    ):
-        with pytest.raises(InvalidMesh, match=reason):
-            depth_buffer(points, faces, 4, 0.0)
