@@ -163,24 +163,21 @@ class Table:
         return base_name in self.names if self.names else base_name not in ONLY_ABLATED
 
 
-def _of_people(**options: bool) -> tuple[Column, Column]:
-    view: Literal["view", "as printed"] = "view" if options.get("view") else "as printed"
-    return Column("15 subjects", input=view, over_draws=True), Column("5 subjects", FOLDS, view)
-
-
+_ALL, _FEW = "15 subjects", "5 subjects"
 _FAIR = "all methods on one depth view"
 
 TABLES: tuple[Table, ...] = (
     Table(
-        "I", "Retrieval of synthetic humans", "shrec14-synthetic", SYNTHETIC_HUMANS, _of_people(), True, runs="quick"
+        "I", "Retrieval of synthetic humans", "shrec14-synthetic", SYNTHETIC_HUMANS,
+        (Column(_ALL, over_draws=True), Column(_FEW, FOLDS)), True, runs="quick",
     ),
     Table("II", "Retrieval of real humans", "shrec14-real", ("humans-scanlike",), has_paper=True),
     Table(
         "III", "Retrieval of animals and people", "tosca", ("animals",), has_paper=True, runs="quick", all_unseen=False
     ),
     Table(
-        "I-view", f"Synthetic humans, {_FAIR}", "shrec14-synthetic", SYNTHETIC_HUMANS, _of_people(view=True),
-        part_of="I",
+        "I-view", f"Synthetic humans, {_FAIR}", "shrec14-synthetic", SYNTHETIC_HUMANS,
+        (Column(_ALL, input="view"), Column(_FEW, FOLDS, "view")), part_of="I",
     ),
     Table("II-view", f"Real humans, {_FAIR}", "shrec14-real", ("humans-scanlike",), (Column("ours", input="view"),),
           part_of="II"),

@@ -11,8 +11,8 @@ from benchmark.code_digest import ROOT
 from benchmark.pipeline.records import Record, read_records
 from benchmark.runs.planning import Planned
 
-#: Stages whose results all methods share; they count once a shape.
-SHARED = ("prepare", "geodesics")
+#: Timed stages of each file in the cache: prepared shape, form and signature.
+STAGES = (("prepare", "geodesics"), ("canonicalise",), ("signature",))
 
 #: Results folder of the checkout, whose published records know seconds of every method; an installed package has none.
 SUITE_RESULTS = ROOT / "results"
@@ -35,7 +35,7 @@ class Estimate:
 
 
 def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_RESULTS) -> Estimate:
-    """Estimate the work of a plan.
+    """Estimate the work of a plan; a form that several galleries rank counts once.
 
     Seconds a shape are those of the same method and input on the same gallery, otherwise the median over other
     galleries, of the method with any parameters if need be. Jobs here count before published ones.
@@ -44,19 +44,16 @@ def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_
     for record in (*read_records(published, local=False), *read_records(results, published=False)):
         for name in {record.method, _base(record.method)} if record.seconds else ():
             costs.setdefault((name, record.input), []).append(record)
-    seconds, unknown = 0.0, 0
-    shared: dict[tuple[str, str, str], float] = {}
+    unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
     for job in planned:
         if not job.to_run:
             continue
         phases = _seconds(job, costs)
         unknown += not phases
-        seconds += len(job.shapes) * sum(value for phase, value in phases.items() if phase not in SHARED)
-        once = sum(phases.get(phase, 0.0) for phase in SHARED)
-        for shape in job.shapes:
-            place = (job.job.source, job.job.input, shape)
-            shared[place] = max(shared.get(place, 0.0), once)
-    return Estimate(seconds + sum(shared.values()), unknown)
+        for keys in job.keys:
+            for key, stages in zip(keys, STAGES, strict=True):
+                spent[key] = max(spent.get(key, 0.0), sum(phases.get(stage, 0.0) for stage in stages))
+    return Estimate(sum(spent.values()), unknown)
 
 
 def _seconds(job: Planned, costs: Mapping[tuple[str, str], list[Record]]) -> dict[str, float]:

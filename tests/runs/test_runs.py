@@ -171,6 +171,7 @@ def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(r
     shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]
     assert found.unknown == 1
     assert found.seconds == pytest.approx(4 * (sum(each) + shared), abs=1e-3)
+    assert estimate([*jobs, *jobs], tmp_path).seconds == found.seconds  # forms that two galleries rank count once
 
 
 def test_a_plan_in_an_empty_folder_is_estimated_from_published_records(rods, tmp_path):
