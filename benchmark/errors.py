@@ -62,17 +62,11 @@ class UnsupportedShape(ShapeError):
     """A method cannot process a shape; the message says why."""
 
 
-def message(error: BaseException) -> str:
-    """Return the message of an exception; ``__str__`` of a foreign exception may itself fail."""
-    try:
-        return str(error)
-    except (Exception, SystemExit, GeneratorExit):
-        return "its message cannot be read"
-
-
 def one_line(error: BaseException) -> str:
-    """Return class and message of an exception on one line."""
-    text = " ".join(message(error).split())
+    """Return class and message of an exception on one line; the message alone of an error that users can cause."""
+    text = " ".join((error.msg if isinstance(error, SyntaxError) else str(error)).split())
+    if isinstance(error, BenchmarkError):
+        return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
@@ -88,12 +82,12 @@ def locate(error: BaseException) -> str:
     from pathlib import Path
 
     if isinstance(error, SyntaxError) and error.filename:
-        return f"{Path(error.filename).name}:{error.lineno}: {type(error).__name__}: {error.msg}"
+        return f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}"
     libraries = tuple({sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")})
     frames = traceback.extract_tb(error.__traceback__)
     ours = [frame for frame in frames if not frame.filename.startswith((*libraries, "<"))]
-    foreign = [frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)]
-    for frame in (foreign or ours)[-1:]:
+    outside = [frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)]
+    for frame in (outside or ours)[-1:]:
         return f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}"
     return one_line(error)
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.registry import methods
-from benchmark.registry.known import EVERY
-from benchmark.text import LONGEST_NAME, is_name
+from benchmark.text import EVERY, LONGEST_NAME, is_name
 
 #: Method that is written under another name.
 _EXAMPLE = "ray-stretch"

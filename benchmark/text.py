@@ -15,10 +15,11 @@ LONGEST_NAME = 60
 #: Environment variable for the folder of the official data sets if ``--data-root`` is not given.
 DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
-#: Words that select several methods on the command line and so cannot be the name of one.
-RESERVED = frozenset({"all"})
+#: Name that selects all methods on the command line, and so cannot be that of one.
+EVERY = "all"
 
-_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+#: Pattern of names: lower-case words joined by hyphens.
+NAME = rf"(?=.{{1,{LONGEST_NAME}}}$)[a-z][a-z0-9]*(-[a-z0-9]+)*"
 
 _BREAKS = frozenset("\t\n\v\f\r\x1c\x1d\x1e\x1f\x85\u2028\u2029")
 
@@ -32,7 +33,7 @@ _CUT = " ..."
 
 def is_name(name: object) -> bool:
     """Return whether this is a valid name: lower-case words joined by hyphens, not too long."""
-    return isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name) is not None
+    return isinstance(name, str) and re.fullmatch(NAME, name) is not None
 
 
 def clean(text: object) -> str:

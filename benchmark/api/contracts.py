@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, r
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from benchmark.api.parameters import CheckedParameters, Interval, Matches, OneOf
+from benchmark.api.parameters import CheckedParameters, Interval, Matches
 from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh
-from benchmark.text import LONGEST_NAME
+from benchmark.text import NAME
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
@@ -29,7 +29,6 @@ __all__ = [
     "CheckedParameters",
     "Descriptor",
     "FloatArray",
-    "GeodesicSolver",
     "Input",
     "Interval",
     "InvalidMesh",
@@ -37,7 +36,6 @@ __all__ = [
     "Mesh",
     "Method",
     "MethodInfo",
-    "OneOf",
     "Shape",
     "UnsupportedShape",
     "canonical_form",
@@ -47,19 +45,7 @@ Input = Literal["mesh", "view"]
 FloatArray = NDArray[np.float64]
 
 
-def _geodesic_solvers() -> dict[str, str]:
-    from benchmark.geometry.geodesics import DEFAULT_SOLVER, SOLVERS
-
-    return {"default": DEFAULT_SOLVER} | {name: name for name in SOLVERS}
-
-
-GeodesicSolver = Annotated[str, OneOf(_geodesic_solvers)]
-"""Type of a parameter that names a solver for :meth:`Shape.geodesics`."""
-
-
-Name = Annotated[
-    str, Matches(rf"(?=.{{1,{LONGEST_NAME}}}$)[a-z][a-z0-9]*(-[a-z0-9]+)*", "lower-case words joined by hyphens")
-]
+Name = Annotated[str, Matches(NAME, "lower-case words joined by hyphens")]
 """Name on the command line."""
 
 Need = Literal["connected", "pairs"]
@@ -132,26 +118,21 @@ class MethodInfo(CheckedParameters):
         """Raise ``UnsupportedShape`` unless the shape has what the method needs; whoever calls a method calls this."""
         from benchmark.geometry.cleaning import connected_components
 
-        name, n_vertices, n_faces = shape.identifier, shape.mesh.n_vertices, shape.mesh.n_faces
+        n_vertices, n_faces = shape.mesh.n_vertices, shape.mesh.n_faces
         if not self.needs:
             return
+        problem = ""
         if n_vertices < FEWEST_VERTICES or not n_faces:
-            raise UnsupportedShape(
-                f"{name}: {n_vertices} vertices and {n_faces} faces, where at least {FEWEST_VERTICES} vertices and one "
-                "face are needed",
-                "check how the shape was cut or decimated",
-            )
-        if pieces := int(connected_components(shape.mesh).max()):
-            raise UnsupportedShape(
-                f"{name}: the surface is in {pieces + 1} pieces",
-                "keep the largest component or bridge the pieces first",
-            )
-        if "pairs" in self.needs and n_vertices > MOST_WITH_ALL_PAIRS:
-            raise UnsupportedShape(
-                f"{name}: {n_vertices} vertices, where the distances of all pairs are kept of {MOST_WITH_ALL_PAIRS} at "
-                "most",
-                "decimate the surface, or choose a method that needs a few rows, such as accelerated-mds",
-            )
+            problem = f"{n_vertices} vertices and {n_faces} faces, where at least {FEWEST_VERTICES} and one are needed"
+            hint = "check how the shape was cut or decimated"
+        elif pieces := int(connected_components(shape.mesh).max()):
+            problem = f"the surface is in {pieces + 1} pieces"
+            hint = "keep the largest component or bridge the pieces first"
+        elif "pairs" in self.needs and n_vertices > MOST_WITH_ALL_PAIRS:
+            problem = f"{n_vertices} vertices, where distances of all pairs are kept of {MOST_WITH_ALL_PAIRS} at most"
+            hint = "decimate the surface, or choose a method that needs a few rows, such as accelerated-mds"
+        if problem:
+            raise UnsupportedShape(f"{shape.identifier}: {problem}", hint)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,9 @@ class Entry:
 
 def read_entry(entry: Entry) -> Mesh:
     """Read the mesh file of a shape; raise ``UnreadableMesh`` if it has none or it is damaged."""
-    return read_mesh(_path(entry))
+    if entry.path is None:
+        raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'")
+    return read_mesh(entry.path)
 
 
 def digest_of_entry(entry: Entry) -> str:
@@ -64,12 +66,6 @@ def front(entry: Entry) -> Camera:
 def no_sensor(entry: Entry) -> DepthSensor | None:
     """Return None: depth images are exact."""
     return None
-
-
-def _path(entry: Entry) -> Path:
-    if entry.path is None:
-        raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'")
-    return entry.path
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -225,10 +225,11 @@ def read_card(folder: Path, kind: type[Any] = Card) -> Any:
     try:
         status = path.stat()
         return _decoded(path, status.st_mtime_ns, status.st_size, kind)  # type: ignore[arg-type]
-    except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path} is no card of a model: {error}", "train the model again") from error
+    except (OSError, msgspec.MsgspecError, ValueError, RecursionError) as error:
+        problem = (
+            f"cannot be read: {error.strerror}" if isinstance(error, OSError) else f"is no card of a model: {error}"
+        )
+        raise ConfigurationError(f"{path} {problem}", "train the model again") from error
 
 
 @lru_cache(maxsize=256)
@@ -249,10 +250,7 @@ def checked_weights(folder: Path) -> bytes:
         content = path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
-    actual = hashlib.sha256(content).hexdigest()
-    if actual != expected:
-        raise ConfigurationError(
-            f"{path} has digest {actual[:12]}..., its card says {expected[:12]}...",
-            "fetch the file again or train the model again",
-        )
+    if (actual := hashlib.sha256(content).hexdigest()) != expected:
+        problem = f"{path} has digest {actual[:12]}..., its card says {expected[:12]}..."
+        raise ConfigurationError(problem, "fetch the file again or train the model again")
     return content

@@ -14,7 +14,7 @@ import math
 import re
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -34,65 +34,24 @@ class Interval:
     Parameters
     ----------
     low, high
-        Bounds; None for no bound.
+        Bounds; infinite for no bound.
     closed
         Bounds that belong to the interval: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
     """
 
-    low: float | None = None
-    high: float | None = None
+    low: float = -math.inf
+    high: float = math.inf
     closed: Literal["both", "left", "right", "neither"] = "both"
 
-    def admit(self, value: Any) -> Any:
-        """Return the value if it lies inside, or raise ``ValueError``."""
-        low, high = (-math.inf if self.low is None else self.low), (math.inf if self.high is None else self.high)
-        on_bound = (value == low and self.closed in ("both", "left")) or (
-            value == high and self.closed in ("both", "right")
-        )
-        if not (math.isfinite(value) and (low < value < high or on_bound)):
-            raise ValueError
-        return value
+    def admits(self, value: float) -> bool:
+        """Return whether a number lies inside."""
+        on_bound = self.closed in ("both", "left" if value == self.low else "right")
+        return math.isfinite(value) and (self.low < value < self.high or (value in (self.low, self.high) and on_bound))
 
     def __str__(self) -> str:
-        low = (
-            "" if self.low is None else f"{'of at least' if self.closed in ('both', 'left') else 'above'} {self.low:g}"
-        )
-        high = (
-            ""
-            if self.high is None
-            else f"{'of at most' if self.closed in ('both', 'right') else 'below'} {self.high:g}"
-        )
-        return " and ".join(filter(None, (low, high))) or "that is finite"
-
-
-Names = Iterable[str] | Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class OneOf:
-    """One of the names known when the parameter is checked.
-
-    Parameters
-    ----------
-    names
-        The names, a mapping from accepted spellings to names, or a function that returns either, to defer expensive
-        imports.
-    """
-
-    names: Names | Callable[[], Names]
-
-    @property
-    def known(self) -> Mapping[str, str]:
-        """Names by accepted spelling."""
-        names = self.names() if callable(self.names) else self.names
-        return names if isinstance(names, Mapping) else {name: name for name in names}
-
-    def admit(self, value: Any) -> Any:
-        """Return the name for a spelling, or raise ``KeyError``."""
-        return self.known[value]
-
-    def __str__(self) -> str:
-        return " or ".join(self.known)
+        low = f"{'of at least' if self.closed in ('both', 'left') else 'above'} {self.low:g}"
+        high = f"{'of at most' if self.closed in ('both', 'right') else 'below'} {self.high:g}"
+        return " and ".join(words for words in (low, high) if "inf" not in words) or "that is finite"
 
 
 @dataclass(frozen=True)
@@ -110,23 +69,20 @@ class Matches:
     pattern: str
     words: str
 
-    def admit(self, value: Any) -> Any:
-        """Return the value if it matches, or raise ``ValueError``."""
-        if not re.fullmatch(self.pattern, value):
-            raise ValueError
-        return value
+    def admits(self, value: str) -> bool:
+        """Return whether a text matches."""
+        return re.fullmatch(self.pattern, value) is not None
 
     def __str__(self) -> str:
         return self.words
 
 
-_CONSTRAINTS = (Interval, OneOf, Matches)
 _WORDS: Mapping[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 _UNIONS = (typing.Union, types.UnionType)
 _QUOTES = "'\""
 
 #: Errors raised by a value that does not fit its type.
-_UNFIT = (ValueError, TypeError, OverflowError, KeyError, msgspec.ValidationError)
+_UNFIT = (ValueError, TypeError, OverflowError, msgspec.ValidationError)
 
 
 class CheckedParameters:
@@ -171,7 +127,8 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
         try:
             values[name] = _fit(annotation, value)
         except _UNFIT:
-            if isinstance(value, str) and (choices := _choices(annotation)):
+            if isinstance(value, str) and typing.get_origin(annotation) is Literal:
+                choices = map(format_value, typing.get_args(annotation))
                 raise did_you_mean(f"{name} of {owner}", value, choices) from None
             raise ConfigurationError(
                 f"'{value}' does not fit {name} of {owner}", f"write {values_in_words(annotation)}"
@@ -256,10 +213,10 @@ def split(text: str, separator: str = ",") -> list[str]:
         If quotes or parentheses are not balanced.
     """
     parts, quote, depth = [""], "", 0
-    for place, character in enumerate(text):
+    for position, character in enumerate(text):
         if quote:
             quote = "" if character == quote else quote
-        elif character in _QUOTES and text[:place].rstrip()[-1:] in ("", "=", "|", ",", "("):
+        elif character in _QUOTES and text[:position].rstrip()[-1:] in ("", "=", "|", ",", "("):
             quote = character  # elsewhere, it is an apostrophe
         else:
             depth += {"(": 1, ")": -1}.get(character, 0)
@@ -278,9 +235,10 @@ def values_in_words(annotation: Any) -> str:
     """Describe the values that a type with constraints accepts."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        base = values_in_words(arguments[0])
-        limits = [limit for limit in arguments[1:] if isinstance(limit, _CONSTRAINTS)]
-        return " and ".join(f"{base} {part}" if isinstance(part, Interval) else str(part) for part in limits) or base
+        base, *limits = values_in_words(arguments[0]), *_limits(arguments)
+        return (
+            " and ".join(f"{base} {limit}" if isinstance(limit, Interval) else str(limit) for limit in limits) or base
+        )
     if origin is Literal:
         return " or ".join(map(format_value, arguments))
     if origin in _UNIONS:
@@ -292,12 +250,8 @@ def values_in_words(annotation: Any) -> str:
     return _WORDS.get(annotation) or f"a {getattr(annotation, '__name__', annotation)}"
 
 
-def _choices(annotation: Any) -> Iterable[str]:
-    """Return the names that a type or its constraints list; empty if there are none."""
-    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
-    if origin is Annotated:
-        return next((limit.known for limit in arguments if isinstance(limit, OneOf)), _choices(arguments[0]))
-    return list(map(format_value, arguments)) if origin is Literal else ()
+def _limits(arguments: Iterable[Any]) -> list[Interval | Matches]:
+    return [limit for limit in arguments if isinstance(limit, Interval | Matches)]
 
 
 def _fit(annotation: Any, value: Any) -> Any:
@@ -305,42 +259,37 @@ def _fit(annotation: Any, value: Any) -> Any:
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         fitted = _fit(arguments[0], value)
-        for limit in arguments[1:]:
-            fitted = limit.admit(fitted) if isinstance(limit, _CONSTRAINTS) else fitted
+        if not all(limit.admits(fitted) for limit in _limits(arguments)):
+            raise ValueError
         return fitted
-    if origin is Literal:
-        return value if value in arguments else {format_value(choice): choice for choice in arguments}[str(value)]
     if origin in _UNIONS:
-        if NoneType in arguments and (value is None or str(value).lower() == "none"):
-            return None
-        for kind in arguments:
+        for kind in sorted(arguments, key=lambda kind: kind is not NoneType):
             with suppress(*_UNFIT):
                 return _fit(kind, value)
         raise ValueError
-    return _fit_tuple(arguments, value) if origin is tuple else _convert(annotation, value)
+    if origin is tuple:
+        parts = _parts(value) if isinstance(value, str) else tuple(value)
+        kinds = arguments[:1] * len(parts) if arguments[-1:] == (Ellipsis,) else arguments
+        return tuple(_fit(kind, part) for kind, part in zip(kinds, parts, strict=True))
+    return _convert(annotation, value)
 
 
-def _fit_tuple(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
-    """Convert a tuple, a list, or text: values with commas between them, with or without parentheses."""
-    if isinstance(value, str):
-        text = value.strip()
-        inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
-        value = tuple(part.strip() for part in split(inner.removesuffix(",")))
-    if not isinstance(value, tuple | list):
-        raise TypeError
-    kinds = kinds[:1] * len(value) if kinds[-1:] == (Ellipsis,) else kinds
-    return tuple(_fit(kind, part) for kind, part in zip(kinds, value, strict=True))
+def _parts(text: str) -> list[str]:
+    """Return the values of a tuple: with commas between them, with or without parentheses."""
+    text = text.strip()
+    inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
+    return [part.strip() for part in split(inner.removesuffix(","))]
 
 
 def _convert(kind: Any, value: Any) -> Any:
     """Convert text or an object to a type; NaN is rejected, and an integer may be written as 2.0 or 1e3."""
     value = value.item() if isinstance(value, np.generic) else value
-    if isinstance(value, str) and kind in (int, float):  # Python reads more than JSON: .5, +7, 012
+    if kind in (int, float) and isinstance(value, str):  # Python reads more than JSON: .5, +7, 012
         value = int(value) if kind is int and value.strip(" +-").isdecimal() else float(value)
-    is_text = isinstance(value, str) and kind is not str
-    converted = msgspec.convert(
-        value, kind, strict=kind is bool and not is_text, dec_hook=lambda kind, text: kind(text)
-    )
+    if kind is NoneType and str(value).lower() == "none":
+        return None
+    is_strict = kind is bool and not isinstance(value, str)
+    converted = msgspec.convert(value, kind, strict=is_strict, dec_hook=lambda kind, text: kind(text))
     if converted != converted:
         raise ValueError
     return converted + 0.0 if kind is float else converted  # so that -0.0 is 0.0

@@ -21,7 +21,7 @@ from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.api.datasets import ShapeSet
 from benchmark.api.learning import CARD, Learner, Split, checked_weights, read_card
 from benchmark.check.shapes import BENDS, TRAINING, awkward, figure, training_data, view
-from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, locate, message
+from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, locate
 from benchmark.geometry.depth import depth_surface, fit_half_width
 from benchmark.geometry.preparation import prepare
 from benchmark.registry import Component
@@ -115,13 +115,13 @@ def _find(name: str, run: Callable[[Any], str], case: Any) -> Finding:
 def explain(error: BaseException) -> str:
     """Explain an exception to the author in one line, with advice that fits."""
     if isinstance(error, UnsupportedShape):
-        return f"refuses an ordinary surface ({message(error)}); treat it"
+        return f"refuses an ordinary surface ({error}); treat it"
     if isinstance(error, Failed | BenchmarkError):
-        return message(error)
+        return str(error)
     advice = ""
     if isinstance(error, ImportError):
         advice = "; name packages beyond the core in info.requires"
-    elif "read-only" in message(error):
+    elif "read-only" in str(error):
         advice = "; it writes into its input: work on a copy"
     return f"{locate(error)}{advice}"
 

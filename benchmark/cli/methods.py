@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import shutil
 import textwrap
@@ -159,7 +158,7 @@ def _facts(component: Component) -> dict[str, Any]:
     """Return the details of a method in JSON types."""
     info = component.info
     chosen = {name: format_value(value) for name, value in component.parameters.items()}
-    parameters = [dataclasses.asdict(text) | {"chosen": chosen.get(text.name)} for text in described(component.load())]
+    parameters = [{**text, "chosen": chosen.get(text["name"])} for text in described(component.load())]
     return {
         "name": component.name,
         "title": info.title,

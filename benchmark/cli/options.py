@@ -14,10 +14,7 @@ from typing import Annotated, Any, Literal
 from typer import Argument, Option
 
 from benchmark.errors import ConfigurationError
-from benchmark.text import DATA_VARIABLE
-
-#: Value of ``--method`` that selects all methods.
-EVERY = "all"
+from benchmark.text import DATA_VARIABLE, EVERY
 
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 

@@ -8,7 +8,7 @@ from datetime import timedelta
 from functools import partial
 from pathlib import Path
 
-from benchmark.cli.options import EVERY, Selection
+from benchmark.cli.options import Selection
 from benchmark.cli.progress import Bar, counting
 from benchmark.cli.tables import print_tables as print_views
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present, sources
@@ -30,7 +30,7 @@ from benchmark.runs import plan as make_plan
 from benchmark.runs import run as run_jobs
 from benchmark.runs.planning import Again
 from benchmark.scoring.rows import score_forms as score_folder
-from benchmark.text import brief, clean, say, say_lines
+from benchmark.text import EVERY, brief, clean, say, say_lines
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
 _SCREEN, _REASONS = 18, 5

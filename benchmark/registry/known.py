@@ -18,10 +18,7 @@ from benchmark.api.scoring import ScorerInfo
 from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
 from benchmark.registry.modules import load_module
-from benchmark.text import say
-
-#: Name that selects all methods, in addition to other names.
-EVERY = "all"
+from benchmark.text import EVERY, say
 
 BUILT_IN: dict[str, str] = {
     "classic-mds": "baselines.classic_mds:ClassicMDS",
@@ -71,9 +68,9 @@ class Known(dict[str, Component]):
     def __missing__(self, name: str) -> NoReturn:
         if name in self._faults:
             raise self._faults[name]
-        error = did_you_mean(self._kind, name, self)
-        file = Path(f"{name.replace('-', '_')}.py")
-        raise ConfigurationError(error.problem, f"pass --plugin {file}" if file.is_file() else error.hint)
+        error, file = did_you_mean(self._kind, name, self), Path(f"{name.replace('-', '_')}.py")
+        own = f"{error.hint} (for one of your own, pass --plugin FILE)"
+        raise ConfigurationError(error.problem, f"pass --plugin {file}" if file.is_file() else own)
 
 
 def methods(plugins: Iterable[Path] = ()) -> Known:
@@ -118,19 +115,19 @@ def in_file(path: Path) -> list[Component]:
         If it cannot be imported or defines none.
     """
     target = str(path.resolve())
-    module, found = load_module(target), []
+    module, components = load_module(target), []
     for attribute, value in vars(module).items():
         if isinstance(value, ShapeSet):
-            found.append(Component("data set", value.name, f"{target}:{attribute}"))
+            components.append(Component("data set", value.name, f"{target}:{attribute}"))
         info = getattr(value, "info", None)
         is_own = isinstance(value, type) and value.__module__ == module.__name__
         if is_own and isinstance(info, MethodInfo | ScorerInfo):
             kind: Kind = "method" if isinstance(info, MethodInfo) else "scorer"
-            found.append(Component(kind, info.name, f"{target}:{attribute}"))
-    if not found:
+            components.append(Component(kind, info.name, f"{target}:{attribute}"))
+    if not components:
         hint = "write a class with an 'info' (MethodInfo or ScorerInfo), use @canonical_form, or make a ShapeSet"
         raise ConfigurationError(f"{path} defines no method, no scorer and no data set", hint)
-    return found
+    return components
 
 
 @cache

@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import sys
 from contextlib import redirect_stdout
+from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 
@@ -30,14 +31,14 @@ def load_module(target: str) -> ModuleType:
     name = target.partition(":")[0] if path is None else _unique_name(path)
     if name in sys.modules:
         return sys.modules[name]
+    if path is not None:
+        _check(path)
     try:
         with redirect_stdout(sys.stderr):
-            return importlib.import_module(name) if path is None else _execute(name, path)
-    except BenchmarkError:
-        raise
+            return importlib.import_module(name) if path is None else _execute(name, path.resolve())
     except (Exception, SystemExit) as error:
         sys.modules.pop(name, None)
-        hint = "correct it"
+        hint = error.hint if isinstance(error, BenchmarkError) else "correct it"
         if isinstance(error, ModuleNotFoundError) and error.name:
             hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
         raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error
@@ -47,24 +48,28 @@ def _unique_name(path: Path) -> str:
     return f"plugin_{path.stem}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
 
 
-def _execute(name: str, path: Path) -> ModuleType:
+def _check(path: Path) -> None:
+    """Raise ``ConfigurationError`` unless a path is a Python file whose helpers have names of their own."""
     if path.suffix != ".py" or not path.is_file():
-        names = [file.stem for file in path.parent.glob("*.py") if file.is_file()]
-        near = difflib.get_close_matches(path.stem, names, 1)
+        near = difflib.get_close_matches(path.stem, [file.stem for file in path.parent.glob("*.py")], 1)
         problem = f"{path} is not a Python file" if path.exists() else f"there is no plugin {path}"
-        raise ConfigurationError(problem, f"did you mean {near[0]}.py?" if near else "name a Python file")
+        hint = f"did you mean {near[0]}.py?" if near and not path.exists() else "name a Python file"
+        raise ConfigurationError(problem, hint)
     for helper, file in modules_beside(path).items():
         spec = importlib.util.find_spec(helper)
         if spec is not None and Path(spec.origin or "").resolve() != file.resolve():
             other = spec.origin or "another package"
             raise ConfigurationError(f"{path} imports {file}, but '{helper}' is also the name of {other}", "rename one")
-    if str(path.parent.resolve()) not in sys.path:
-        sys.path.append(str(path.parent.resolve()))
+
+
+def _execute(name: str, path: Path) -> ModuleType:
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
     drop_stale_kernels(sources_of(str(path)))
-    spec = importlib.util.spec_from_file_location(name, path.resolve())
-    if spec is None or spec.loader is None:
-        raise ConfigurationError(f"{path} is not a Python file", "name a Python file")
+    loader = SourceFileLoader(name, str(path))
+    spec = ModuleSpec(name, loader, origin=str(path))
+    spec.has_location = True
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    spec.loader.exec_module(module)
+    loader.exec_module(module)
     return module

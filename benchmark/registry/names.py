@@ -9,7 +9,6 @@ import dataclasses
 import inspect
 import itertools
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from benchmark.api.parameters import assignments, declared_parameters, format_value, split, values_in_words
@@ -20,16 +19,16 @@ _SPECIAL = frozenset("|,()'\" ")
 _NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
 
 
-def split_name(name: str) -> tuple[str, str] | None:
-    """Split a name from the text in its brackets, "" if there are none; None if brackets are unbalanced or not final.
+def split_name(name: str) -> tuple[str, str]:
+    """Split a name from the text in its brackets, "" if there are none; unbalanced ones are part of the name.
 
     Examples
     --------
-    >>> split_name("least-squares-mds[start=classic]")
-    ('least-squares-mds', 'start=classic')
+    >>> split_name("least-squares-mds[rtol=0.01]")
+    ('least-squares-mds', 'rtol=0.01')
     """
     match = _NAME.fullmatch(name.strip())
-    return (match[1].strip(), match[2] or "") if match else None
+    return (match[1].strip(), match[2] or "") if match else (name, "")
 
 
 def combinations(text: str) -> list[dict[str, str]]:
@@ -78,37 +77,16 @@ def _values(name: str, parts: list[str]) -> list[str]:
     return [text[1:-1] if len(text) > 1 and text[0] in "'\"" and text[0] == text[-1] else text for text in texts]
 
 
-@dataclass(frozen=True)
-class ParameterText:
-    """One parameter.
-
-    Parameters
-    ----------
-    name
-        Name on the command line.
-    values
-        Accepted values.
-    default
-        Default, as on the command line.
-    meaning
-        Description in the docstring of the class; "" if there is none.
-    """
-
-    name: str
-    values: str
-    default: str
-    meaning: str
-
-
-def described(cls: type[Any]) -> list[ParameterText]:
-    """Return the parameters of a dataclass in the order of its fields; none for another class."""
+def described(cls: type[Any]) -> list[dict[str, str]]:
+    """Return name, accepted values, default and meaning of each parameter of a dataclass; none for another class."""
     meanings: dict[str, str] = {}
     for base in reversed(inspect.getmro(cls)):
         meanings |= explained(vars(base).get("__doc__") or "")
     texts = []
     for name, (annotation, default) in declared_parameters(cls).items():
         written = "" if default is dataclasses.MISSING else format_value(default)
-        texts.append(ParameterText(name, values_in_words(annotation), written, meanings.get(name, "")))
+        values = {"values": values_in_words(annotation), "default": written, "meaning": meanings.get(name, "")}
+        texts.append({"name": name, **values})
     return texts
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,7 @@ def compute_form(method: Method, shape: Shape) -> tuple[Mesh, dict[str, NDArray[
     InvalidForm
         If it returns anything other than a form of the shape.
     """
-    who = f"method '{method.info.name}' returned"
+    who = f"{_name(method)} returned"
     method.info.check(shape)
     try:
         form = method.canonicalise(shape)
@@ -50,13 +52,12 @@ def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
     """Return the descriptor of a shape, shape (k,); raise ``ShapeError`` or ``InvalidForm`` if there is none."""
     hint = "return a vector of finite numbers"
     method.info.check(shape)
-    return _real_numbers(f"method '{method.info.name}'", method.describe(shape), (None,), hint)
+    return _real_numbers(_name(method), method.describe(shape), (), hint)
 
 
 def compute_distances(method: Descriptor, descriptors: Sequence[FloatArray]) -> FloatArray:
     """Return the dissimilarities of all pairs of descriptors, shape (N, N); raise ``InvalidForm`` without."""
-    distances = method.distances(descriptors)
-    return _real_numbers(f"method '{method.info.name}'", distances, (len(descriptors),) * 2, _MATRIX_HINT)
+    return _real_numbers(_name(method), method.distances(descriptors), (len(descriptors),) * 2, _MATRIX_HINT)
 
 
 def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
@@ -70,7 +71,7 @@ def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
         If it returns anything but named arrays of finite numbers.
     """
     signature: object = scorer.signature(form)
-    who = f"scorer '{scorer.info.name}' returned"
+    who = f"{_name(scorer)} returned"
     if not isinstance(signature, Mapping) or not signature:
         raise InvalidSignature(f"{who} {type(signature).__name__}, not named arrays", _SIGNATURE_HINT)
     for name, value in signature.items():
@@ -89,20 +90,23 @@ def compare_signatures(scorer: Scorer, signatures: Sequence[SignatureArrays], dr
     InvalidForm
         If the scorer returns anything but a square matrix of finite real numbers.
     """
-    distances = scorer.compare(signatures, draw)
-    return _real_numbers(f"scorer '{scorer.info.name}'", distances, (len(signatures),) * 2, _MATRIX_HINT)
+    return _real_numbers(_name(scorer), scorer.compare(signatures, draw), (len(signatures),) * 2, _MATRIX_HINT)
 
 
-def _real_numbers(who: str, answer: object, shape: tuple[int | None, ...], hint: str) -> FloatArray:
-    """Return an answer as an array of finite real numbers; None in ``shape`` stands for any length except 0."""
+def _name(component: Any) -> str:
+    """Return file and name of a method or scorer, for messages."""
+    file = getattr(sys.modules.get(type(component).__module__), "__file__", None)
+    kind = "scorer" if isinstance(component, Scorer) else "method"
+    return f"{Path(file).name}: {kind} '{component.info.name}'" if file else f"{kind} '{component.info.name}'"
+
+
+def _real_numbers(who: str, answer: object, shape: tuple[int, ...], hint: str) -> FloatArray:
+    """Return an answer as an array of finite real numbers of a shape; () stands for a vector that is not empty."""
     try:
         array = np.asarray(answer)
     except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
         raise InvalidForm(f"{who} returned no array ({one_line(error)})", hint) from error
-    fits = array.ndim == len(shape) and all(
-        length == expected if expected is not None else length > 0
-        for length, expected in zip(array.shape, shape, strict=True)
-    )
+    fits = array.shape == shape if shape else array.ndim == 1 and array.size
     if not fits or array.dtype.kind not in "iuf":
         raise InvalidForm(f"{who} returned an array of shape {array.shape} and type {array.dtype}", hint)
     if not np.isfinite(array).all():

@@ -8,8 +8,9 @@ from typing import Any
 
 from benchmark.errors import ConfigurationError
 from benchmark.registry.components import Component, Kind, component_of
-from benchmark.registry.known import EVERY, data_sets, in_file, methods, scorers
+from benchmark.registry.known import data_sets, in_file, methods, scorers
 from benchmark.registry.names import combinations, split_name
+from benchmark.text import EVERY
 
 
 def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Component]:
@@ -29,19 +30,17 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     ConfigurationError
         If a name or a parameter is unknown, or a value is invalid.
     """
-    wanted, files = list(names), list(plugins)
-    known = methods(files)
-    of_files = [component for component in known.values() if component.plugin]
+    known = methods(plugins)
     chosen: list[Component] = []
-    for name in wanted:
+    for name in names:
         if not isinstance(name, str):
             chosen.append(component_of(name))
         else:
             chosen += known.values() if name.strip() == EVERY else variants(name, known)
     named = {component.plugin for component in chosen}
-    chosen += [component for component in of_files if component.plugin not in named]
-    places = {name: place for place, name in enumerate(known)}
-    chosen.sort(key=lambda component: places.get(component.base_name, len(places)))
+    chosen += [component for component in known.values() if component.plugin and component.plugin not in named]
+    order = list(known)
+    chosen.sort(key=lambda component: order.index(component.base_name) if component.base_name in known else len(order))
     return list({component.name: component for component in chosen or known.values()}.values())
 
 
@@ -54,21 +53,21 @@ def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -
         If the name or a parameter is unknown, a value is invalid, or the name stands for several.
     """
     known = {"method": methods, "scorer": scorers, "data set": data_sets}[kind](plugins)
-    found = variants(name, known)
-    if len(found) > 1:
-        raise ConfigurationError(f"'{name}' stands for {len(found)} {kind}s", f"name one: {found[0].name}")
-    return found[0]
+    first, *others = variants(name, known)
+    if others:
+        raise ConfigurationError(f"'{name}' stands for {len(others) + 1} {kind}s", f"name one: {first.name}")
+    return first
 
 
 def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
     """Return the components for a name with parameters, one for each combination of their values, each once."""
-    base, inside = split_name(name) or (name, "")
+    base, inside = split_name(name)
     component = known[base]
-    found = [component.with_parameters(given) if given else component for given in combinations(inside)]
-    for variant in found:
+    chosen = [component.with_parameters(given) if given else component for given in combinations(inside)]
+    for variant in chosen:
         if variant.parameters and not variant.missing_packages():
             variant.create()  # lets the class refuse invalid combinations now
-    return list({variant.name: variant for variant in found}.values())
+    return list({variant.name: variant for variant in chosen}.values())
 
 
 def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
@@ -86,12 +85,11 @@ def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
     ConfigurationError
         If there is nothing of this name, or a parameter is unknown or invalid.
     """
-    base, inside = split_name(name) or (name, "")
+    base, inside = split_name(name)
     if base.endswith(".py"):
-        found = in_file(Path(base))
-        known = methods([Path(base), *plugins])
-        named = [component for component in found if component.kind == "method"]
-        return [variant for c in named for variant in variants(f"{c.name}[{inside}]", known)] if inside else found
+        components = in_file(Path(base))
+        own = {component.name: component for component in components if component.kind == "method"}
+        return [variant for c in own for variant in variants(f"{c}[{inside}]", own)] if inside else components
     groups = (methods(plugins), scorers(plugins), data_sets(plugins))
     return [component for known in groups if base in known for component in variants(name, known)] or variants(
         name, groups[0]

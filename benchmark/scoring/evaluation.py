@@ -48,40 +48,33 @@ class Labelled:
 
 def with_labels(distances: object, labels: object) -> Labelled:
     """Join distances and labels, by name if both have names; see :func:`score`."""
-    matrix, given = as_distances(distances), as_labels(labels)
-    count = len(matrix.values)
-    if isinstance(given, dict) and matrix.names:
-        if unknown := [name for name in matrix.names if name not in given]:
+    (matrix, names), given = as_distances(distances), as_labels(labels)
+    if isinstance(given, dict) and names:
+        if unknown := [name for name in names if name not in given]:
             problem = f"{len(unknown)} shapes have no label, the first is '{unknown[0]}'"
             raise ConfigurationError(problem, f"use the names of the labels: {', '.join(list(given)[:3])} ...")
-        labelled = Labelled(matrix.values, tuple(given[name] for name in matrix.names), matrix.names)
-    else:
-        names = matrix.names or (tuple(given) if isinstance(given, dict) else ())
-        labelled = Labelled(matrix.values, tuple(given.values() if isinstance(given, dict) else given), names)
-    if len(labelled.labels) != count or len(set(labelled.names)) < len(labelled.names):
-        raise ConfigurationError(
-            f"there are {count} rows of distances and {len(labelled.labels)} labels, or a name appears twice",
-            "pass one label for each shape",
-        )
-    _check(labelled.distances)
-    return labelled
+        given = {name: given[name] for name in names}
+    names = names or tuple(given if isinstance(given, dict) else ())
+    classes = tuple(given.values() if isinstance(given, dict) else given)
+    if len(classes) != len(matrix) or len(set(names)) < len(names):
+        problem = f"there are {len(matrix)} rows of distances and {len(classes)} labels, or a name appears twice"
+        raise ConfigurationError(problem, "pass one label for each shape")
+    _check(matrix)
+    return Labelled(matrix, classes, names)
 
 
 def _check(values: NDArray[np.float64]) -> None:
-    wrong = np.argwhere(~np.isfinite(values))
-    if len(wrong):
-        row, column = (int(place) + 1 for place in wrong[0])
-        raise ConfigurationError(
-            f"{len(wrong)} distances are NaN or infinite, the first in row {row}, column {column}",
-            "use a distance larger than all others if a method has no result",
-        )
-    if values.min() < 0:
-        raise ConfigurationError(
-            f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest"
-        )
-    own = values.diagonal()
-    if (own > 0).all() and (own >= values.max(axis=1)).all() and np.ptp(values) > 0:
-        raise ConfigurationError("each shape is farthest from itself", "pass distances, not similarities")
+    problem = ""
+    if len(wrong := np.argwhere(~np.isfinite(values))):
+        row, column = wrong[0] + 1
+        problem = f"{len(wrong)} distances are NaN or infinite, the first in row {row}, column {column}"
+        hint = "use a distance larger than all others if a method has no result"
+    elif values.min() < 0:
+        problem, hint = f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest"
+    elif (values.diagonal() >= values.max(axis=1)).all() and values.diagonal().min() > 0 and np.ptp(values) > 0:
+        problem, hint = "each shape is farthest from itself", "pass distances, not similarities"
+    if problem:
+        raise ConfigurationError(problem, hint)
 
 
 def score(distances: object, labels: object) -> Evaluation:

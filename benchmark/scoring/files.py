@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
-import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +18,6 @@ _HINT = "write the matrix as .npy, .npz, .txt, .csv or .mat (-v7)"
 
 #: Largest size of a file in bytes.
 _LARGEST = 2**31
-
-
-@dataclass(frozen=True, eq=False)
-class DistanceMatrix:
-    """Distances between all pairs of shapes.
-
-    Parameters
-    ----------
-    values
-        Shape (N, N).
-    names
-        Names of rows and columns; empty if the file has none.
-    """
-
-    values: NDArray[np.float64]
-    names: tuple[str, ...] = ()
 
 
 def as_labels(labels: object) -> dict[str, str] | list[str]:
@@ -71,7 +54,7 @@ def _read_labels(path: Path) -> dict[str, str] | list[str]:
     if widths == {1}:
         return [row[0] for row in rows]
     if widths != {2}:
-        problem = f"{path} has lines of {' and '.join(map(str, sorted(widths)))} words" if rows else f"{path} is empty"
+        problem = f"{path} has lines of {' and '.join(map(str, sorted(widths)))} words"
         raise ConfigurationError(problem, "write 'label' or 'name label' on each line")
     labels = dict(rows)
     if len(labels) < len(rows):
@@ -79,59 +62,62 @@ def _read_labels(path: Path) -> dict[str, str] | list[str]:
     return labels
 
 
-def as_distances(distances: object) -> DistanceMatrix:
-    """Return distances from a path, an array, or a pandas frame whose index and columns name the shapes.
+def as_distances(distances: object) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Return a matrix of distances and the names of its rows, () if they have none.
+
+    Parameters
+    ----------
+    distances
+        A path, an array, or a pandas frame whose index and columns name the shapes.
 
     Raises
     ------
     ConfigurationError
         If a file cannot be read, or they are not one N x N matrix of real numbers.
     """
-    if isinstance(distances, str | Path):
-        return _read_distances(Path(distances))
-    if not hasattr(distances, "columns"):
-        return DistanceMatrix(_square(np.asarray(distances), "the distances"))
-    frame: Any = distances
-    names = tuple(map(str, frame.index))
-    if names != tuple(map(str, frame.columns)):
-        frame = _reordered(frame, names)
-    is_counted = frame.index.dtype.kind in "iu"
-    return DistanceMatrix(_square(np.asarray(frame), "the distances"), () if is_counted else names)
+    content: Any = _read(Path(distances)) if isinstance(distances, str | Path) else distances
+    what, names = str(distances) if isinstance(distances, str | Path) else "the distances", ()
+    if hasattr(content, "columns") and content.index.dtype.kind not in "iu":
+        content = content.rename(str, axis="index").rename(str, axis="columns")
+        names = tuple(content.index)
+        if sorted(names) != sorted(content.columns):
+            hint = "name both like the shapes"
+            raise ConfigurationError("rows and columns of the distances have different names", hint)
+        content = content[list(names)]
+    matrix = np.asarray(content)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size or matrix.dtype.kind not in "iufb":
+        raise ConfigurationError(f"{what}: an array of shape {matrix.shape}, {matrix.dtype}, is no N x N matrix", _HINT)
+    return np.asarray(matrix, dtype=np.float64), names
 
 
-def _read_distances(path: Path) -> DistanceMatrix:
+def _read(path: Path) -> Any:
     if not path.is_file():
         raise ConfigurationError(f"there is no file {path}", "name the file of the distances")
     if path.stat().st_size > _LARGEST:
         raise ConfigurationError(f"{path} has more than {_LARGEST // 2**30} GiB", "write it in single precision (.npy)")
-    readers = {".npy": _read_npy, ".npz": _read_npz, ".mat": _read_mat}
     try:
-        if path.suffix.lower() in readers:
-            return DistanceMatrix(_square(readers[path.suffix.lower()](path), str(path)))
-        return _read_text(path)
+        return _readable(path)
     except (ConfigurationError, MemoryError):
         raise
     except Exception as error:  # of any library, for a damaged file
         raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", _HINT) from error
 
 
-def _read_npy(path: Path) -> NDArray[Any]:
-    loaded: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
-    return loaded
+def _readable(path: Path) -> Any:
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        return np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
+    if suffix == ".npz":
+        with np.load(path, allow_pickle=False) as archive:
+            sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.zip.infolist()}
+            return archive[_only(sizes, path)]
+    if suffix == ".mat":
+        from scipy.io import loadmat, whosmat
 
-
-def _read_npz(path: Path) -> NDArray[Any]:
-    with np.load(path, allow_pickle=False) as archive:
-        sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.zip.infolist()}
-        return np.asarray(archive[_only(sizes, path)])
-
-
-def _read_mat(path: Path) -> NDArray[Any]:
-    from scipy.io import loadmat, whosmat
-
-    sizes = {name: 8 * int(np.prod(shape)) for name, shape, kind in whosmat(path) if kind in ("double", "single")}
-    name = _only({name: size for name, size in sizes.items() if size > 8}, path)
-    return np.asarray(loadmat(path, variable_names=[name])[name])
+        kinds = ("double", "single")
+        sizes = {name: 8 * int(np.prod(n)) for name, n, kind in whosmat(path) if kind in kinds and np.prod(n) > 1}
+        return loadmat(path, variable_names=[name := _only(sizes, path)])[name]
+    return _read_text(path)
 
 
 def _only(sizes: Mapping[str, int], path: Path) -> str:
@@ -145,47 +131,26 @@ def _only(sizes: Mapping[str, int], path: Path) -> str:
     return names[0]
 
 
-def _read_text(path: Path) -> DistanceMatrix:
+def _read_text(path: Path) -> Any:
     """Read numbers separated by blanks, commas or semicolons, with names in the first row and column or without."""
     lines = _lines(path)
-    if not lines:
-        raise ConfigurationError(f"{path} is empty", _HINT)
-    if _is_number(lines[-1].replace(",", " ").replace(";", " ").split()[0]):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            values = np.loadtxt([re.sub("[,;]", " ", line) for line in lines], ndmin=2)
-        return DistanceMatrix(_square(values, str(path)))
-    import pandas as pd
-
-    return as_distances(pd.read_csv(path, sep="[,;\t]|\\s+", index_col=0, engine="python", dtype={0: str}))
-
-
-def _is_number(word: str) -> bool:
     try:
-        float(word)
+        float(re.split(r"[,;\s]+", lines[-1].strip())[0])
     except ValueError:
-        return False
-    return True
+        from pandas import read_csv
+
+        text = io.StringIO("\n".join(lines))
+        return read_csv(text, sep="[,;\t]|\\s+", index_col=0, engine="python", dtype={0: str})
+    return np.loadtxt([re.sub("[,;]", " ", line) for line in lines], ndmin=2)
 
 
 def _lines(path: Path) -> list[str]:
-    if not path.is_file() or path.stat().st_size > _LARGEST:
-        raise ConfigurationError(f"there is no readable file {path}", "name another one")
+    """Return the lines of a text with content, without comments."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} is not a text: {one_line(error)}", "name another file") from error
-    return [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-
-
-def _reordered(frame: Any, names: tuple[str, ...]) -> Any:
-    frame = frame.set_axis([str(name) for name in frame.columns], axis=1)
-    if sorted(names) != sorted(frame.columns):
-        raise ConfigurationError("rows and columns of the distances have different names", "name both like the shapes")
-    return frame[list(names)]
-
-
-def _square(array: NDArray[Any], what: str) -> NDArray[np.float64]:
-    if array.ndim != 2 or array.shape[0] != array.shape[1] or not array.size or array.dtype.kind not in "iufb":
-        raise ConfigurationError(f"{what}: an array of shape {array.shape}, {array.dtype}, is no N x N matrix", _HINT)
-    return np.asarray(array, dtype=np.float64)
+        raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", "name a text file") from error
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise ConfigurationError(f"{path} is empty", "name another file")
+    return lines

@@ -69,14 +69,15 @@ def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, 
         )
     labels = dict(zip(labelled.names, labelled.labels, strict=True))
     facts = _beside(results, dataset, input_, method_name(title)) or _own_table(dataset, labels)
-    shapes = facts["shapes"]
-    if dict(zip(shapes, facts["labels"], strict=True)) != labels:
-        known = dict(zip(shapes, facts["labels"], strict=True))
+    known = dict(zip(facts["shapes"], facts["labels"], strict=True))
+    if known != labels:
         other = [name for name in labels if known.get(name) != labels[name]]
         what = f"the first that differs is '{other[0]}'" if other else f"they are {len(labels)}, not {len(known)}"
-        hint = f"name them with their classes as there ({shapes[0]} {known[shapes[0]]}, ...), or another --dataset"
+        hint = (
+            f"name them with their classes as there ({' '.join(next(iter(known.items())))}, ...), or another --dataset"
+        )
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
-    order = [labelled.names.index(name) for name in shapes]
+    order = [labelled.names.index(name) for name in known]
     matrix = labelled.distances[np.ix_(order, order)]
     content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score([matrix], facts["labels"])}
     key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes())])
@@ -85,24 +86,24 @@ def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, 
 
 def _beside(results: Path, dataset: str, input_: Input, method: str) -> dict[str, Any] | None:
     """Return the facts of the gallery beside whose rows an external row is shown; None if there is none."""
-    path = Path(dataset)
-    dataset = path.resolve().name if path.is_dir() else dataset
+    name = Path(dataset).resolve().name if Path(dataset).is_dir() else dataset
     records = [
         record
         for record in read_records(results)
         if record.status == "ok" and record.input == input_ and not record.data.quick and record.method != method
-        and dataset in (record.gallery, record.data.name)
+        and name in (record.gallery, record.data.name)
     ]  # fmt: skip
-    records = [record for record in records if record.gallery == dataset] or records  # the whole set before its parts
-    galleries = sorted({record.gallery for record in records})
-    if len(galleries) > 1:
-        hint = f"choose one with --dataset: {', '.join(galleries)}"
-        raise ConfigurationError(f"the rows of '{dataset}' are of several galleries", hint)
-    if not records and is_known(dataset):
-        problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
+    galleries = {record.gallery: record for record in records}
+    if len(galleries) > 1 and name not in galleries:  # parts of a set
+        hint = f"choose one with --dataset: {', '.join(sorted(galleries))}"
+        raise ConfigurationError(f"the rows of '{name}' are of several galleries", hint)
+    if not records and is_known(name):
+        problem = f"no row of '{name}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
-    fields = ("gallery", "gallery_digest", "data", "shapes", "labels")
-    return {name: getattr(records[-1], name) for name in fields} if records else None
+    if not records:
+        return None
+    record = galleries.get(name, records[-1])
+    return {name: getattr(record, name) for name in ("gallery", "gallery_digest", "data", "shapes", "labels")}
 
 
 def _own_table(dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
@@ -155,36 +156,32 @@ def score_forms(
     for record in read_records(results, published=False):
         if record.key == key:
             return record
-    created, signatures, refused = scorer.create(), [], []
+    created, signatures, refused = scorer.create(), {}, {}
     for entry in watched(gallery.entries):
         try:
             if entry.identifier not in files:
                 raise UnsupportedShape(f"{folder} has no form of this shape")
-            signatures.append(compute_signature(created, read_mesh(files[entry.identifier])))
+            signatures[entry.identifier] = compute_signature(created, read_mesh(files[entry.identifier]))
         except ShapeError as error:
-            refused.append((entry.identifier, error.problem))
+            refused[entry.identifier] = error.problem
     if not signatures:
-        raise ConfigurationError(f"no form in {folder} is usable: {refused[0][1]}", "correct the meshes")
-    matrices = [compare_signatures(created, signatures, draw) for draw in range(scorer.info.draws)]
-    left_out = dict(refused)
-    answered = [place for place, name in enumerate(facts["shapes"]) if name not in left_out]
+        raise ConfigurationError(f"no form in {folder} is usable: {next(iter(refused.values()))}", "correct the meshes")
+    matrices = [compare_signatures(created, [*signatures.values()], draw) for draw in range(scorer.info.draws)]
+    answered = [number for number, name in enumerate(facts["shapes"]) if name in signatures]
     content = {
         **facts,
         **score(matrices, facts["labels"], answered if refused else None),
         "scorer": scorer.name,
         "scorer_title": scorer.title,
-        "unsupported": refused,
+        "unsupported": [*refused.items()],
     }
     return _keep(results, key, title, content, np.mean(matrices, axis=0))
 
 
 def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
     """Return the mesh file of each shape that has one, by name."""
-    files = {}
-    for entry in entries:
-        paths = (folder / f"{entry.identifier}{suffix}" for suffix in READABLE)
-        if path := next((path for path in paths if path.is_file()), None):
-            files[entry.identifier] = path
+    paths = ((entry, folder / f"{entry.identifier}{suffix}") for entry in entries for suffix in READABLE)
+    files = {entry.identifier: path for entry, path in reversed([*paths]) if path.is_file()}
     if not files:
         first = next(iter(entries)).identifier
         raise ConfigurationError(f"{folder} has no form of these shapes", f"name them like the shapes: {first}.off")

@@ -10,14 +10,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 
-from benchmark.api.contracts import CheckedParameters, GeodesicSolver, Interval, Matches, OneOf
+from benchmark.api.contracts import CheckedParameters, Interval, Matches
 from benchmark.api.parameters import assignments, checked, format_value, non_default_values, parameter_values
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.geodesics import DEFAULT_SOLVER
-
-
-def known_names() -> list[str]:
-    return ["red", "green"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +35,6 @@ class Sample:
     share: Annotated[float, Interval(0, 1, closed="neither")] = 0.5
     half_open: Annotated[float, Interval(0, 1, closed="left")] = 0.0
     most: Annotated[float, Interval(high=3)] = 0.0
-    colour: Annotated[str, OneOf(known_names)] = "red"
-    solver: GeodesicSolver = "default"
     name: Annotated[str, Matches("[a-z]*", "lower-case letters")] = ""
     some: Annotated[int, Interval(1)] | None = None
     parts: tuple[Annotated[int, Interval(1)], ...] = ()
@@ -52,7 +45,6 @@ class Guarded(CheckedParameters):
     """Checks itself."""
 
     least: Annotated[int, Interval(1)] = 1
-    solver: GeodesicSolver = "default"
     kept: int = field(default=0, init=False)
 
 
@@ -98,9 +90,6 @@ def read(name: str, value: Any) -> Any:
         ("share", "0.25", 0.25),
         ("half_open", "0", 0.0),
         ("most", "3", 3.0),
-        ("colour", "green", "green"),
-        ("solver", "default", DEFAULT_SOLVER),
-        ("solver", "exact", "exact"),
         ("name", "abc", "abc"),
         ("some", "none", None),
         ("some", "5", 5),
@@ -148,9 +137,6 @@ def test_a_value_is_read_as_its_type_wants_it(name: str, text: Any, value: Any) 
         ("half_open", "-1e-9", "of at least 0 and below 1"),
         ("most", "3.1", "write a number of at most 3"),
         ("most", "-inf", "write a number of at most 3"),
-        ("colour", "gren", "unknown colour of Sample 'gren'; did you mean green"),
-        ("colour", 3, "'3' does not fit colour of Sample; write red or green"),
-        ("solver", "heta", "unknown solver of Sample 'heta'; did you mean heat"),
         ("name", "A", "'A' does not fit name of Sample; write lower-case letters"),
         ("some", "0", "write a whole number of at least 1 or none"),
         ("parts", "(1,0)", "write values in parentheses, each a whole number of at least 1"),
@@ -164,17 +150,17 @@ def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, mess
     assert "\n" not in str(caught.value)
 
 
-def test_non_default_settings_come_in_the_order_of_the_fields_and_solvers_by_their_name() -> None:
-    given = {"solver": DEFAULT_SOLVER, "share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
+def test_non_default_settings_come_in_the_order_of_the_fields_() -> None:
+    given = {"share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
     assert list(non_default_values(Sample, given).items()) == [("whole", 3), ("pair", (0.0, 2.0)), ("share", 0.25)]
 
 
 def test_a_class_may_check_itself() -> None:
-    assert Guarded() == Guarded(least=1, solver=DEFAULT_SOLVER)
+    assert Guarded() == Guarded(least=1)
     assert Guarded(least="2").least == 2  # type: ignore[arg-type]
     with pytest.raises(ConfigurationError, match="'0' does not fit least of Guarded; write a whole number"):
         replace(Guarded(), least=0)
-    assert parameter_values(Guarded()) == {"least": 1, "solver": DEFAULT_SOLVER}
+    assert parameter_values(Guarded()) == {"least": 1}
 
 
 def test_a_type_that_is_unknown_at_run_time_is_named() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -76,7 +77,7 @@ def test_a_model_of_another_network_is_refused(trained: Path) -> None:
 
 
 def test_the_rows_differ_in_what_their_names_say() -> None:
-    assert {*methods._NAMES} == {name for name in CONFIGURATIONS if name != TINY.name}
+    assert {*get_args(methods.ConfigurationName)} == {name for name in CONFIGURATIONS if name != TINY.name}
     assert (Strict().split, Strict().configuration, Learned().split) == ("strict", "literal", "table")
     assert WideExtra(training="animals-sampled").model_folder.parts[-2:] == ("animals-sampled", "wide-extra-seed0")
     assert Streamed().model_folder.parts[-2:] == ("humans-varied", "streamed-people-seed0")

@@ -33,6 +33,10 @@ def _path(monkeypatch):
             r"smooth.py:8: ModuleNotFoundError: .*; install 'missing_here', or put missing_here.py",
         ),
         ("def (", r"smooth.py cannot be imported: smooth.py:8: SyntaxError: "),
+        (
+            "MethodInfo(name='A', title='B')",
+            r"imported: smooth.py:8: .A. does not fit name of MethodInfo; write lower-case words joined",
+        ),
         ("raise SystemExit(3)", r"smooth.py:8: SystemExit: 3"),
         ("import helper", r"smooth.py cannot be imported: helper.py:2: NameError: name 'x' is not defined"),
     ],

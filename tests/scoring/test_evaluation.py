@@ -108,7 +108,7 @@ def test_what_is_no_distance_matrix_is_refused(distances, labels, problem):
         ("m.mat", b"MATLAB 7.3 MAT-file", "cannot be read"),
         ("m.txt", b"1 2\n3\n", "m.txt cannot be read"),
         ("m.txt", b"", "m.txt is empty"),
-        ("m.csv", b"\xff\xfe", "m.csv is not a text"),
+        ("m.csv", b"\xff\xfe", "m.csv cannot be read"),
     ],
 )
 def test_damaged_files_are_named(name, content, problem, tmp_path):
