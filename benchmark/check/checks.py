@@ -93,8 +93,8 @@ def run_checks(
         yield Finding("packages", "skipped", f"install {', '.join(missing)}, then check again")
         return
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        case, checks = _checks_of(component, Path(folder), options or {}, tick)
-        for name, run in checks.items():
+        case = Case(component, Path(folder), options or {}, tick)
+        for name, run in _checks_of(component).items():
             yield name
             finding = _find(name, run, case)
             yield finding
@@ -102,36 +102,30 @@ def run_checks(
                 return
 
 
-def _find(name: str, run: Callable[[Any], str], case: Any) -> Finding:
+def _find(name: str, run: Callable[[Case], str], case: Case) -> Finding:
     try:
         return Finding(name, "ok", run(case))
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))
     except (Exception, SystemExit) as error:
         trace = "" if isinstance(error, Failed) else "".join(traceback.format_exception(error))
-        return Finding(name, "failed", " ".join(explain(error).split()), trace)
+        return Finding(name, "failed", " ".join(_explained(error).split()), trace)
 
 
-def explain(error: BaseException) -> str:
-    """Explain an exception to the author in one line, with advice that fits."""
+def _explained(error: BaseException) -> str:
+    """Return an exception as the author needs it, with advice that fits."""
     if isinstance(error, UnsupportedShape):
         return f"refuses an ordinary surface ({error}); treat it"
     if isinstance(error, Failed | BenchmarkError):
         return str(error)
-    advice = ""
     if isinstance(error, ImportError):
-        advice = "; name packages beyond the core in info.requires"
-    elif "read-only" in str(error):
-        advice = "; it writes into its input: work on a copy"
-    return f"{locate(error)}{advice}"
-
-
-# Answers -------------------------------------------------------------------------------------------------------------
+        return f"{locate(error)}; name packages beyond the core in info.requires"
+    return f"{locate(error)}{'; it writes into its input: work on a copy' if 'read-only' in str(error) else ''}"
 
 
 @dataclass
 class Case:
-    """A method, descriptor or scorer with its answers: a form, shape (n, 3), or a vector.
+    """A component under test, with its answers: forms, shape (n, 3), vectors, or meshes of a data set.
 
     Parameters
     ----------
@@ -143,6 +137,8 @@ class Case:
         Called before each shape.
     model
         The model of a learner, once it is trained.
+    meshes
+        The meshes of a data set, once they are loaded.
     """
 
     component: Component
@@ -150,11 +146,22 @@ class Case:
     options: Mapping[str, str]
     tick: Callable[[], object]
     model: Path | None = None
+    meshes: dict[str, Mesh] = field(default_factory=dict)
 
     @property
     def info(self) -> Any:
         """Description of the component."""
         return self.component.info
+
+    @property
+    def is_scorer(self) -> bool:
+        """Whether it compares forms."""
+        return self.component.kind == "scorer"
+
+    @property
+    def is_random(self) -> bool:
+        """Whether its answers depend on the seed."""
+        return not getattr(self.info, "deterministic", True)
 
     @property
     def reads_images(self) -> bool:
@@ -164,135 +171,136 @@ class Case:
     @cached_property
     def reference(self) -> FloatArray:
         """The answer for the figure."""
-        return self.answer(self.subject())
+        return self.answer(self.shape())
+
+    @cached_property
+    def dataset(self) -> ShapeSet:
+        """The data set."""
+        created: ShapeSet = self.component.create()
+        return created
 
     def create(self) -> Any:
         """Return a new object, with its trained model."""
         created = self.component.create()
         return created.load(self.model) if self.model else created
 
-    def subject(self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure") -> Shape:
+    def shape(self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure") -> Shape:
         """Return the figure, or another mesh in its place, as input."""
         seen = view(bend) if self.reads_images else None
         mesh = mesh or (seen.mesh if seen else figure(bend))
         # Bending preserves the area, and equal areas would leave nothing to compare.
-        area = (1 + bend) * mesh.area
-        depth = seen.depth if seen else None
+        area, depth = (1 + bend) * mesh.area, seen.depth if seen else None
         return Shape(identifier=f"{name} {bend}", mesh=mesh, depth=depth, source_area=area, seed=seed)
 
     def answer(self, shape: Shape, by: Any = None) -> FloatArray:
-        """Return the answer of an object, by default a new one."""
-        self.tick()
-        created = self.create() if by is None else by
-        if self.component.kind == "scorer":
-            arrays = compute_signature(created, shape.mesh)
-            return np.concatenate([np.asarray(arrays[name], dtype=np.float64).ravel() for name in sorted(arrays)])
-        return (
-            compute_descriptor(created, shape) if self.component.describes else compute_form(created, shape)[0].vertices
-        )
+        """Return the answer of an object, by default a new one, as an array."""
+        answer = self._answer(self.create() if by is None else by, shape)
+        if self.is_scorer:
+            return np.concatenate([np.asarray(answer[name], dtype=np.float64).ravel() for name in sorted(answer)])
+        return np.asarray(answer)
 
     def dissimilarities(self, shapes: Sequence[Shape], draw: int = 0) -> FloatArray:
         """Return the dissimilarities of all pairs by a descriptor or a scorer."""
-        created, is_scorer = self.create(), self.component.kind == "scorer"
-        described: list[Any] = []
-        for shape in shapes:
-            self.tick()
-            described.append(
-                compute_signature(created, shape.mesh) if is_scorer else compute_descriptor(created, shape)
-            )
-        return compare_signatures(created, described, draw) if is_scorer else compute_distances(created, described)
+        created = self.create()
+        answers = [self._answer(created, shape) for shape in shapes]
+        return compare_signatures(created, answers, draw) if self.is_scorer else compute_distances(created, answers)
 
-    def unchanged_by(self, change: Callable[[Mesh], Mesh], hint: str, order: NDArray[np.int64] | None = None) -> str:
-        """Compare answers for the figure and its changed copy; ``order`` is the vertex order after the change.
-
-        Forms are compared up to rigid motions and reflections. For a scorer, a form and its copy must be much more
-        similar than any two forms.
-        """
-        if self.component.kind == "scorer":
-            shapes = [self.subject(bend) for bend in BENDS]
-            copies = [self.subject(mesh=change(shape.mesh)) for shape in shapes]
-            distances, count = self.dissimilarities([*shapes, *copies]), len(BENDS)
-            between = distances[:count, :count][~np.eye(count, dtype=bool)].min()
-            itself = np.diag(distances[:count, count:]).max()
-            if not itself <= _SHARE * between:
-                raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
-            return f"{itself / between if between else 0.0:.1e} of the smallest difference between two forms"
-        mesh = self.subject().mesh
-        answer = self.answer(self.subject(mesh=change(mesh)))
-        if order is not None and answer.ndim == 2:
-            if len(self.reference) != mesh.n_vertices:
-                raise Skipped("the form has its own vertices")
-            answer = answer[np.argsort(order)]
-        return same(self.reference, answer, hint, factor=1.0)
+    def _answer(self, created: Any, shape: Shape) -> Any:
+        self.tick()
+        if self.is_scorer:
+            return compute_signature(created, shape.mesh)
+        if self.component.describes:
+            return compute_descriptor(created, shape)
+        return compute_form(created, shape)[0].vertices
 
 
-def difference(expected: FloatArray, answer: FloatArray) -> float:
+# Differences ---------------------------------------------------------------------------------------------------------
+
+
+def _difference(expected: FloatArray, answer: FloatArray) -> float:
     """Return the largest difference between two answers, relative to the first; infinite if their shapes differ."""
     if expected.shape != answer.shape:
         return np.inf
     return float(np.abs(answer - expected).max() / (np.abs(expected).max() or 1.0))
 
 
-def same(expected: FloatArray, answer: FloatArray, hint: str, factor: float | None = None) -> str:
-    """Compare two answers; with a factor up to rigid motions and reflections, with the second one scaled by it."""
+def _same(expected: FloatArray, answer: FloatArray, hint: str, tolerance: float = REPEAT_TOLERANCE) -> str:
+    """Compare two answers to one description of a surface."""
+    if not (difference := _difference(expected, answer)) <= tolerance:
+        raise Failed(f"relative difference {difference:.1e}: {hint}")
+    return f"relative difference {difference:.1e}"
+
+
+def _same_form(expected: FloatArray, answer: FloatArray, hint: str, factor: float = 1.0) -> str:
+    """Compare two answers up to rigid motions and reflections, the second one scaled by a factor."""
     if expected.shape != answer.shape:
         raise Failed(f"{answer.shape} instead of {expected.shape}: {hint}")
-    tolerance = REPEAT_TOLERANCE
-    if factor is not None:
-        expected, answer, tolerance = factor * _invariants(expected), _invariants(answer), SYMMETRY_TOLERANCE
-    deviation = f"relative difference {difference(expected, answer):.1e}"
-    if not difference(expected, answer) <= tolerance:
-        raise Failed(f"{deviation}: {hint}")
-    return deviation
+    return _same(factor * _invariants(expected), _invariants(answer), hint, SYMMETRY_TOLERANCE)
 
 
 def _invariants(answer: FloatArray) -> FloatArray:
-    """Return invariants under rigid motions: distances between vertices of a form, or a descriptor itself."""
-    if answer.ndim == 1:
-        return answer
-    return np.asarray(pdist(answer[:: max(1, len(answer) // _COMPARED_VERTICES)]))
+    """Return distances between vertices of a form, which no rigid motion changes, or a descriptor itself."""
+    return answer if answer.ndim == 1 else np.asarray(pdist(answer[:: max(1, len(answer) // _COMPARED_VERTICES)]))
+
+
+def _unchanged(case: Case, change: Callable[[Mesh], Mesh], hint: str, order: NDArray[np.int64] | None = None) -> str:
+    """Compare answers for the figure and its changed copy; ``order`` is the order of vertices after the change.
+
+    For a scorer, a form and its copy must be much more similar than any two forms.
+    """
+    if case.is_scorer:
+        shapes, count = [case.shape(bend) for bend in BENDS], len(BENDS)
+        distances = case.dissimilarities([*shapes, *(case.shape(mesh=change(shape.mesh)) for shape in shapes)])
+        between = distances[:count, :count][~np.eye(count, dtype=bool)].min()
+        itself = np.diag(distances[:count, count:]).max()
+        if not itself <= _SHARE * between:
+            raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
+        return f"{itself / between if between else 0.0:.1e} of the smallest difference between two forms"
+    answer = case.answer(case.shape(mesh=change(case.shape().mesh)))
+    if order is not None and answer.ndim == 2:
+        if len(case.reference) != len(order):
+            raise Skipped("the form has its own vertices")
+        answer = answer[np.argsort(order)]
+    return _same_form(case.reference, answer, hint)
+
+
+def _require_comparable(case: Case) -> None:
+    """Raise :class:`Skipped` if other surfaces cannot be compared."""
+    if case.is_random:
+        raise Skipped("the answer is random")
+    if case.reads_images:
+        raise Skipped("the depth image has one camera")
 
 
 # Methods and scorers -------------------------------------------------------------------------------------------------
 
 
 def _training(case: Case) -> str:
-    named = getattr(case.component.create(), "model_folder", None)
+    learner = case.component.create()
+    named = getattr(learner, "model_folder", None)
     if isinstance(named, Path) and not case.options:
         raise Skipped(f"is checked with its model, {named.name}; -o NAME=VALUE trains one for the check")
-    case.model = train_on_figure(case.component, case.folder, case.options)
-    return "trains a model on three images, keeps a finished one, and loads it"
-
-
-def train_on_figure(component: Component, folder: Path, options: Mapping[str, str] | None = None) -> Path:
-    """Train a learner on :func:`~benchmark.check.shapes.training_data` and return the folder of the model.
-
-    Raises
-    ------
-    Failed
-        If training leaves no usable model, or a finished training is repeated.
-    """
-    learner = component.create()
     if not isinstance(learner, Learner):
         raise Failed("has 'train' but is not a learner; see 'A learner' in docs/reference/plugins.md")
     if not re.fullmatch(r"[\w.=-]+", str(learner.model_name)):
         raise Failed(f"model_name is {learner.model_name!r}; return a valid folder name")
     if learner.split not in get_args(Split):
         raise Failed(f"split is {learner.split!r}; choose one of {', '.join(get_args(Split))}")
-    place, data, cards = folder / TRAINING / learner.model_name, training_data(), []
+    model, data, cards = case.folder / TRAINING / learner.model_name, training_data(), []
     for _ in range(2):
-        learner.train(data, place, dict(options or {}), lambda _: None)
-        if not (place / CARD).is_file():
+        learner.train(data, model, dict(case.options), lambda _: None)
+        if not (model / CARD).is_file():
             raise Failed(f"'train' ends without {CARD}; write it last, to show that the model is finished")
-        cards.append(read_card(place))
+        cards.append(read_card(model))
     if cards[1] != cards[0]:
         raise Failed("trains a finished model again; do nothing if its card exists")
-    checked_weights(place)
+    checked_weights(model)
     if cards[0].data != data.name or cards[0].identifiers != set(data.identifiers):
         raise Failed("the card does not name the training data with all identifiers; copy them from the argument")
-    if type(loaded := learner.load(place)) is not type(learner):
+    if type(loaded := learner.load(model)) is not type(learner):
         raise Failed(f"'load' returns {type(loaded).__name__}; return the method with its model")
-    return place
+    case.model = model
+    return "trains a model on three images, keeps a finished one, and loads it"
 
 
 def _answer(case: Case) -> str:
@@ -306,126 +314,103 @@ def _answer(case: Case) -> str:
 
 def _repeatable(case: Case) -> str:
     """Check that an answer is reproducible, immediately and after another shape."""
-    first, second = case.reference, case.answer(case.subject())
-    start = "give iterative solvers such as eigsh a fixed start (v0=...)"
-    if not (size := difference(first, second)) <= REPEAT_TOLERANCE:
-        if difference(np.abs(first), np.abs(second)) <= REPEAT_TOLERANCE:
-            cure = f"make the largest entry of each eigenvector positive, and {start}"
-            raise Failed(f"two runs on one shape differ by signs; {cure}")
-        cure = f"draw from shape.random(), {start}, fix the signs of eigenvectors, keep no state between shapes"
-        raise Failed(f"two runs on one shape differ by {size:.1e} of the largest number; {cure}")
+    first, second = case.reference, case.answer(case.shape())
+    cause = "differ by signs" if _difference(np.abs(first), np.abs(second)) <= REPEAT_TOLERANCE else "differ"
+    cure = "draw from shape.random(), give eigsh a fixed start (v0=...), fix the signs of eigenvectors, keep no state"
+    _same(first, second, f"two runs on one shape {cause}; {cure}")
     used = case.create()
-    case.answer(case.subject(BENDS[1]), used)
-    again = case.answer(case.subject(), used)
-    same(first, again, "the answer differs after another shape; keep no state between shapes")
+    case.answer(case.shape(BENDS[1]), used)
+    hint = "the answer differs after another shape; keep no state between shapes"
+    _same(first, case.answer(case.shape(), used), hint)
     return "the same whatever was processed before"
 
 
 def _input_untouched(case: Case) -> str:
-    shape = case.subject()
-    laplacian = shape.laplacian()
-    arrays = {
-        "vertices": shape.mesh.vertices,
-        "faces": shape.mesh.faces,
-        "depth": np.empty(0) if shape.depth is None else shape.depth,
-        "geodesics": shape.geodesics(),
-        "Laplacian": laplacian.stiffness.data,
-        "vertex areas": laplacian.mass,
-    }
-    before = {name: array.copy() for name, array in arrays.items()}
-    facts = (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed)
+    def content(shape: Shape) -> dict[str, Any]:
+        laplacian = shape.laplacian()
+        arrays = {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, "geodesics": shape.geodesics()}
+        arrays |= {"Laplacian": laplacian.stiffness.data, "vertex areas": laplacian.mass, "depth": shape.depth}
+        facts = (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed)
+        return {**{name: np.array(array) for name, array in arrays.items()}, "attributes": np.array(facts, object)}
+
+    shape = case.shape()
+    before = content(shape)
     case.answer(shape)
-    changed = [name for name, array in arrays.items() if not np.array_equal(array, before[name])]
-    if facts != (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed):
-        changed.append("attributes")
-    if changed:
+    after = content(shape)
+    if changed := [name for name, array in before.items() if not np.array_equal(array, after[name])]:
         raise Failed(f"changes the {', '.join(changed)} of the shape; work on a copy")
     return "mesh, geodesics and Laplacian are unchanged"
 
 
 def _seed(case: Case) -> str:
-    if case.info.deterministic:
-        answer = case.answer(case.subject(name="another name", seed=1))
+    if not case.is_random:
         hint = "the answer depends on the name or the seed of the shape; use neither, or declare deterministic=False"
-        same(case.reference, answer, hint)
+        _same(case.reference, case.answer(case.shape(name="another name", seed=1)), hint)
         return "neither the seed nor the name of a shape matters"
-    if np.array_equal(case.answer(case.subject(seed=1)), case.reference):
+    if np.array_equal(case.answer(case.shape(seed=1)), case.reference):
         raise Failed("declares deterministic=False but ignores the seed; draw from shape.random(), or drop the flag")
     return "the same under one seed, different under another"
 
 
-def _comparable(case: Any) -> None:
-    """Raise :class:`Skipped` if other surfaces cannot be compared."""
-    if not getattr(case.info, "deterministic", True):
+def _relabelling(case: Case) -> str:
+    if case.is_random:
         raise Skipped("the answer is random")
-    if case.reads_images:
-        raise Skipped("the depth image has one camera")
-
-
-def _relabelling(case: Any) -> str:
-    if not getattr(case.info, "deterministic", True):
-        raise Skipped("the answer is random")
-    mesh, generator = case.subject().mesh, np.random.default_rng(0)
+    mesh, generator = case.shape().mesh, np.random.default_rng(0)
     order, of_faces = generator.permutation(mesh.n_vertices), generator.permutation(mesh.n_faces)
 
     def relabelled(mesh: Mesh) -> Mesh:
         faces = np.argsort(order).astype(np.int32)[np.roll(mesh.faces, 1, axis=1)]
         return Mesh(mesh.vertices[order], faces[of_faces])
 
-    hint = "depends on the numbering of vertices or faces; break ties by geometry"
-    return str(case.unchanged_by(relabelled, hint, order))
+    return _unchanged(case, relabelled, "depends on the numbering of vertices or faces; break ties by geometry", order)
 
 
-def _motion(case: Any) -> str:
-    _comparable(case)
+def _motion(case: Case) -> str:
+    _require_comparable(case)
     factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that rotates with it"
-    if case.component.kind == "scorer":
+    if case.is_scorer:
         factor = _SCALE
         hint = "depends on position or size of the form; use a frame fixed to the form, or declare invariant=False"
         if not case.info.invariant:
             raise Skipped("declares that it undoes motions only if a pose is well defined")
-    moved = lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])  # noqa: E731
-    return str(case.unchanged_by(moved, hint))
+    motion = lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])  # noqa: E731
+    return _unchanged(case, motion, hint)
 
 
 def _mirror(case: Case) -> str:
-    _comparable(case)
+    _require_comparable(case)
     if case.reference.ndim == 1 or case.component.learns:
         raise Skipped("a descriptor or a learned form may distinguish mirror images")
-    mirrored, hint = set(), "gives a mirrored shape another form; break ties by geometry"
+    mirrored, deviation = set(), ""
     for bend in BENDS:
-        shape = case.subject(bend)
+        shape = case.shape(bend)
         image = Mesh(shape.mesh.vertices * [-1.0, 1.0, 1.0], shape.mesh.faces[:, ::-1])
-        before, after = case.answer(shape), case.answer(case.subject(bend, mesh=image))
-        deviation = same(before, after, hint, factor=1.0)
-        mirrored.add(_is_mirrored(before, after))
+        before, after = case.answer(shape), case.answer(case.shape(bend, mesh=image))
+        deviation = _same_form(before, after, "gives a mirrored shape another form; break ties by geometry")
+        first, second = (form - form.mean(axis=0) for form in (before, after))
+        mirrored.add(bool(np.linalg.det(first.T @ second) < 0))
     if len(mirrored) > 1:
         raise Failed("mirrors some shapes and not others; let the form determine its handedness, or keep the shape's")
     return f"{'the mirrored form' if True in mirrored else 'the same form'}, {deviation}"
 
 
-def _is_mirrored(expected: FloatArray, answer: FloatArray) -> bool:
-    first, second = (form - form.mean(axis=0) for form in (expected, answer))
-    return bool(np.linalg.det(first.T @ second) < 0)
-
-
 def _scale(case: Case) -> str:
-    _comparable(case)
+    _require_comparable(case)
     is_equivariant = case.info.scale == "equivariant"
     other = "invariant" if is_equivariant else "equivariant"
     hint = f"breaks info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
-    scaled = [case.subject(bend, figure(bend).with_vertices(_SCALE * figure(bend).vertices)) for bend in BENDS]
+    scaled = [case.shape(bend, figure(bend).with_vertices(_SCALE * figure(bend).vertices)) for bend in BENDS]
     if case.reference.ndim == 2 or not is_equivariant:
-        return same(case.reference, case.answer(scaled[0]), hint, factor=_SCALE if is_equivariant else 1.0)
-    before, after = case.dissimilarities([case.subject(bend) for bend in BENDS]), case.dissimilarities(scaled)
+        return _same_form(case.reference, case.answer(scaled[0]), hint, _SCALE if is_equivariant else 1.0)
+    before, after = case.dissimilarities([case.shape(bend) for bend in BENDS]), case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):
         raise Failed("does not distinguish poses of the figure, so scale cannot be checked; declare scale='invariant'")
-    return same(before.ravel() / before.max(), after.ravel() / after.max(), hint, factor=1.0)
+    return _same_form(before.ravel() / before.max(), after.ravel() / after.max(), hint)
 
 
-def _dissimilarities(case: Any) -> str:
-    several, draws = [case.subject(bend) for bend in BENDS], getattr(case.info, "draws", 1)
-    several += [view(bend) for bend in BENDS] if case.component.kind == "scorer" else []
+def _dissimilarities(case: Case) -> str:
+    several, draws = [case.shape(bend) for bend in BENDS], getattr(case.info, "draws", 1)
+    several += [view(bend) for bend in BENDS] if case.is_scorer else []
     for draw in range(draws):
         distances = case.dissimilarities(several, draw)
         largest = distances.max()
@@ -435,20 +420,18 @@ def _dissimilarities(case: Any) -> str:
             raise Failed(f"does not distinguish any of {len(several)} shapes; compare properties that differ")
         if np.abs(distances - distances.T).max() > 1e-9 * largest or np.abs(np.diag(distances)).max() > 1e-6 * largest:
             raise Failed("dissimilarities are not symmetric with a zero diagonal; make them so")
-    repeated = case.dissimilarities(several, draws - 1)
-    same(distances, repeated, "dissimilarities differ between calls; seed by 'draw'")
+    _same(distances, case.dissimilarities(several, draws - 1), "dissimilarities differ between calls; seed by 'draw'")
     if draws == 1:
         # Rotated by one, because distances between positions, |i - j|, are the same in reverse order.
         turned = np.roll(case.dissimilarities([*several[1:], several[0]]), 1, axis=(0, 1))
-        same(distances, turned, "depends on the order of the shapes; treat all pairs alike")
+        _same_form(distances.ravel(), turned.ravel(), "depends on the order of the shapes; treat all pairs alike")
     return f"symmetric, zero diagonal, largest {largest:.3g}"
 
 
-def _awkward(case: Any) -> str:
+def _awkward(case: Case) -> str:
     refused, problems = [], []
-    is_scorer = case.component.kind == "scorer"
-    refusal: type[ShapeError] = ShapeError if is_scorer else UnsupportedShape
-    point = {"a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))} if is_scorer else {}
+    refusal: type[ShapeError] = ShapeError if case.is_scorer else UnsupportedShape
+    point = {"a point": Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))} if case.is_scorer else {}
     for name, mesh in {**awkward(), **point}.items():
         try:
             case.answer(Shape(identifier=name, mesh=mesh, source_area=mesh.area))
@@ -456,7 +439,7 @@ def _awkward(case: Any) -> str:
             refused.append(name)
             problems += [] if str(reason) else [f"{name} is refused without a reason; say why"]
         except Exception as error:
-            problems.append(f"{name}: {explain(error)}; raise UnsupportedShape with a reason, or treat it")
+            problems.append(f"{name}: {_explained(error)}; raise UnsupportedShape with a reason, or treat it")
     if problems:
         raise Failed("; ".join(problems))
     return f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated"
@@ -465,23 +448,8 @@ def _awkward(case: Any) -> str:
 # Data sets -----------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class SetCase:
-    """A data set, and its meshes once they are loaded."""
-
-    component: Component
-    tick: Callable[[], object]
-    meshes: dict[str, Mesh] = field(default_factory=dict)
-
-    @cached_property
-    def shapes(self) -> ShapeSet:
-        """The data set."""
-        created: ShapeSet = self.component.create()
-        return created
-
-
-def _shapes(case: SetCase) -> str:
-    entries = case.shapes.shapes
+def _shapes(case: Case) -> str:
+    entries = case.dataset.shapes
     names, classes = Counter(e.identifier for e in entries), Counter(entry.subject for entry in entries)
     if twice := [name for name, count in names.items() if count > 1]:
         raise Failed(f"two shapes are called '{twice[0]}'; give each an identifier of its own")
@@ -490,33 +458,31 @@ def _shapes(case: SetCase) -> str:
     return f"{len(entries)} shapes, {len(classes)} classes"
 
 
-def _meshes(case: SetCase) -> str:
-    for entry in case.shapes.shapes:
+def _meshes(case: Case) -> str:
+    for entry in case.dataset.shapes:
         case.tick()
-        case.meshes[entry.identifier] = mesh = case.shapes.load(entry)
+        case.meshes[entry.identifier] = mesh = case.dataset.load(entry)
         if not isinstance(mesh, Mesh):
             raise Failed(f"'load' returns {type(mesh).__name__} for '{entry.identifier}'; return Mesh(vertices, faces)")
     return f"all {len(case.meshes)} load"
 
 
-def _repeatable_meshes(case: SetCase) -> str:
-    for entry in reversed(case.shapes.shapes):
+def _repeatable_meshes(case: Case) -> str:
+    for entry in reversed(case.dataset.shapes):
         case.tick()
-        mesh, before = case.shapes.load(entry), case.meshes[entry.identifier]
+        mesh, before, name = case.dataset.load(entry), case.meshes[entry.identifier], entry.identifier
         if not (np.array_equal(mesh.vertices, before.vertices) and np.array_equal(mesh.faces, before.faces)):
-            raise Failed(
-                f"the mesh of '{entry.identifier}' changes between calls; seed it, keep no state between shapes"
-            )
+            raise Failed(f"the mesh of '{name}' changes between calls; seed it, keep no state between shapes")
     return "the same whatever was loaded before"
 
 
-def _inputs(case: SetCase) -> str:
-    for entry in {entry.subject: entry for entry in reversed(case.shapes.shapes)}.values():
+def _inputs(case: Case) -> str:
+    for entry in {entry.subject: entry for entry in reversed(case.dataset.shapes)}.values():
         case.tick()
-        mesh, camera = case.meshes[entry.identifier], case.shapes.camera(entry)
+        mesh, camera = case.meshes[entry.identifier], case.dataset.camera(entry)
         try:
             prepare(mesh)
-            depth_surface(mesh, camera, case.shapes.half_width or fit_half_width([mesh], camera))
+            depth_surface(mesh, camera, case.dataset.half_width or fit_half_width([mesh], camera))
         except BenchmarkError as error:
             raise Failed(f"'{entry.identifier}': {error}") from error
     return "a shape of each class can be prepared, and is seen by its camera"
@@ -524,39 +490,24 @@ def _inputs(case: SetCase) -> str:
 
 # The tables ----------------------------------------------------------------------------------------------------------
 
-_SCORER = {
-    "answer": _answer,
-    "repeatable": _repeatable,
-    "relabelling": _relabelling,
-    "rigid motion": _motion,
-    "dissimilarities": _dissimilarities,
-    "awkward shapes": _awkward,
-}
-_METHOD = {
-    "answer": _answer,
-    "repeatable": _repeatable,
-    "input untouched": _input_untouched,
-    "seed": _seed,
-    "relabelling": _relabelling,
-    "rigid motion": _motion,
-    "mirror": _mirror,
-    "scale": _scale,
-    "awkward shapes": _awkward,
-}
-_DATA_SET = {"shapes": _shapes, "meshes": _meshes, "repeatable": _repeatable_meshes, "inputs": _inputs}
+Checks = Mapping[str, Callable[[Case], str]]
+
+_ANSWERS: Checks = {"answer": _answer, "repeatable": _repeatable}
+_SURFACES: Checks = {"relabelling": _relabelling, "rigid motion": _motion}
+_COMPARED: Checks = {"dissimilarities": _dissimilarities}
+_AWKWARD: Checks = {"awkward shapes": _awkward}
+_DATA_SET: Checks = {"shapes": _shapes, "meshes": _meshes, "repeatable": _repeatable_meshes, "inputs": _inputs}
 
 #: Checks without which the others have nothing to compare.
 _NECESSARY = frozenset({_training, _answer, _repeatable, _shapes, _meshes})
 
 
-def _checks_of(
-    component: Component, folder: Path, options: Mapping[str, str], tick: Callable[[], object]
-) -> tuple[Any, Mapping[str, Callable[[Any], str]]]:
+def _checks_of(component: Component) -> Checks:
     if component.kind == "data set":
-        return SetCase(component, tick), _DATA_SET
-    case = Case(component, folder, options, tick)
+        return _DATA_SET
     if component.kind == "scorer":
-        return case, _SCORER
-    learned = {"training": _training} if component.learns else {}
-    compared = {"dissimilarities": _dissimilarities} if component.describes else {}
-    return case, {**learned, **_METHOD, **compared}
+        return {**_ANSWERS, **_SURFACES, **_COMPARED, **_AWKWARD}
+    learned: Checks = {"training": _training} if component.learns else {}
+    used: Checks = {"input untouched": _input_untouched, "seed": _seed}
+    changed: Checks = {**_SURFACES, "mirror": _mirror, "scale": _scale, **_AWKWARD}
+    return {**learned, **_ANSWERS, **used, **changed, **(_COMPARED if component.describes else {})}

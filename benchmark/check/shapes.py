@@ -65,9 +65,9 @@ def training_data() -> TrainingData:
     """Return training data: depth images of the figure in its poses, of which the first is canonical."""
     names = tuple(f"figure {bend}" for bend in BENDS)
 
-    def pairs(start: int = 0) -> Iterator[TrainingPair]:
+    def pairs() -> Iterator[TrainingPair]:
         images = [image for bend in BENDS if (image := view(bend).depth) is not None]
-        for name, image in list(zip(names, images, strict=True))[start:]:
+        for name, image in zip(names, images, strict=True):
             yield TrainingPair(
                 identifier=name, subject="figure", target_identifier=names[0], image=image, target=images[0]
             )
