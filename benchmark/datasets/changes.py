@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets import surface_changes as surface
 from benchmark.errors import ConfigurationError
@@ -22,8 +21,6 @@ from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 
 Random = np.random.Generator
-
-_VIEW: tuple[Input, ...] = ("view",)
 
 
 @dataclass(frozen=True)
@@ -41,8 +38,6 @@ class Change:
     of_mesh, of_camera, of_sensor, seen
         Function that changes the mesh or the camera, makes the sensor from the amount and a seed, or returns what a
         camera sees of a mesh.
-    inputs
-        Inputs that the table of robustness shows.
     """
 
     title: str
@@ -52,7 +47,6 @@ class Change:
     of_camera: Callable[[Camera, float, Random], Camera] | None = None
     of_sensor: Callable[[float, int], DepthSensor] | None = None
     seen: Callable[[Mesh, Camera, float], Mesh] | None = None
-    inputs: tuple[Input, ...] = ("mesh",)
 
 
 CHANGES = {
@@ -68,18 +62,15 @@ CHANGES = {
     "missing-parts": Change(
         "missing parts", "share of the area", (0.05, 0.1, 0.2, 0.3, 0.4), of_mesh=surface.missing_parts
     ),
-    "view-angle": Change(
-        "view angle", "largest angle in degrees", (10, 20, 30, 45, 60), of_camera=surface.turned, inputs=_VIEW
-    ),
+    "view-angle": Change("view angle", "largest angle in degrees", (10, 20, 30, 45, 60), of_camera=surface.turned),
     "depth-noise": Change(
         "depth noise and steps",
         "deviation and step / depth of the frame",
         (0.0005, 0.001, 0.002, 0.004, 0.008),
         of_sensor=lambda amount, seed: DepthSensor(amount, amount, seed),
-        inputs=_VIEW,
     ),
     "perspective": Change(
-        "perspective camera", "distance / extent", (3.0, 2.0, 1.5, 1.2, 1.0), seen=surface.seen_from_near, inputs=_VIEW
+        "perspective camera", "distance / extent", (3.0, 2.0, 1.5, 1.2, 1.0), seen=surface.seen_from_near
     ),
     "jitter": Change("vertex noise of a millionth of the extent", "deviation", (1e-6,) * 9, of_mesh=surface.noise),
 }
@@ -109,14 +100,6 @@ def split_name(name: str) -> tuple[str, list[tuple[str, int]]]:
         changes.insert(0, (match["change"], int(match["level"])))
         name = match["base"]
     return name, changes
-
-
-def last_change(name: str) -> tuple[str, str, int] | None:
-    """Split the last change off a name: data set, change and level; None if there is none."""
-    base, changes = split_name(name)
-    for change, level in changes[:-1]:
-        base = changed_name(base, change, level)
-    return (base, *changes[-1]) if changes else None
 
 
 def changed_name(base: str, change: str, level: int) -> str:

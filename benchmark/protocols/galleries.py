@@ -19,28 +19,26 @@ from benchmark.datasets.catalogue import (
     open_dataset,
     table_name,
 )
-from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, last_change
+from benchmark.datasets.changes import CHANGES, LEVELS, changed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.protocols.models import has_models
-from benchmark.protocols.tables import INPUTS, PARTS, QUICK_CONTROL, TABLES, TRAINING_SEED, Column, Table, own_table
+from benchmark.protocols.tables import PARTS, TABLES, Table, gallery_name, own_table
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
 
 #: Most poses of each subject with ``--quick``, which keeps every k-th pose.
 QUICK_POSES = 3
 
-#: Seeds of trainings over which a row is averaged, if there are models.
-SEEDS = (0, 1, 2)
-
 #: The network of the paper, whose row says so where it has no model.
 NETWORK = "learned"
 
+#: Seeds of trainings besides 0, over which rows are averaged.
+SEEDS = (1, 2)
+
+#: Methods with rows in quick runs: those of the paper, and the shape itself.
+QUICK_ROWS = (*CLASSICAL, NETWORK, "identity")
+
 Rows = Literal["all", "networks", "others"]
-
-
-def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
-    """Return the name of a gallery in plans and records: data set, part, and whether poses were omitted."""
-    return f"{dataset}{part and ' ' + part}{' (quick)' if quick else ''}"
 
 
 @dataclass(frozen=True)
@@ -89,19 +87,14 @@ class Gallery:
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """The input of its column, if its shapes have it; a change may be of one input alone."""
-        change = last_change(self.dataset.name) if self.table.is_robustness else None
-        offered = CHANGES[change[1]].inputs if change else INPUTS
-        return (self.wanted,) if self.wanted in offered and self.wanted in self.dataset.inputs else ()
+        """The input of its column, if its shapes have it."""
+        return (self.wanted,) if self.wanted in self.dataset.inputs else ()
 
     def check_input(self, input_: str) -> None:
         """Raise ``ConfigurationError`` for a requested input that its shapes do not have."""
         if input_ not in self.dataset.inputs:
-            what = "holds depth images" if self.dataset.observe else "is seen by a changed camera"
-            raise ConfigurationError(
-                f"data set '{self.dataset.name}' {what}, which shows one side of each shape",
-                "drop --input mesh: there are no complete surfaces",
-            )
+            problem = f"data set '{self.dataset.name}' has no complete surfaces, only views of one side of each shape"
+            raise ConfigurationError(problem, f"drop --input {input_}")
 
     def rows(self, methods: Iterable[Component], trained_here: Path | None = None) -> list[Component]:
         """Return the methods that are tested on it; networks with each of their trainings that has a model.
@@ -113,44 +106,37 @@ class Gallery:
         trained_here
             Folder of the models that were trained here, in addition to the shipped ones.
         """
-        chosen = [one for method in methods if self._includes(method) for one in self._trainings(method, trained_here)]
-        return list({one.name: one for one in chosen}.values())
+        chosen: list[Component] = []
+        for method in methods:
+            try:
+                chosen += self._trainings(method, trained_here) if self._includes(method) else []
+            except ConfigurationError:  # it cannot be imported, and its row says why
+                chosen.append(method)
+        return list({method.name: method for method in chosen}.values())
 
     def _includes(self, method: Component) -> bool:
-        try:
-            reads_views = "view" in method.info.inputs
-            is_network = method.learns and reads_views
-        except ConfigurationError:
-            return True  # it cannot be imported, and its row says why
+        is_network = method.learns and "view" in method.info.inputs
         if self.kinds != "all" and is_network != (self.kinds == "networks"):
             return False
         if self._is_named(method):
-            return not self.table.is_ablation or method.learns
-        few = (*CLASSICAL, NETWORK, QUICK_CONTROL)
-        return self.table.includes(method.base_name) and (not self.quick or method.base_name in few)
+            return method.learns or not self.table.is_ablation
+        return self.table.runs_by_default(method.base_name) and (not self.quick or method.base_name in QUICK_ROWS)
 
     def _is_named(self, method: Component) -> bool:
         return not method.of_suite or bool({method.name, method.base_name} & self.named)
 
     def _trainings(self, method: Component, trained_here: Path | None) -> Iterator[Component]:
-        """Yield a method; a network with other seeds of its training, and as printed, where these have models."""
-        try:
-            learner = method.create() if method.learns else None
-        except ConfigurationError:
-            learner = None
-        if learner is None:
+        """Yield a method; a network also with other seeds, and that of the paper as printed, where it has models."""
+        is_papers = method.base_name == NETWORK
+        if not method.learns or is_papers or self._is_named(method) or has_models(method, self, trained_here):
             yield method
+        if not method.learns or method.parameters or self.quick:
             return
-        if self._is_named(method) or method.base_name == NETWORK or has_models(method, self, trained_here):
-            yield method
-        if method.parameters or self.quick:
-            return
-        more: list[dict[str, object]] = [
-            {TRAINING_SEED: seed} for seed in SEEDS if getattr(learner, TRAINING_SEED, None) not in (None, seed)
-        ]
-        more += [{"configuration": "as_printed"}] if method.base_name == NETWORK and not self.table.is_ablation else []
-        variants = (method.with_parameters(parameters) for parameters in more)
-        yield from (variant for variant in variants if has_models(variant, self, trained_here))
+        seeds = SEEDS if hasattr(method.load(), "training_seed") else ()
+        variants: list[dict[str, object]] = [{"training_seed": seed} for seed in seeds]
+        variants += [{"configuration": "as_printed"}] if is_papers and not self.table.is_ablation else []
+        others = map(method.with_parameters, variants)
+        yield from (other for other in others if has_models(other, self, trained_here))
 
 
 def galleries(
@@ -247,11 +233,12 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
     """Yield the galleries of a table on a data set, twice where networks see another input than all others."""
     columns = table.columns
     if quick:  # the first fold, where there are folds, or the first column of each input
-        first_of_input = tuple({column.input: column for column in reversed(columns)}.values())[::-1]
-        columns = tuple(column for column in columns if len(column.parts) > 1)[:1] or first_of_input
+        first_of_input = {column.input: column for column in reversed(columns)}
+        with_folds = [column for column in columns if len(column.parts) > 1]
+        columns = tuple(with_folds[:1] or reversed(first_of_input.values()))
     for column in columns:
         sets = table.stand_ins if column.over_draws and name in table.stand_ins else (name,)
-        for number, source in enumerate(_conditions(name) if table.is_robustness else sets):
+        for source in _conditions(name) if table.is_robustness else sets:
             dataset = open_dataset(source, data_root)
             check_ranked(dataset)
             check_retrievable(dataset)
@@ -260,20 +247,15 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
                 check_retrievable(dataset, entries if part else None)
                 some = thinned(entries, QUICK_POSES) if quick else entries
                 gallery = Gallery(table, source, dataset, some, len(some) < len(entries), part, data_root)
-                is_first = number == 0 or not column.over_draws
-                yield from _of_inputs(gallery, column, has_networks=is_first or table.is_robustness)
-
-
-def _of_inputs(gallery: Gallery, column: Column, *, has_networks: bool) -> Iterator[Gallery]:
-    if column.input != "as printed":
-        yield replace(gallery, wanted=column.input, kinds="all" if has_networks else "others")
-        return
-    yield replace(gallery, wanted="mesh", kinds="others")
-    if has_networks:
-        yield replace(gallery, wanted="view", kinds="networks")
+                if column.input != "as printed":
+                    yield replace(gallery, wanted=column.input)
+                    continue
+                yield replace(gallery, wanted="mesh", kinds="others")
+                if source == sets[0]:  # networks see the first draw alone
+                    yield replace(gallery, wanted="view", kinds="networks")
 
 
 def _conditions(name: str) -> list[str]:
-    """Return a clean data set, and the same under each change of its shapes at three strengths, by name or path."""
-    shown = [change for change in CHANGES if change not in ("jitter", "perspective")]
+    """Return a data set, and the same under each change of its meshes at three strengths, by name or path."""
+    shown = [change for change, what in CHANGES.items() if what.of_mesh and change != "jitter"]
     return [name, *(changed_name(name, change, level) for change in shown for level in list(LEVELS)[::2])]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -35,9 +36,8 @@ PARTS: Mapping[str, tuple[int | str, ...]] = {
 #: Beginnings of the names of the suite's networks, which stand in their block also where they have no model.
 NETWORKS = ("learned", "deformation-field")
 
-#: Parameters of networks over whose values rows are averaged: seeds, and folds of another set of people.
-TRAINING_SEED = "training_seed"
-AVERAGED = (f"{TRAINING_SEED}=", "training=humans-fold-")
+#: Parameters of networks over whose values rows are averaged.
+AVERAGED = ("training_seed=",)
 
 #: Titles of the paper's rows and of networks; those of all others are their own.
 TITLES: Mapping[str, str] = {
@@ -72,11 +72,11 @@ ABLATION = ("learned-strict", "learned-without-srf", "learned-without-lrf", "lea
 #: Networks that have rows only in the ablation.
 ONLY_ABLATED = frozenset(ABLATION) - {"learned"}
 
+#: Forms that the paper does not compare, which run by default on animals alone.
+OTHER_FORMS = ("accelerated-mds", "fast-classical-scaling", "feature-preserved")
+
 #: Rows of robustness: four methods at three strengths of each change.
 ROBUST = ("classic-mds", "gps", "mesh-unfolding", "shape-dna")
-
-#: Baseline that has a row also in quick runs.
-QUICK_CONTROL = "identity"
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,9 @@ class Column:
     over_draws: bool = False
 
 
+BOTH_INPUTS = (Column("mesh", input="mesh"), Column("view", input="view"))
+
+
 @dataclass(frozen=True)
 class Table:
     """One table.
@@ -121,6 +124,8 @@ class Table:
         Whether the paper's figures stand beside ours.
     names
         The methods that have rows; empty for all but :data:`ONLY_ABLATED`.
+    omits
+        Methods that run on its data only if they are selected by name.
     runs
         Runs that make it by default: all, full ones, or only those that name it or its data set.
     part_of
@@ -138,6 +143,7 @@ class Table:
     columns: tuple[Column, ...] = (Column("ours"),)
     has_paper: bool = False
     names: tuple[str, ...] = ()
+    omits: tuple[str, ...] = ()
     runs: Literal["quick", "full", "named"] = "full"
     part_of: str = ""
     all_unseen: bool = True
@@ -159,49 +165,58 @@ class Table:
         return self.names == ABLATION
 
     def includes(self, base_name: str) -> bool:
-        """Return whether a method has a row if none was selected by name."""
+        """Return whether a method may have a row if none was selected by name."""
         return base_name in self.names if self.names else base_name not in ONLY_ABLATED
 
+    def runs_by_default(self, base_name: str) -> bool:
+        """Return whether a method runs if none was selected by name."""
+        return self.includes(base_name) and base_name not in self.omits
 
-_ALL, _FEW = "15 subjects", "5 subjects"
+
 _FAIR = "all methods on one depth view"
+_ALL, _FEW = "15 subjects", "5 subjects"
+
+_synthetic = partial(Table, dataset="shrec14-synthetic", stand_ins=SYNTHETIC_HUMANS)
+_real = partial(Table, dataset="shrec14-real", stand_ins=("humans-scanlike",), omits=OTHER_FORMS)
+_animals = partial(Table, dataset="tosca", stand_ins=("animals",), all_unseen=False)
+_official = partial(Table, caption="Retrieval on a further official set", part_of="extended", all_unseen=False)
 
 TABLES: tuple[Table, ...] = (
-    Table(
-        "I", "Retrieval of synthetic humans", "shrec14-synthetic", SYNTHETIC_HUMANS,
-        (Column(_ALL, over_draws=True), Column(_FEW, FOLDS)), True, runs="quick",
+    _synthetic(
+        "I", "Retrieval of synthetic humans", columns=(Column(_ALL, over_draws=True), Column(_FEW, FOLDS)),
+        has_paper=True, runs="quick", omits=OTHER_FORMS,
     ),
-    Table("II", "Retrieval of real humans", "shrec14-real", ("humans-scanlike",), has_paper=True),
-    Table(
-        "III", "Retrieval of animals and people", "tosca", ("animals",), has_paper=True, runs="quick", all_unseen=False
+    _real("II", "Retrieval of real humans", has_paper=True),
+    _animals("III", "Retrieval of animals and people", has_paper=True, runs="quick"),
+    _synthetic(
+        "I-view", f"Synthetic humans, {_FAIR}", part_of="I", omits=OTHER_FORMS,
+        columns=(Column(_ALL, input="view"), Column(_FEW, FOLDS, "view")),
     ),
-    Table(
-        "I-view", f"Synthetic humans, {_FAIR}", "shrec14-synthetic", SYNTHETIC_HUMANS,
-        (Column(_ALL, input="view"), Column(_FEW, FOLDS, "view")), part_of="I",
+    _real("II-view", f"Real humans, {_FAIR}", part_of="II", columns=(Column("ours", input="view"),)),
+    _animals(
+        "III-view", f"Animals and people, {_FAIR}", part_of="III",
+        columns=(Column("all shapes", input="view"), Column("cats and horses", (CATS_AND_HORSES,), "view")),
     ),
-    Table("II-view", f"Real humans, {_FAIR}", "shrec14-real", ("humans-scanlike",), (Column("ours", input="view"),),
-          part_of="II"),
-    Table(
-        "III-view", f"Animals and people, {_FAIR}", "tosca", ("animals",),
-        (Column("all shapes", input="view"), Column("cats and horses", (CATS_AND_HORSES,), "view")),
-        part_of="III", all_unseen=False,
+    _synthetic(
+        "IV", "Ablation of the depth network", columns=(Column("ours", FOLDS, "view"),), has_paper=True, names=ABLATION
     ),
+    *(_official(name, dataset=name, columns=BOTH_INPUTS, runs="named") for name in EXTENDED),
     Table(
-        "IV", "Ablation of the depth network", "shrec14-synthetic", SYNTHETIC_HUMANS, (Column("ours", FOLDS, "view"),),
-        True, ABLATION,
+        "robustness", "Robustness to changes of the shapes", "animals-few", columns=(Column("mesh", input="mesh"),),
+        names=ROBUST, runs="named", all_unseen=False, is_robustness=True,
     ),
-    *(Table(name, "Retrieval on a further official set", name, columns=(Column("mesh", input="mesh"),
-            Column("view", input="view")), runs="named", part_of="extended", all_unseen=False) for name in EXTENDED),
-    Table("robustness", "Robustness to changes of the shapes", "animals-few", names=ROBUST,
-          columns=(Column("mesh", input="mesh"),), runs="named", all_unseen=False, is_robustness=True),
 )  # fmt: skip
+
+
+def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
+    """Return the name of a gallery in plans and records: data set, part, and whether poses were omitted."""
+    return f"{dataset}{part and ' ' + part}{' (quick)' if quick else ''}"
 
 
 def own_table(dataset: str) -> Table:
     """Return the table of a data set that no table of the suite uses: complete surfaces and views, side by side."""
     name = Path(dataset).name
-    columns = (Column("mesh", input="mesh"), Column("view", input="view"))
-    return Table(name, f"Retrieval on {name}", dataset, columns=columns, all_unseen=False)
+    return Table(name, f"Retrieval on {name}", dataset, columns=BOTH_INPUTS, all_unseen=False)
 
 
 def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list[Training]:

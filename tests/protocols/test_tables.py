@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from benchmark.api.learning import CARD
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.protocols.galleries import QUICK_POSES, galleries
 from benchmark.protocols.tables import ABLATION, TABLES, TITLES, own_table
+from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from benchmark.registry import methods, select, select_one
 from benchmark.runs import plan
@@ -118,6 +120,28 @@ def test_a_method_that_is_named_has_a_row_everywhere():
     quick = gallery("III", "others", quick=True)
     assert rows(quick, "shape-dna") == []
     assert rows(replace(quick, named=frozenset({"shape-dna"})), "shape-dna") == ["shape-dna"]
+
+
+def test_forms_that_the_paper_does_not_compare_run_by_default_on_animals_and_own_sets_alone(tmp_path):
+    shapes = write_rods(tmp_path / "rods")
+    own = next(iter(galleries([], [str(shapes)])))
+    assert "feature-preserved" in rows(gallery("III", "others")) and "feature-preserved" in rows(own)
+    assert not {"feature-preserved", "accelerated-mds"} & {
+        *rows(gallery("I", "others")),
+        *rows(gallery("II", "others")),
+    }
+    assert rows(replace(gallery("I", "others"), named=frozenset({"accelerated-mds"})), "accelerated-mds")
+
+
+def test_the_network_has_rows_for_each_seed_and_as_printed_where_these_have_models(tmp_path):
+    fold = next(chosen for chosen in galleries(["I-view"]) if chosen.part)
+    of_shape = trainings_by_shape(select_one("learned").create(), fold.dataset, fold.entries, None)
+    for name in ("literal-seed1", "as_printed-seed0"):
+        place = tmp_path / next(iter(of_shape.values())).name / name
+        place.mkdir(parents=True)
+        (place / CARD).touch()
+    found = [component.name for component in fold.rows(select(["learned"], ()), tmp_path)]
+    assert found == ["learned", "learned[training_seed=1]", "learned[configuration=as_printed]"]
 
 
 def test_every_row_of_the_paper_is_a_method_with_a_title():
