@@ -37,7 +37,7 @@ PARTS: Mapping[str, tuple[int | str, ...]] = {
 NETWORKS = ("learned", "deformation-field")
 
 #: Parameters of networks over whose values rows are averaged.
-AVERAGED = ("training_seed=",)
+AVERAGED = ("training_seed=", "training=humans-fold-")
 
 #: Titles of the paper's rows and of networks; those of all others are their own.
 TITLES: Mapping[str, str] = {

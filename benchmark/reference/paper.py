@@ -8,9 +8,7 @@ not say which input its baselines had.
 from __future__ import annotations
 
 import re
-import unicodedata
 from dataclasses import dataclass
-from functools import cache
 from importlib import resources
 
 MEASURES = ("NN", "FT", "ST", "DCG")
@@ -113,19 +111,15 @@ CLAIMS: tuple[Claim, ...] = (
     ),
 )  # fmt: skip
 
-#: Combining characters for the accents of TeX.
-_ACCENTS = {"'": "\u0301", "`": "\u0300", "^": "\u0302", '"': "\u0308", "~": "\u0303", "u": "\u0306", "v": "\u030c",
-            "c": "\u0327", "=": "\u0304", ".": "\u0307", "H": "\u030b", "r": "\u030a"}  # fmt: skip
-
 
 def source_of(key: str) -> str:
     """Return authors, year, title and source of an entry of the bibliography as text, or the key if there is none."""
     match = re.search(rf"@\w+\{{{re.escape(key)},(.*?)\n\}}", bibliography(), re.DOTALL) if key else None
     if match is None:
         return key
-    body = re.sub(r"\n(?!\s*\w+\s*=)\s*", " ", match[1])  # one field per line
-    fields = {name: _as_text(text) for name, text in re.findall(r"^\s*(\w+)\s*=\s*\{(.*)\},?$", body, re.MULTILINE)}
-    *others, last = re.split(r"\s+and\s+", fields.get("author", ""))
+    found = re.findall(r"^\s*(\w+)\s*=\s*\{(.*?)\},?$", match[1], re.MULTILINE | re.DOTALL)
+    fields = {name: " ".join(re.sub(r"[{}\\]", "", text).replace("--", "\u2013").split()) for name, text in found}
+    *others, last = fields.get("author", "").split(" and ")
     named = f"{', '.join(others)} and {last}" if others else last
     if year := fields.get("year"):
         named = f"{named} ({year})".strip()
@@ -133,18 +127,6 @@ def source_of(key: str) -> str:
     return ". ".join(filter(None, (named, fields.get("title", ""), place)))
 
 
-@cache
 def bibliography() -> str:
     """Return the BibTeX file of the sources of methods, scorers and data."""
     return resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
-
-
-def _as_text(tex: str) -> str:
-    """Return the text of a field with accented characters and without braces."""
-    tex = re.sub(r"""\\(['`^"~=.]|[uvcHr](?=[{\s]))\s*\{?\\?([A-Za-z])\}?""", _accented, tex)
-    tex = re.sub(r"\\([&%_#$])", r"\1", tex).replace("--", "\u2013").replace("~", " ")
-    return re.sub(r"[{}]", "", tex)
-
-
-def _accented(match: re.Match[str]) -> str:
-    return unicodedata.normalize("NFC", match[2] + _ACCENTS[match[1]])
