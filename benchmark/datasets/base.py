@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.errors import DatasetError, did_you_mean
+from benchmark.errors import DatasetError
 
 Watched = Callable[[Sequence[Entry]], Iterable[Entry]]
 """Wrapper that yields shapes one at a time, on demand, so that the caller can track progress."""
@@ -53,14 +53,6 @@ def canonical_shapes(dataset: ShapeSet) -> Mapping[str, Entry]:
         subject: next((entry for entry in members if entry.pose == dataset.canonical_poses.get(subject)), members[0])
         for subject, members in by_subject(dataset.shapes).items()
     }
-
-
-def canonical_entry(dataset: ShapeSet, subject: str) -> Entry:
-    """Return the shape of a subject in the canonical pose; raise ``ConfigurationError`` for an unknown subject."""
-    canonical = canonical_shapes(dataset)
-    if subject not in canonical:
-        raise did_you_mean(f"subject of data set '{dataset.name}'", subject, canonical)
-    return canonical[subject]
 
 
 def printable(name: str) -> str:

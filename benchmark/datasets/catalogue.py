@@ -5,114 +5,70 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from benchmark.api.datasets import ShapeSet
-from benchmark.datasets.base import canonical_entry, canonical_shapes, printable
+from benchmark.datasets.base import printable
 from benchmark.datasets.changes import changed, changed_name, split_name
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
 from benchmark.datasets.own import is_own, open_own, own_sets
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 
-__all__ = [
-    "CATALOGUE", "Source", "canonical_entry", "canonical_shapes", "catalogued", "check_ranked", "has_official_sets",
-    "is_known", "is_path", "is_present", "open_dataset", "sources", "split_name", "table_name",
-]  # fmt: skip
-
 
 @dataclass(frozen=True)
-class Source:
-    """A data set with a name on the command line.
-
-    Parameters
-    ----------
-    summary
-        One-line summary for ``list datasets``.
-    open
-        Function that returns the data set, given the folder of an official set.
-    n_shapes, n_classes
-        Size of the set; ``n_shapes`` is None if no source states it.
-    folder
-        Folder of an official set under the data root; "" for a generated set.
-    origin, url, terms
-        Publisher, download address and terms of use of an official set.
-    other_use
-        Purpose of a set with a single subject, which does not allow retrieval; "" for a set that is ranked.
-    """
+class GeneratedSet:
+    """A generated data set: what a module of this package makes with a function and its arguments."""
 
     summary: str
-    open: Callable[[Path], ShapeSet]
-    n_shapes: int | None
+    module: str
+    function: str
+    n_shapes: int
     n_classes: int
+    arguments: tuple[int, ...] = ()
     folder: str = ""
     origin: str = ""
     url: str = ""
     terms: str = ""
     other_use: str = ""
 
-
-def _official(name: str, known: OfficialSet) -> Source:
-    n_classes = len(known.subjects)
-    size = f"{known.n_shapes} shapes in" if known.n_shapes else "shapes in"
-    return Source(
-        f"{known.title}, {size} {n_classes} {'class' if n_classes == 1 else 'classes'}",
-        lambda folder: SETS[name].open(name, folder),
-        known.n_shapes,
-        n_classes,
-        known.folder,
-        known.origin,
-        known.url,
-        known.terms,
-        known.other_use,
-    )
-
-
-def _generated(module: str, function: str, *arguments: int) -> Callable[[Path], ShapeSet]:
-    def load(_: Path) -> ShapeSet:
-        from importlib import import_module
-
-        made: ShapeSet = getattr(import_module(f"benchmark.datasets.{module}"), function)(*arguments)
-        return made
-
-    return load
+    def open(self, _name: str, _folder: Path) -> ShapeSet:
+        """Return the data set."""
+        shapes: ShapeSet = getattr(import_module(f"benchmark.datasets.{self.module}"), self.function)(*self.arguments)
+        return shapes
 
 
 _PAPER = ("shrec14-synthetic", "shrec14-real", "tosca")
 
-CATALOGUE: dict[str, Source] = {
-    **{name: _official(name, SETS[name]) for name in _PAPER},
-    "humans": Source(
-        "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic",
-        *(_generated("people", "humans"), 300, 15),
+_RANDOM = "generated humans drawn at random, 15 subjects x 20 poses"
+
+CATALOGUE: dict[str, OfficialSet | GeneratedSet] = {
+    **{name: SETS[name] for name in _PAPER},
+    "humans": GeneratedSet(
+        "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", "people", "humans", 300, 15
     ),
-    "humans-scanlike": Source(
+    "humans-scanlike": GeneratedSet(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real",
-        *(_generated("people", "humans_scanlike"), 400, 40),
+        *("people", "humans_scanlike", 400, 40),
     ),
-    "people": Source(
-        "generated humans drawn at random, 15 subjects x 20 poses: the first draw of three",
-        *(_generated("people", "people"), 300, 15),
-    ),
+    "people": GeneratedSet(f"{_RANDOM}: the first draw of three", "people", "people", 300, 15),
     **{
-        f"people[draw={draw}]": Source(
-            f"generated humans drawn at random, 15 subjects x 20 poses, draw {draw}",
-            *(_generated("people", "people", draw), 300, 15),
-        )
+        f"people[draw={draw}]": GeneratedSet(f"{_RANDOM}, draw {draw}", "people", "people", 300, 15, (draw,))
         for draw in range(3)
     },
-    "animals": Source(
-        "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA",
-        *(_generated("animals", "animals"), 80, 9),
+    "animals": GeneratedSet(
+        "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", "animals", "animals", 80, 9
     ),
-    "animals-few": Source(
+    "animals-few": GeneratedSet(
         "generated animals and people, 6 classes x 3 poses of the set animals, for the table of robustness",
-        *(_generated("animals", "animals_few"), 18, 6),
+        *("animals", "animals_few", 18, 6),
     ),
-    **{name: _official(name, known) for name, known in SETS.items() if name not in _PAPER},
+    **SETS,
 }
+"""Data sets by name, those of the paper first."""
 
 _MANY = re.compile(r"people\[n=0*([0-9]{1,9})\]")
 _POSES = 20
@@ -158,13 +114,13 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
         where = data_root / source.folder if data_root else f"DATA_ROOT/{source.folder}"
         hint = f"put it there and pass --data-root; it comes from {source.url}"
         raise DatasetError(f"data set '{name}' is not at {where}", hint)
-    return source.open((data_root or Path()) / source.folder)
+    return source.open(name, (data_root or Path()) / source.folder)
 
 
-def _source(name: str) -> Source | None:
+def _source(name: str) -> OfficialSet | GeneratedSet | None:
     if match := _MANY.fullmatch(name):
         n = int(match[1])
-        return Source(f"{n} people drawn at random", _generated("people", "many_people", n), _POSES * n, n)
+        return GeneratedSet(f"{n} people drawn at random", "people", "many_people", _POSES * n, n, (n,))
     return CATALOGUE.get(name)
 
 
@@ -192,7 +148,7 @@ def is_present(name: str, data_root: Path | None) -> bool:
     return not source.folder or _is_there(source, data_root)
 
 
-def _is_there(source: Source, data_root: Path | None) -> bool:
+def _is_there(source: OfficialSet | GeneratedSet, data_root: Path | None) -> bool:
     return data_root is not None and (data_root / source.folder).is_dir()
 
 

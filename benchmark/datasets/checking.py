@@ -1,4 +1,4 @@
-"""Validation of data sets: a row for each shape, and each problem on one line with the file and a hint."""
+"""Validation of data sets: each problem on one line with the file and a hint."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import hashlib
 import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
@@ -21,13 +18,21 @@ from benchmark.datasets.folder import all_mesh_files, mesh_stem, skipped_files, 
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
-from benchmark.geometry.camera import Camera
-from benchmark.geometry.cleaning import CleaningReport, clean
+from benchmark.geometry.cleaning import clean, component_labels
 from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, camera_coordinates, common_half_width
 from benchmark.geometry.io import READABLE
-from benchmark.geometry.mesh import Faces, Mesh, edges_of
+from benchmark.geometry.mesh import Faces, edges_of
 
-Severity = Literal["error", "warning"]
+_FLAWS = {
+    "merged": ("duplicate vertices", "nothing to do: preparation merges equal positions"),
+    "unreferenced": ("vertices without a face", "nothing to do: preparation drops what carries no surface"),
+    "degenerate_faces": ("degenerate faces", "nothing to do: preparation drops what carries no surface"),
+    "duplicate_faces": ("duplicate faces", "nothing to do: preparation drops what carries no surface"),
+    "further_components": ("components beside the first", "join them if the surface should be in one piece"),
+    "boundary_edges": ("boundary edges", "close the surface for methods that need it closed"),
+    "non_manifold_edges": ("non-manifold edges", "remove faces until each edge has two"),
+    "non_manifold_vertices": ("non-manifold vertices", "split each into one vertex per fan of faces"),
+}
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class Anomaly:
         The problem, and a suggested action.
     """
 
-    severity: Severity
+    severity: str
     file: str
     what: str
     hint: str
@@ -55,57 +60,33 @@ class Anomaly:
 
 @dataclass(frozen=True)
 class Row:
-    """A readable shape: counts of its unprocessed mesh; holes and components are counted after cleaning.
+    """A readable shape.
 
     Parameters
     ----------
-    file, subject, pose
+    file, subject
         Names of the shape.
-    vertices, faces, components, holes
-        Counts; boundary loops that share a vertex are one hole.
+    counts
+        Counts of :func:`benchmark.geometry.cleaning.clean` and ``holes``; boundary loops that share a vertex are one.
     extent
-        Half the longest side of the bounding box in the camera's frame, in file units.
+        Half the longest side of the bounding box in the camera's frame, in file units; 0 without area.
     digest
         Digest of vertices and faces, independent of the file format.
-    cleaning
-        Counts from :func:`benchmark.geometry.cleaning.clean`.
     """
 
     file: str
     subject: str
-    pose: str
-    vertices: int
-    faces: int
-    components: int
-    holes: int
+    counts: Mapping[str, int]
     extent: float
-    digest: str = field(repr=False)
-    cleaning: CleaningReport = field(repr=False)
+    digest: str
 
 
 @dataclass(frozen=True)
 class Report:
-    """Results of a check.
+    """Results of a check: the readable shapes, and the problems, first those of the set, then those of its shapes."""
 
-    Parameters
-    ----------
-    name, stand_in_for
-        As in :class:`~benchmark.api.datasets.ShapeSet`.
-    n_shapes
-        Number of shapes; those without a row are unreadable.
-    class_sizes
-        Number of shapes per class; empty if the folder could not be opened.
-    rows
-        Readable shapes.
-    anomalies
-        Errors and warnings, first those of the set, then those of its shapes.
-    """
-
-    name: str
-    stand_in_for: str
-    n_shapes: int
-    class_sizes: dict[str, int]
-    rows: tuple[Row, ...] = field(repr=False)
+    dataset: ShapeSet
+    rows: tuple[Row, ...]
     anomalies: tuple[Anomaly, ...]
 
     @property
@@ -113,29 +94,33 @@ class Report:
         """Whether there are no errors."""
         return not any(anomaly.severity == "error" for anomaly in self.anomalies)
 
-    @property
-    def coverage(self) -> float:
-        """Share of the shapes that can be read; the others count as 0 for every method."""
-        return len(self.rows) / self.n_shapes if self.n_shapes else 0.0
-
     def lines(self) -> list[str]:
         """Return the report as text: a summary, one line per anomaly, and their counts."""
-        kind = f"stand-in for {self.stand_in_for}" if self.stand_in_for else "not a stand-in"
+        stand_in, n_shapes = self.dataset.stand_in_for, len(self.dataset.shapes)
+        sizes = Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
+        unread = n_shapes - len(self.rows)
         errors = sum(anomaly.severity == "error" for anomaly in self.anomalies)
-        unread = "" if self.coverage == 1 else f", {self.n_shapes - len(self.rows)} unreadable, which count as 0"
         return [
-            f"{self.name}: {self.n_shapes} shapes, {len(self.class_sizes)} classes, {kind}{unread}",
-            f"classes     {', '.join(f'{subject} {size}' for subject, size in self.class_sizes.items()) or 'unknown'}",
-            *(f"{name:<11} {self._range(name)}" for name in ("vertices", "faces", "components", "holes")),
+            f"{self.dataset.name}: {n_shapes} shapes, {len(sizes)} classes, "
+            f"{f'stand-in for {stand_in}' if stand_in else 'not a stand-in'}"
+            f"{f', {unread} unreadable, which count as 0' if unread else ''}",
+            f"classes     {', '.join(f'{subject} {size}' for subject, size in sizes.items()) or 'unknown'}",
+            *(
+                f"{name:<11} {_range([row.counts[key] for row in self.rows])}"
+                for name, key in (
+                    *(("vertices", "vertices_before"), ("faces", "faces_before")),
+                    *(("components", "components"), ("holes", "holes")),
+                )
+            ),
             *map(str, self.anomalies),
             f"{errors} errors, {len(self.anomalies) - errors} warnings",
         ]
 
-    def _range(self, name: str) -> str:
-        values = [getattr(row, name) for row in self.rows]
-        if not values:
-            return "none could be read"
-        return f"{min(values)} to {max(values)}, median {statistics.median(values):g}"
+
+def _range(values: list[int]) -> str:
+    if not values:
+        return "none could be read"
+    return f"{min(values)} to {max(values)}, median {statistics.median(values):g}"
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
@@ -146,7 +131,7 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
     name, data_root
         See :func:`~benchmark.datasets.catalogue.open_dataset`.
     watched
-        See :func:`check`.
+        Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
 
     Raises
     ------
@@ -167,23 +152,13 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
         unopened = ShapeSet(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
         rows, of_shapes = _inspect_all(unopened, watched)
         anomalies = [Anomaly("error", folder.name, error.problem, error.hint), *_of_files(unopened), *of_shapes]
-        return Report(unopened.name, "", len(entries), {}, rows, tuple(anomalies))
+        return Report(unopened, rows, tuple(anomalies))
 
 
 def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
-    """Check a data set: its files, its classes, and every mesh.
-
-    Parameters
-    ----------
-    dataset
-        An open data set; :func:`check_source` also reports why a folder cannot be opened.
-    watched
-        Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
-    """
+    """Check a data set: its files, its classes, and every mesh; see :func:`check_source`."""
     rows, of_shapes = _inspect_all(dataset, watched)
-    anomalies = (*_of_classes(dataset), *_of_files(dataset), *of_shapes)
-    sizes = dict(Counter(entry.subject for entry in dataset.shapes))
-    return Report(dataset.name, dataset.stand_in_for, len(dataset.shapes), sizes, rows, anomalies)
+    return Report(dataset, rows, (*_of_classes(dataset), *_of_files(dataset), *of_shapes))
 
 
 def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
@@ -231,7 +206,7 @@ def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], 
     for entry in watched(dataset.shapes):
         file = _relative(entry.path, dataset.folder) if entry.path and dataset.folder else entry.identifier
         try:
-            row = inspect(dataset.load(entry), dataset.camera(entry), entry, file)
+            row = _inspect(dataset, entry, file)
         except ShapeError as error:
             anomalies.append(Anomaly("error", file, error.problem.removeprefix(f"{entry.path}: "), error.hint))
             continue
@@ -239,72 +214,34 @@ def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], 
         if not row.extent:
             anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
         if dataset.observe is None:  # views are open and possibly disconnected
-            anomalies += [Anomaly("warning", file, what, hint) for what, hint in _flaws(row)]
+            flaws = {**row.counts, "further_components": max(row.counts["components"] - 1, 0)}
+            anomalies += [
+                Anomaly("warning", file, f"{flaws[name]} {what}", hint)
+                for name, (what, hint) in _FLAWS.items()
+                if flaws[name]
+            ]
         twin = first_with.setdefault(row.digest, row)
         if twin is not row:
             where = "" if twin.subject == row.subject else f" of another class, '{twin.subject}'"
-            severity: Severity = "error" if where else "warning"
+            severity = "error" if where else "warning"
             anomalies.append(Anomaly(severity, file, f"the same geometry as {twin.file}{where}", "keep one of the two"))
     return tuple(rows), [*anomalies, *_of_frame(dataset, {row.file: row.extent for row in rows if row.extent})]
 
 
-def inspect(mesh: Mesh, camera: Camera, entry: Entry, file: str) -> Row:
-    """Inspect an unprocessed mesh."""
-    cleaned, report = clean(mesh)
-    return Row(
-        file=file,
-        subject=entry.subject,
-        pose=entry.pose,
-        vertices=report.vertices_before,
-        faces=report.faces_before,
-        components=report.components,
-        holes=count_holes(cleaned.faces) if report.boundary_edges else 0,
-        extent=float(np.abs(camera_coordinates(cleaned, camera)).max()) if cleaned.n_faces else 0.0,
-        digest=hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(),
-        cleaning=report,
-    )
+def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> Row:
+    mesh = dataset.load(entry)
+    cleaned, counts = clean(mesh)
+    counts["holes"] = count_holes(cleaned.faces)
+    extent = float(np.abs(camera_coordinates(cleaned, dataset.camera(entry))).max()) if cleaned.n_faces else 0.0
+    digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
+    return Row(file, entry.subject, counts, extent, digest)
 
 
 def count_holes(faces: Faces) -> int:
     """Return the number of connected components of the boundary edges."""
     vertices, ends = np.unique(edges_of(faces).boundary, return_inverse=True)
-    ends = ends.reshape(-1, 2)
-    shape = (len(vertices), len(vertices))
-    graph = coo_array((np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), shape=shape)
-    return int(connected_components(graph.tocsr(), directed=False)[0])
-
-
-def _flaws(row: Row) -> Iterator[tuple[str, str]]:
-    """Yield the defects that prevent a mesh from being a connected closed manifold, each with its effect or a fix."""
-    cleaning = row.cleaning
-    merged = "nothing to do: preparation merges equal positions"
-    dropped = "nothing to do: preparation drops what carries no surface"
-    known = (
-        (cleaning.merged, "duplicate vertex", "duplicate vertices", merged),
-        (cleaning.unreferenced, "vertex without a face", "vertices without a face", dropped),
-        (cleaning.degenerate_faces, "degenerate face", "degenerate faces", dropped),
-        (cleaning.duplicate_faces, "duplicate face", "duplicate faces", dropped),
-        (row.components * (row.components > 1), "", "components", "join them if the surface should be in one piece"),
-        (
-            *(cleaning.boundary_edges, f"boundary edge around {_holes(row)}", f"boundary edges around {_holes(row)}"),
-            "close the surface for methods that need it closed",
-        ),
-        (
-            *(cleaning.non_manifold_edges, "non-manifold edge", "non-manifold edges"),
-            "remove faces until each edge has two",
-        ),
-        (
-            *(cleaning.non_manifold_vertices, "non-manifold vertex", "non-manifold vertices"),
-            "split each into one vertex per fan of faces",
-        ),
-    )
-    for count, one, several, hint in known:
-        if count:
-            yield f"{count} {one if count == 1 else several}", hint
-
-
-def _holes(row: Row) -> str:
-    return f"{row.holes} hole{'' if row.holes == 1 else 's'}"
+    tails, heads = ends.reshape(-1, 2).T
+    return int(component_labels(tails, heads, len(vertices)).max(initial=-1)) + 1
 
 
 def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:

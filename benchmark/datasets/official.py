@@ -61,6 +61,17 @@ class OfficialSet:
         return list(self.sizes) or named
 
     @property
+    def n_classes(self) -> int:
+        """Number of classes."""
+        return len(self.subjects)
+
+    @property
+    def summary(self) -> str:
+        """One line for ``list datasets``."""
+        shapes = f"{self.n_shapes} shapes in" if self.n_shapes else "shapes in"
+        return f"{self.title}, {shapes} {self.n_classes} {'class' if self.n_classes == 1 else 'classes'}"
+
+    @property
     def n_shapes(self) -> int | None:
         """Number of shapes; None if no source states it."""
         if self.sizes:
@@ -119,7 +130,7 @@ class OfficialSet:
             what += [f"{path.name} is one too many" for path in surplus[:1]]
             raise DatasetError(
                 f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}",
-                _renumber(map(_number, stems), map(_number, files)) or _UNPACK,
+                _UNPACK,
             )
         return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
 
@@ -132,11 +143,7 @@ class OfficialSet:
         if source and (missing or surplus):
             first = self.names.format(number=missing[0]).upper() if missing else ""
             what = f"there is no {first}" if missing else f"{files[surplus[0]].name} is extra"
-            shifted = _renumber(classes, files)
-            raise DatasetError(
-                f"{source} lists {len(classes)} models for {len(files)} meshes: {what}",
-                f"{shifted}, or shift the list" if shifted else _UNPACK,
-            )
+            raise DatasetError(f"{source} lists {len(classes)} models for {len(files)} meshes: {what}", _UNPACK)
         if len(files) != self.n_shapes:
             raise DatasetError(f"{folder} holds {len(files)} shapes, not the official {self.n_shapes}", _UNPACK)
         if not source and len(set(classes.values())) == 1:
@@ -243,17 +250,4 @@ def _list(folder: Path) -> Path | None:
 
 def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
     """Return the class of each number from its folder, or the parent of ``train`` and ``test``."""
-    above = {
-        number: path.parents[1] if path.parent.name in ("train", "test") else path.parent
-        for number, path in files.items()
-    }
-    return {number: folder.name for number, folder in above.items()}
-
-
-def _renumber(expected: Iterable[int], actual: Iterable[int]) -> str:
-    """Return a hint if all numbers are off by one in the same direction, otherwise ""."""
-    listed, numbers = sorted(expected), sorted(actual)
-    for step, hint in (1, "subtract 1 from"), (-1, "add 1 to"):
-        if [number + step for number in listed] == numbers and listed:
-            return f"the numbers begin with {numbers[0]}: {hint} each"
-    return ""
+    return {number: path.parents[path.parent.name in ("train", "test")].name for number, path in files.items()}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,45 +23,7 @@ more than a quarter no longer shows the subject. Ordinary data sets lose far les
 _EXTENTS = (1e-100, 1e100)
 
 
-@dataclass(frozen=True)
-class CleaningReport:
-    """Report of :func:`clean`.
-
-    Parameters
-    ----------
-    vertices_before, faces_before
-        Counts of the input mesh.
-    merged
-        Vertices removed by merging duplicates.
-    degenerate_faces
-        Faces dropped because two corners coincide or the area is zero.
-    duplicate_faces
-        Faces dropped because another face has the same three vertices.
-    unreferenced
-        Vertices dropped because no face uses them.
-    components
-        Connected components of the result.
-    boundary_edges
-        Edges of the result with one face.
-    non_manifold_edges
-        Edges of the result with more than two faces.
-    non_manifold_vertices
-        Vertices of the result whose faces do not form a single fan.
-    """
-
-    vertices_before: int
-    faces_before: int
-    merged: int
-    degenerate_faces: int
-    duplicate_faces: int
-    unreferenced: int
-    components: int
-    boundary_edges: int
-    non_manifold_edges: int
-    non_manifold_vertices: int
-
-
-def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
+def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     """Merge duplicate vertices; drop degenerate and duplicate faces and unreferenced vertices.
 
     Only vertices at *exactly* the same position are merged. This repairs files that store each triangle separately; a
@@ -73,8 +33,11 @@ def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
     -------
     Mesh
         The cleaned mesh; vertices and faces keep their relative order.
-    CleaningReport
-        Counts of the repairs and remaining defects.
+    dict
+        Counts: ``vertices_before`` and ``faces_before``; what was removed: ``merged`` (duplicate vertices),
+        ``degenerate_faces`` (two corners coincide, or no area), ``duplicate_faces`` and ``unreferenced`` (vertices);
+        of the result: ``components``, ``boundary_edges``, ``non_manifold_edges`` (with more than two faces) and
+        ``non_manifold_vertices`` (whose faces do not form a single fan).
 
     Raises
     ------
@@ -83,28 +46,26 @@ def clean(mesh: Mesh) -> tuple[Mesh, CleaningReport]:
     """
     extent_of(mesh)
     distinct, place = merge_duplicates(mesh.vertices)
-    faces = place[mesh.faces]
-    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    proper &= mesh.face_areas > 0
-    degenerate = len(faces) - int(proper.sum())
-    faces = faces[proper]
+    proper = mesh.face_areas > 0
+    degenerate = mesh.n_faces - int(proper.sum())
+    faces = place[mesh.faces[proper]]
     single = np.sort(_distinct(np.sort(faces, axis=1))[0])
     duplicates = len(faces) - len(single)
     faces = faces[single]
     cleaned = compact(distinct, faces)
     counts = edges_of(cleaned.faces).counts
-    return cleaned, CleaningReport(
-        vertices_before=mesh.n_vertices,
-        faces_before=mesh.n_faces,
-        merged=mesh.n_vertices - len(distinct),
-        degenerate_faces=degenerate,
-        duplicate_faces=duplicates,
-        unreferenced=len(distinct) - cleaned.n_vertices,
-        components=int(connected_components(cleaned).max(initial=-1)) + 1,
-        boundary_edges=int((counts == 1).sum()),
-        non_manifold_edges=int((counts > 2).sum()),
-        non_manifold_vertices=int((fans_per_vertex(cleaned) > 1).sum()),
-    )
+    return cleaned, {
+        "vertices_before": mesh.n_vertices,
+        "faces_before": mesh.n_faces,
+        "merged": mesh.n_vertices - len(distinct),
+        "degenerate_faces": degenerate,
+        "duplicate_faces": duplicates,
+        "unreferenced": len(distinct) - cleaned.n_vertices,
+        "components": int(connected_components(cleaned).max(initial=-1)) + 1,
+        "boundary_edges": int((counts == 1).sum()),
+        "non_manifold_edges": int((counts > 2).sum()),
+        "non_manifold_vertices": int((fans_per_vertex(cleaned) > 1).sum()),
+    }
 
 
 def extent_of(mesh: Mesh) -> float:
@@ -114,7 +75,7 @@ def extent_of(mesh: Mesh) -> float:
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
         raise InvalidMesh(
             f"the bounding box of the mesh has extent {extent:g}",
-            "pass a surface of positive size in a unit that fits it" if extent else "pass a surface of positive size",
+            "pass a surface of positive size in a unit that fits it",
         )
     return extent
 
@@ -127,11 +88,8 @@ def make_manifold(mesh: Mesh) -> Mesh:
     """
     faces = mesh.faces.astype(np.int64)
     areas = mesh.face_areas
-    while True:
-        edges = edges_of(faces)
-        crowded = edges.counts[edges.of_sides] > 2
-        if not crowded.any():
-            break
+    edges = edges_of(faces)
+    if (edges.counts > 2).any():
         # Rank of each side among the sides of its edge, largest face first; ties by face order.
         size = np.repeat(areas, 3)
         order = np.lexsort((np.arange(len(size)), -size, edges.of_sides))
@@ -154,7 +112,7 @@ def connected_components(mesh: Mesh) -> IntArray:
 
     An isolated vertex is a separate component.
     """
-    return _labels(*sides_of(mesh.faces), mesh.n_vertices)
+    return component_labels(*sides_of(mesh.faces), mesh.n_vertices)
 
 
 def largest_component(mesh: Mesh) -> Mesh:
@@ -191,8 +149,6 @@ def fans_per_vertex(mesh: Mesh) -> IntArray:
 def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
     """Return the distinct positions in order of first occurrence and the index of each vertex among them."""
     first, group = _distinct(vertices + 0.0)  # -0.0 becomes 0.0
-    if len(first) == len(vertices):
-        return vertices, np.arange(len(vertices), dtype=np.int64)
     kept = np.sort(first)
     return vertices[kept], np.searchsorted(kept, first)[group]
 
@@ -224,10 +180,10 @@ def _fans(faces: IntArray, n_vertices: int) -> IntArray:
             links_from.append(corner[sides][same])
             links_to.append(other[previous][same])
     tails, heads = np.concatenate(links_from), np.concatenate(links_to)
-    return _labels(tails, heads, 3 * len(faces))
+    return component_labels(tails, heads, 3 * len(faces))
 
 
-def _labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:
+def component_labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:
     """Return the connected component of each of ``count`` nodes of a graph from its edges, in order of first nodes."""
     from scipy.sparse import coo_array, csgraph  # lazy: the import takes a third of a second
 

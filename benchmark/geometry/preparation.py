@@ -12,7 +12,6 @@ from benchmark.errors import InvalidMesh
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import (
     LARGEST_LOSS,
-    CleaningReport,
     clean,
     compact,
     component_areas,
@@ -107,7 +106,11 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates stay equal.
     unit = 2.0 ** np.floor(np.log2(extent_of(mesh)))
     cleaned, cleaning = clean(mesh.with_vertices(mesh.vertices / unit))
-    _require_surface(cleaned, cleaning)
+    if not cleaned.n_faces or cleaning["degenerate_faces"] > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
+        raise InvalidMesh(
+            f"{cleaning['degenerate_faces']} of {mesh.n_faces} triangles have no area",
+            "pass a surface, look for stray vertices, or export it again",
+        )
     centre, size = cleaned.vertices.mean(axis=0), np.sqrt(cleaned.area)
     scaled = cleaned.with_vertices((cleaned.vertices - centre) / size)
     rounded = scaled.with_vertices(np.round(scaled.vertices, DECIMALS))
@@ -125,13 +128,13 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     joined, gaps = bridge_components(opened)
     if joined.n_vertices < _FEWEST_VERTICES:
         raise InvalidMesh(
-            f"only {joined.n_vertices} vertices remain after preparation",
-            f"pass a connected surface of at least {_FEWEST_VERTICES} vertices",
+            f"{joined.n_vertices} vertices remain after preparation",
+            f"pass a surface of at least {_FEWEST_VERTICES} vertices",
         )
     growth = np.sqrt(joined.area)
     result = in_spatial_order(joined.with_vertices(joined.vertices / growth))
     report = {
-        **vars(cleaning),
+        **cleaning,
         "dropped_components": dropped,
         "lost_area": lost,
         "bridges": len(gaps),
@@ -147,19 +150,6 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         float(unit * size * growth),
         {name: float(value) for name, value in report.items()},
     )
-
-
-def _require_surface(cleaned: Mesh, cleaning: CleaningReport) -> None:
-    if cleaned.n_vertices < _FEWEST_VERTICES or not cleaned.n_faces:
-        raise InvalidMesh(
-            f"after cleaning {cleaned.n_vertices} vertices and {cleaned.n_faces} triangles with area remain",
-            f"pass a surface of at least {_FEWEST_VERTICES} vertices, not a point cloud or a single triangle",
-        )
-    if cleaning.degenerate_faces > LARGEST_DEGENERATE_SHARE * cleaning.faces_before:
-        raise InvalidMesh(
-            f"{cleaning.degenerate_faces} of {cleaning.faces_before} triangles have no area",
-            "look for stray vertices, or export it again",
-        )
 
 
 def _without_debris(mesh: Mesh) -> tuple[Mesh, int]:
@@ -234,9 +224,7 @@ def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
     )
 
 
-def isotropic_remesh(
-    mesh: Mesh, edge: float, *, iterations: int, feature_degrees: float, max_deviation: float | None = None
-) -> Mesh:
+def isotropic_remesh(mesh: Mesh, edge: float, *, iterations: int, feature_degrees: float) -> Mesh:
     """Re-mesh a surface with uniform edge length.
 
     Parameters
@@ -249,8 +237,6 @@ def isotropic_remesh(
         Rounds of splitting, collapsing, flipping and smoothing.
     feature_degrees
         Angle above which sharp edges are preserved, in degrees.
-    max_deviation
-        Maximum distance from the given surface in percent of its bounding box diagonal; None for no bound.
 
     References
     ----------
@@ -266,8 +252,8 @@ def isotropic_remesh(
         selectedonly=False,
         targetlen=pymeshlab.PureValue(edge),
         featuredeg=feature_degrees,
-        checksurfdist=max_deviation is not None,
-        maxsurfdist=pymeshlab.PercentageValue(1.0 if max_deviation is None else max_deviation),
+        checksurfdist=False,
+        maxsurfdist=pymeshlab.PercentageValue(1.0),
         splitflag=True,
         collapseflag=True,
         swapflag=True,

@@ -94,5 +94,5 @@ def _surface(source: Mesh) -> Mesh:
     """Return the mesh without unreferenced vertices, which would move the centre and the frame of the camera."""
     surface, cleaning = clean(source)
     if not surface.n_faces:
-        raise InvalidMesh(f"none of the {cleaning.faces_before} triangles has an area", "export the mesh again")
+        raise InvalidMesh(f"none of the {cleaning['faces_before']} triangles has an area", "export the mesh again")
     return surface

@@ -9,7 +9,7 @@ from trimesh import Trimesh
 from trimesh.creation import icosphere
 
 from benchmark.datasets import surface_changes as surface
-from benchmark.datasets.base import canonical_entry
+from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.changes import split_name
 from benchmark.datasets.surface_changes import shortcuts
@@ -101,7 +101,7 @@ def test_changes_add_up_and_a_camera_is_changed_for_views_alone(rods, tmp_path):
     folder = write_rods(tmp_path / "posed", bends=(0.0, 1.0))
     (folder / "dataset.toml").write_text('[canonical_pose]\nthick = "1"\n')
     for change in ("", "[noise=1]", "[noise=1][jitter=1]"):
-        assert canonical_entry(open_dataset(f"{folder}{change}"), "thick").identifier == "thick1"
+        assert canonical_shapes(open_dataset(f"{folder}{change}"))["thick"].identifier == "thick1"
     for name in ("examples/depth[noise=1]", "examples/depth[view-angle=1][jitter=1]"):
         chosen = galleries([], [name])
         assert {gallery.dataset.inputs for gallery in chosen} == {("view",)}

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.base import canonical_entry
+from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.export import export
 from benchmark.datasets.folder import folder_set
@@ -81,8 +81,8 @@ def test_the_canonical_pose_and_a_camera_of_its_own_are_kept(tmp_path):
     source = folder_set(tmp_path / "in")
     export(source, tmp_path / "out")
     back = folder_set(tmp_path / "out")
-    assert canonical_entry(back, "thick").pose == "2"
-    assert canonical_entry(back, "thin").pose == "0"
+    assert canonical_shapes(back)["thick"].pose == "2"
+    assert canonical_shapes(back)["thin"].pose == "0"
     # A unit vector may change in its last bit when it is normalised again.
     camera = back.camera(back.shapes[0])
     assert camera.direction == pytest.approx(Camera((1, 2, 3)).direction, abs=1e-15)

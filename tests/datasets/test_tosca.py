@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from benchmark.datasets.base import canonical_entry
+from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE
@@ -47,7 +47,7 @@ def test_tosca_takes_the_null_pose_or_what_its_folder_says(tmp_path):
 
     def canonical():
         dataset = open_dataset("tosca", tmp_path)
-        return [canonical_entry(dataset, subject).identifier for subject in ("cat", "gorilla", "wolf")]
+        return [canonical_shapes(dataset)[subject].identifier for subject in ("cat", "gorilla", "wolf")]
 
     assert canonical() == ["cat0", "gorilla1", "wolf1"]
     toml = tmp_path / "tosca" / "dataset.toml"

@@ -198,13 +198,16 @@ def test_a_dirty_mesh_is_repaired_and_the_report_says_how() -> None:
 FAR = limbed_body(3).vertices.copy()
 FAR[17] *= 1e160
 REFUSED = {
-    "one triangle": (Mesh(TRIANGLE, [[0, 1, 2]]), "3 vertices and 1 triangles with area remain"),
-    "collinear": (Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]], [[0, 1, 2], [1, 2, 3]]), "0 triangles"),
+    "one triangle": (Mesh(TRIANGLE, [[0, 1, 2]]), "3 vertices remain"),
+    "collinear": (
+        Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]], [[0, 1, 2], [1, 2, 3]]),
+        "2 of 2 triangles",
+    ),
     "one point": (Mesh([[1, 1, 1]] * 5, [[0, 1, 2], [2, 3, 4]]), "extent 0; pass a surface of positive size"),
-    "no faces": (Mesh(FAR[:9], np.empty((0, 3))), "0 triangles with area"),
+    "no faces": (Mesh(FAR[:9], np.empty((0, 3))), "0 of 0 triangles"),
     "empty": (Mesh(np.empty((0, 3)), np.empty((0, 3))), "extent 0"),
     "stray vertex": (Mesh(FAR, limbed_body(3).faces), "extent"),
-    "stray, smaller": (Mesh(FAR * 1e-80, limbed_body(3).faces), "of 1280 triangles have no area; look for stray"),
+    "stray, smaller": (Mesh(FAR * 1e-80, limbed_body(3).faces), "of 1280 triangles have no area; .* stray"),
 }
 
 
@@ -218,14 +221,14 @@ def test_what_is_no_surface_is_refused_with_a_hint(name: str) -> None:
 
 def test_only_exact_duplicates_are_welded_and_each_kind_of_debris_is_counted_once() -> None:
     sheet = flat_grid(3)
-    assert clean(joined(sheet, moved(sheet, 0, 0, 1e-12)))[1].components == 2
+    assert clean(joined(sheet, moved(sheet, 0, 0, 1e-12)))[1]["components"] == 2
     mesh = Mesh(
         [[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0.0, 0, -0.0], [2, 0, 0]],
         [[1, 2, 3], [4, 2, 3], [2, 3, 1], [1, 1, 3], [1, 4, 3], [1, 2, 5]],  # good, twice the same, three without area
     )
     cleaned, report = clean(mesh)
     assert (cleaned.n_vertices, cleaned.n_faces) == (3, 1)
-    assert (report.merged, report.degenerate_faces, report.duplicate_faces, report.unreferenced) == (1, 3, 2, 2)
+    assert [report[n] for n in ("merged", "degenerate_faces", "duplicate_faces", "unreferenced")] == [1, 3, 2, 2]
     assert largest_component(joined(flat_grid(10, spacing=0.01), flat_grid(2, spacing=5.0))).n_vertices == 4
 
 
@@ -280,7 +283,7 @@ def test_arrays_that_are_no_mesh_are_refused(vertices: object, faces: object, wo
 
 def assert_one_oriented_manifold(mesh: Mesh) -> None:
     _, report = clean(mesh)
-    assert (report.components, report.non_manifold_edges, report.duplicate_faces, report.unreferenced) == (1, 0, 0, 0)
+    assert [report[n] for n in ("components", "non_manifold_edges", "duplicate_faces", "unreferenced")] == [1, 0, 0, 0]
     assert (fans_per_vertex(mesh) == 1).all()
     sides = np.stack(sides_of(mesh.faces), axis=1)
     assert len(np.unique(sides, axis=0)) == len(sides)

@@ -3,8 +3,7 @@
 import pytest
 
 from benchmark.datasets.animals import animals
-from benchmark.datasets.base import Part
-from benchmark.datasets.catalogue import canonical_entry
+from benchmark.datasets.base import Part, canonical_shapes
 from benchmark.datasets.people import humans, people
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
@@ -23,7 +22,7 @@ def shown(name):
     training = TRAININGS[name]
     dataset = SETS[training.dataset]
     inputs = training.trained.of(dataset)
-    return inputs, {canonical_entry(dataset, subject) for subject in {entry.subject for entry in inputs}}
+    return inputs, {canonical_shapes(dataset)[subject] for subject in {entry.subject for entry in inputs}}
 
 
 def unseen_of(name):

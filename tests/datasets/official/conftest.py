@@ -2,6 +2,7 @@
 
 import pytest
 
+from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.official import SETS
 from tests.datasets.official.layouts import copy, make, with_made_members
 
@@ -18,7 +19,9 @@ def sets(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def _made_lists(monkeypatch):
     for name in ("shrec10", "shrec11"):
-        monkeypatch.setitem(SETS, name, with_made_members(SETS[name]))
+        made = with_made_members(SETS[name])
+        monkeypatch.setitem(SETS, name, made)
+        monkeypatch.setitem(CATALOGUE, name, made)
 
 
 @pytest.fixture

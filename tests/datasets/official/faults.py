@@ -13,11 +13,6 @@ def relist(folder, change, name="test.cla"):
     (folder / name).write_text(change(text))
 
 
-def shift(folder, pattern, numbers, step):
-    for n in sorted(numbers, reverse=step > 0):
-        move(folder, pattern.format(n), pattern.format(n + step))
-
-
 FAULTS = {
     "a missing file": (
         "shrec07",
@@ -29,8 +24,6 @@ FAULTS = {
         lambda f: (f / "401.off").write_text(tetrahedron(".off", 9)),
         "holds 401 shapes, not the official 400: 401.off is one too many; unpack the official archive",
     ),
-    "files from 0": ("shrec07", lambda f: shift(f, "{}.off", range(1, 401), -1), "begin with 0: add 1 to each"),
-    "files from 1": ("shrec14-real", lambda f: shift(f, "{}.obj", range(400), 1), "begin with 1: subtract 1 from each"),
     "one shape twice": (
         "faust",
         lambda f: (f / "tr_reg_007.ply").write_text(tetrahedron(".ply", 9)),
@@ -41,11 +34,6 @@ FAULTS = {
         "shrec11",
         lambda f: (f / "T137.off").unlink(),
         "test.cla lists 600 models for 599 meshes: there is no T137; unpack",
-    ),
-    "a list from 1": (
-        "shrec11",
-        lambda f: relist(f, lambda _: cla(listing(30, 20, first=1))),
-        "there is no T600; the numbers begin with 0: add 1 to each, or shift the list",
     ),
     "no list": ("shrec11", lambda f: (f / "test.cla").unlink(), "holds no list of classes; put the official .cla file"),
     "two lists": (

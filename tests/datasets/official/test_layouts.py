@@ -4,7 +4,8 @@ from collections import Counter
 
 import pytest
 
-from benchmark.datasets.catalogue import CATALOGUE, canonical_entry, open_dataset
+from benchmark.datasets.base import canonical_shapes
+from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.official import SETS, _sets, members_digest
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from tests.datasets.official.layouts import LISTED, NAMED
@@ -85,7 +86,7 @@ def test_saying_that_faust_stands_along_y_changes_nothing(sets, damaged):
     (folder / "dataset.toml").write_text('up = "y"\ncanonical_pose = 3\n')
     dataset = open_dataset("faust", folder.parent)
     assert dataset.camera(dataset.shapes[0]) == Camera((0, 0, -1), (0, 1, 0))
-    assert canonical_entry(dataset, "2").identifier == "tr_reg_023"
+    assert canonical_shapes(dataset)["2"].identifier == "tr_reg_023"
     (folder / "dataset.toml").write_text('camera = "side"\nup = "y"\n')
     dataset = open_dataset("faust", folder.parent)
     assert dataset.camera(dataset.shapes[0]) == Camera((1, 0, 0), (0, 1, 0))
@@ -97,4 +98,4 @@ def test_canonical_poses_are_the_null_shapes(sets):
         ("topkids", "kid", "kid00"),
         ("shrec14-real", "3", "30"),
     ):
-        assert canonical_entry(open_dataset(name, sets), subject).identifier == identifier
+        assert canonical_shapes(open_dataset(name, sets))[subject].identifier == identifier
