@@ -43,15 +43,6 @@ def test_the_list_fits_a_terminal_and_names_where_sets_belong(sets, tmp_path):
 ROOT = Path(__file__).parents[3]
 
 
-def test_the_documentation_names_files_that_every_set_has(sets):
-    text = (ROOT / "docs" / "data.md").read_text()
-    for name in SETS.keys() - {"tosca"}:
-        (line,) = re.findall(rf"^- .*`{name}`.*: (.*)$", text, re.M)
-        examples = {Path(example).stem.lower() for example in re.findall(r"`(\w[\w.]*)`", line)}
-        stems = {entry.path.stem.lower() for entry in open_dataset(name, sets).shapes if entry.path}
-        assert not examples or stems & examples, name
-
-
 def test_every_set_is_cited():
     entries = (ROOT / "benchmark" / "reference" / "references.bib").read_text()
     assert [name for name, known in SETS.items() if not re.search(rf"^@\w+{{{known.citation},$", entries, re.M)] == []
