@@ -11,12 +11,13 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
+import re
 import sys
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from benchmark.errors import ConfigurationError
 
@@ -24,8 +25,6 @@ FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
 #: Folder that holds the packages of the suite.
 ROOT = Path(__file__).parents[1]
-
-_DIGITS = 16
 
 
 def code_digest(target: str, files: Iterable[str] = ()) -> str:
@@ -57,17 +56,24 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
     ConfigurationError
         If there is no such module, or one of the files is missing or is a folder.
     """
-    closure = _closure_of(target)
-    parts = {path.relative_to(base).as_posix(): _parsed(path).digest for path, base in closure.sources.items()}
-    for top in sorted(closure.packages):
+    sources, packages = _closure(target)
+    parts = {path.relative_to(base).as_posix(): _parsed(path).digest for path, base in sources.items()}
+    for top in sorted(packages):
         parts |= _versions(top)
+    start = next(iter(sources))
     for name in files:
-        path = closure.start.parent / name
+        path = start.parent / name
         if not path.is_file():
-            problem = f"{closure.start.name} depends on '{name}', which is {'a folder' if path.is_dir() else 'missing'}"
-            raise ConfigurationError(problem, f"correct 'files': paths of files, relative to {closure.start.parent}")
+            problem = f"{start.name} depends on '{name}', which is {'a folder' if path.is_dir() else 'missing'}"
+            raise ConfigurationError(problem, f"correct 'files': paths of files, relative to {start.parent}")
         parts[name] = digest_of_bytes(path.read_bytes())
     return parts
+
+
+def code_of_modules(modules: Iterable[str], files: tuple[str, ...] = ()) -> dict[str, str]:
+    """Return what the code of modules consists of; the files are beside those that are plugin files."""
+    codes = [code_of(module, files if module.endswith(".py") else ()) for module in modules]
+    return {name: part for code in codes for name, part in code.items()}
 
 
 def plugin_file(target: str) -> Path | None:
@@ -78,59 +84,63 @@ def plugin_file(target: str) -> Path | None:
 
 def sources_of(target: str) -> list[Path]:
     """Return the source files in the code of a module."""
-    return list(_closure_of(target).sources)
+    return list(_closure(target)[0])
 
 
 def modules_beside(path: Path) -> dict[str, Path]:
     """Return the modules and packages beside a plugin file that it imports, directly or not, by name."""
-    helpers = (source.relative_to(base) for source, base in _closure_of(str(path)).sources.items() if base != ROOT)
+    helpers = (source.relative_to(base) for source, base in _closure(str(path))[0].items() if base != ROOT)
     names = {helper.parts[0].partition(".")[0] for helper in helpers} - {path.stem}
     return {name: found for name in sorted(names) if (found := _locate(path.parent, (name,)))}
 
 
 def digest_of_bytes(content: bytes) -> str:
     """Return the digest of bytes: 16 hexadecimal digits."""
-    return hashlib.sha256(content).hexdigest()[:_DIGITS]
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def digest(content: Any) -> str:
+    """Return the digest of a content of dicts, lists, texts and numbers: 32 hexadecimal digits."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "item"):
+        return value.item()
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(f"{type(value).__name__} cannot be part of a key")
 
 
 # Imports -------------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Closure:
-    """A module with all that it imports: the folder of top-level modules by source file, and foreign packages."""
-
-    start: Path
-    sources: dict[Path, Path] = field(default_factory=dict)
-    packages: set[str] = field(default_factory=set)
-
-
-def _closure_of(target: str) -> _Closure:
+def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
+    """Return the sources of a module, itself first, each with the folder that holds its package; and other packages."""
     path = plugin_file(target)
     name = path.stem if path else target.partition(":")[0]
     base = path.resolve().parent if path else _base_of(name)
-    own = {name.partition(".")[0], *FIRST_PARTY} if path is None else None  # beside a plugin file, any module counts
     start = path.resolve() if path else _locate(base, tuple(name.split(".")))
     if start is None or not start.is_file():
         raise ConfigurationError(f"there is no module {path or name}", "correct the name")
-    closure = _Closure(start, {start: base})
-    pending = [(start, "" if path else name)]
+    own = {name.partition(".")[0], *FIRST_PARTY}
+    sources, packages, pending = {start: base}, set[str](), [start]
     while pending:
-        source, importer = pending.pop()
-        names = list(_absolute(_parsed(source), importer, source.stem == "__init__"))
-        for imported in names:
-            top, *_ = parts = tuple(imported.split("."))
-            where = ROOT if top in FIRST_PARTY else base
-            is_local = top in own if own else top not in sys.stdlib_module_names
-            found = _locate(where, parts) if is_local else None
-            if found and found not in closure.sources:
-                closure.sources[found] = where
-                pending.append((found, imported))
-            elif found is None and is_local and len(parts) > 1:
-                names += [name for name in _lazy(where, imported) if name not in names]
-            if top not in sys.stdlib_module_names and not (is_local and _locate(where, (top,))):
-                closure.packages.add(top)
-    return closure
+        source = pending.pop()
+        for parts in _imported(source, source.relative_to(sources[source]).parent.parts):
+            if parts[0] in sys.stdlib_module_names:
+                continue
+            where = ROOT if parts[0] in FIRST_PARTY else base
+            is_local = path is not None or parts[0] in own  # beside a plugin file, any module counts
+            if not (is_local and _locate(where, parts[:1])):
+                packages.add(parts[0])
+            new = [found for found in (_modules(where, parts) if is_local else ()) if found not in sources]
+            sources |= dict.fromkeys(new, where)
+            pending += new
+    return sources, packages
 
 
 def _base_of(name: str) -> Path:
@@ -144,6 +154,23 @@ def _base_of(name: str) -> Path:
     return Path(spec.origin).parents[1 if spec.submodule_search_locations else 0]
 
 
+def _imported(source: Path, package: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Yield the full names of all modules that a module of a package may import, packages around them included."""
+    for level, module, attribute in _parsed(source).imports:
+        around = package[: len(package) - level + 1] if level else ()
+        full = (*around, *module.split("."), attribute) if module else (*around, attribute)
+        yield from (full[:count] for count in range(1, len(full) + 1) if full[count - 1])
+
+
+def _modules(base: Path, parts: tuple[str, ...]) -> list[Path]:
+    """Return the file of a module; for a lazy attribute of a package, those of the whole package."""
+    if found := _locate(base, parts):
+        return [found]
+    package = _locate(base, parts[:-1]) if len(parts) > 1 else None
+    is_lazy = package is not None and package.name == "__init__.py" and _parsed(package).is_lazy
+    return sorted(package.parent.rglob("*.py")) if package and is_lazy and not parts[-1].startswith("_") else []
+
+
 @cache
 def _locate(base: Path, parts: tuple[str, ...]) -> Path | None:
     """Return the file of a module below a folder: a source, a package or a compiled extension."""
@@ -152,38 +179,12 @@ def _locate(base: Path, parts: tuple[str, ...]) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
-def _absolute(module: _Module, name: str, is_package: bool) -> Iterator[str]:
-    """Yield the full names of all modules that a module may import, packages around them included."""
-    package = name if is_package else name.rpartition(".")[0]
-    for level, imported, attribute in module.imports:
-        around = package.split(".")[: len(package.split(".")) - level + 1] if level else []
-        full = [*around, *(imported.split(".") if imported else [])]
-        yield from (".".join(full[:count]) for count in range(1, len(full) + 1))
-        if attribute:
-            yield ".".join([*full, attribute])
-
-
-def _lazy(base: Path, name: str) -> Iterator[str]:
-    """Yield the module of a lazy attribute of a package, or all modules of the package if it does not list them."""
-    *package, attribute = name.split(".")
-    path = _locate(base, tuple(package)) if package else None
-    modules = None if path is None or path.name != "__init__.py" else _parsed(path).lazy
-    if modules is None or attribute.startswith("_"):
-        return
-    if attribute in modules:
-        yield modules[attribute]
-    elif path and not modules:
-        inside = (part.relative_to(base).with_suffix("").parts for part in sorted(path.parent.rglob("*.py")))
-        yield from (".".join(parts) for parts in inside if parts[-1] != "__init__")
-
-
-@dataclass(frozen=True)
-class _Module:
-    """Digest of a source file, its imports (level, module, attribute) and the modules of its lazy attributes."""
+class _Module(NamedTuple):
+    """Digest of a source file, its imports (level, module, attribute), and whether it has lazy attributes."""
 
     digest: str
     imports: tuple[tuple[int, str, str], ...] = ()
-    lazy: dict[str, str] | None = None
+    is_lazy: bool = False
 
 
 def _parsed(path: Path) -> _Module:
@@ -194,63 +195,67 @@ def _parsed(path: Path) -> _Module:
 @cache
 def _parsed_once(path: Path, _: int, __: int) -> _Module:
     content = path.read_bytes()
-    if path.suffix != ".py":
-        return _Module(digest_of_bytes(content))
     try:
-        tree = ast.parse(content)
-    except (SyntaxError, ValueError):  # found and named when it is imported
+        tree = ast.parse(content) if path.suffix == ".py" else None
+    except (SyntaxError, ValueError):  # named when it is imported
+        tree = None
+    if tree is None:
         return _Module(digest_of_bytes(content))
-    imports, lazy = tuple(dict.fromkeys(_imports(tree))), _lazy_attributes(tree)
-    for node in ast.walk(tree):
-        for body in (getattr(node, name, None) for name in ("body", "orelse", "finalbody")):
-            if isinstance(body, list):  # docstrings of attributes included
-                body[:] = [part for part in body if not (isinstance(part, ast.Expr) and _text(part.value) is not None)]
-    return _Module(digest_of_bytes(ast.dump(tree).encode()), imports, lazy)
+    imports: dict[tuple[int, str, str], None] = {}
+    parts: list[Any] = []
+    pending: list[Any] = [tree]
+    while pending:  # faster than ast.dump and ast.walk
+        node = pending.pop()
+        if isinstance(node, ast.If) and _name(node.test) == "TYPE_CHECKING":
+            node = node.orelse
+        if isinstance(node, list):
+            node = [part for part in node if not (isinstance(part, ast.Expr) and _is_text(part.value))]
+            pending += node
+            parts.append(len(node))
+        elif isinstance(node, ast.AST):
+            imports |= dict.fromkeys(_imports(node))
+            pending += [getattr(node, name, None) for name in node._fields]
+            parts.append(type(node).__name__)
+        else:
+            parts.append(node)
+    is_lazy = any(isinstance(node, ast.FunctionDef) and node.name == "__getattr__" for node in tree.body)
+    return _Module(digest_of_bytes(repr(parts).encode()), tuple(imports), is_lazy)
 
 
-def _lazy_attributes(tree: ast.Module) -> dict[str, str] | None:
-    """Return the texts that a module with ``__getattr__`` maps to texts: modules by attribute, by convention."""
-    if not any(isinstance(node, ast.FunctionDef) and node.name == "__getattr__" for node in tree.body):
-        return None
-    tables = [node for node in ast.walk(tree) if isinstance(node, ast.Dict)]
-    pairs = (
-        (_text(key), _text(value)) for table in tables for key, value in zip(table.keys, table.values, strict=True)
-    )
-    return {key: value for key, value in pairs if key and value}
-
-
-def _imports(node: ast.AST) -> Iterator[tuple[int, str, str]]:
-    """Yield level, module and attribute of each import, those for type checkers alone left out."""
-    if isinstance(node, ast.If) and _name(node.test) == "TYPE_CHECKING":
-        node = ast.Module(node.orelse, [])
+def _imports(node: ast.AST) -> list[tuple[int, str, str]]:
+    """Return level, module and attribute of each import of a statement or expression."""
     if isinstance(node, ast.Import):
-        yield from ((0, alias.name, "") for alias in node.names)
-    elif isinstance(node, ast.ImportFrom):
-        yield from ((node.level, node.module or "", alias.name) for alias in node.names)
-    elif isinstance(node, ast.Call) and _name(node.func) == "import_module" and node.args:
-        yield from [(0, name, "")] if (name := _text(node.args[0])) else []
-    for child in ast.iter_child_nodes(node):
-        yield from _imports(child)
+        return [(0, alias.name, "") for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        return [(node.level, node.module or "", alias.name) for alias in node.names]
+    if isinstance(node, ast.Call) and _name(node.func) == "import_module" and node.args and _is_text(node.args[0]):
+        return [(0, ast.literal_eval(node.args[0]), "")]
+    return []
 
 
 def _name(node: ast.AST) -> str:
     return str(getattr(node, "attr", getattr(node, "id", "")))
 
 
-def _text(node: ast.AST | None) -> str | None:
-    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 @cache
 def _versions(top: str) -> dict[str, str]:
-    """Return the version of the distribution of a package, without its build tag; empty if it is not installed."""
-    try:
-        names = [top] if importlib.metadata.version(top) else []
-    except importlib.metadata.PackageNotFoundError:
-        names = sorted(set(_distributions().get(top, ())))
-    return {name.lower(): importlib.metadata.version(name).partition("+")[0] for name in names}
+    """Return the version of each distribution of a package, without its build tag; empty if it is not installed."""
+    pattern = re.compile(rf"^{re.escape(top)}(?:[/.]|$)", re.MULTILINE)
+    return {name: version for name, version, files in _distributions() if name == top or pattern.search(files)}
 
 
 @cache
-def _distributions() -> dict[str, list[str]]:
-    return dict(importlib.metadata.packages_distributions())
+def _distributions() -> list[tuple[str, str, str]]:
+    """Return name, version and lists of files of each installed distribution."""
+    return [
+        (
+            found.name.lower(),
+            found.version.partition("+")[0],
+            f"{found.read_text('top_level.txt')}\n{found.read_text('RECORD')}",
+        )
+        for found in importlib.metadata.distributions()
+    ]

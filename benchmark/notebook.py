@@ -79,15 +79,15 @@ def run(
     from benchmark.datasets.catalogue import sources
     from benchmark.protocols.galleries import galleries
     from benchmark.report.frames import jobs_frame
-    from benchmark.runs import plan
-    from benchmark.runs import run as run_jobs
+    from benchmark.runs.planning import plan
+    from benchmark.runs.runner import run as run_jobs
 
     files, folder = [Path(path).resolve() for path in plugins], Path(results)
     root = data_root or os.environ.get(DATA_VARIABLE)
     names = [str(name) for name in _listed(data)]
     shapes = galleries((), sources(names, files), Path(root) if root else None, quick)
     chosen, by = select(_listed(methods), files), select_one(scorer, files, "scorer")
-    options: dict[str, Any] = {"scorer": by, "seed": seed, "plugins": files}
+    options: dict[str, Any] = {"scorer": by, "seed": seed}
     jobs = plan(shapes, [input], chosen, folder, again="all" if again else "failed", **options)
     ended = {job.job.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
     before = {record.key: record for record in _records(folder)}

@@ -32,11 +32,10 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.pipeline import read_form
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.preparation import N_VERTICES, fit_frame, prepare_mesh, prepare_view
 from benchmark.pipeline.records import Record, read_records
 from benchmark.pipeline.search import search
-from benchmark.pipeline.shapes import Preparation
+from benchmark.pipeline.stages import Preparation, shape_of
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
 from benchmark.protocols.tables import own_table

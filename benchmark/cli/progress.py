@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, track
 from rich.table import Column
 
-from benchmark.runs import Progress as State
+from benchmark.runs.runner import Progress as State
 from benchmark.text import clean, say
 
 #: Seconds between lines of progress without a terminal.

@@ -25,10 +25,10 @@ from benchmark.report.formats import duration, hundredths
 from benchmark.report.frames import changed, seconds_of
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
-from benchmark.runs import Planned, estimate
-from benchmark.runs import plan as make_plan
-from benchmark.runs import run as run_jobs
-from benchmark.runs.planning import Again
+from benchmark.runs.estimates import estimate
+from benchmark.runs.planning import Again, Planned
+from benchmark.runs.planning import plan as make_plan
+from benchmark.runs.runner import run as run_jobs
 from benchmark.scoring.rows import score_forms as score_folder
 from benchmark.text import EVERY, brief, clean, say, say_lines
 
@@ -57,7 +57,6 @@ def planned_jobs(selection: Selection, again: Again = "") -> list[Planned]:
         _galleries(selection), [selection.input] if selection.input else INPUTS,
         select(selection.methods, selection.plugins), selection.results,
         scorer=select_one(selection.scorer, selection.plugins, "scorer"), seed=selection.seed, again=again,
-        plugins=selection.plugins,
     )  # fmt: skip
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")

@@ -27,7 +27,7 @@ def merge(folders: Sequence[Path], results: Path, *, published: bool) -> bool:
     for line in merged.skipped:
         say(line, err=True)
     for existing, other in merged.conflicts:
-        say(f"conflict: {existing.place}: {outcome(existing)} here, {outcome(other)} there")
+        say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
     say(f"{len(public.added)} records added, {public.known} known, {len(merged.conflicts)} conflicts")
     return not merged.conflicts
 

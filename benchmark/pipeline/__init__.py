@@ -31,7 +31,7 @@ def read_prepared(results: Path, record: Record, shape: str) -> Mesh | None:
 
 def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
     """Return the canonical form of a shape of a record; None if it is not kept here, or there is none."""
-    from benchmark.pipeline.forms import mesh_of
+    from benchmark.pipeline.stages import mesh_of
 
     form, prepared = (_read(results, record, kind, shape) for kind in ("forms", "prepared"))
     return mesh_of(form, prepared) if "vertices" in form and "vertices" in prepared else None

@@ -1,4 +1,4 @@
-"""Files of arrays under the digests of everything that determines them."""
+"""Files of arrays under keys: digests of everything that determines them, known before they are computed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,19 @@ RUNS = "runs"
 
 #: Folders of the suite's versions up to 0.2.
 _OLD = ("runs/artefacts", "runs/scratch", "runs/edited")
+
+
+class Keys(NamedTuple):
+    """Keys of the cached files of a shape for a job; ``signature`` is "" for a descriptor."""
+
+    prepared: str
+    form: str
+    signature: str
+
+    def files(self) -> list[tuple[Kind, str]]:
+        """Return kind and key of each file, in the order in which they are made."""
+        kinds: tuple[Kind, ...] = ("prepared", "forms", "signatures")
+        return [(kind, key) for kind, key in zip(kinds, self, strict=True) if key]
 
 
 class StorageError(BenchmarkError):
@@ -95,14 +108,17 @@ class Cache:
     def read(self, kind: Kind, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
         """Return the arrays under a key, except some; None if there are none, or their file is damaged in any way."""
         try:
-            return read_arrays(self._path(kind, key), without)
+            with zipfile.ZipFile(self._path(kind, key)) as archive:
+                names = {name.removesuffix(".npy") for name in archive.namelist()}.difference(without)
+                files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in names}  # compares checksums
+            return {name: np.lib.format.read_array(file, allow_pickle=False) for name, file in files.items()}
         except Exception:  # zip, zlib and numpy raise many types
             return None
 
     def write(self, kind: Kind, key: str, arrays: Arrays) -> None:
         """Write the arrays under a key; raise :class:`StorageError` if that fails."""
         with storing(self.results):
-            write_atomically(self._path(kind, key), lambda file: write_arrays(file, arrays))
+            write_atomically(self._path(kind, key), lambda file: _write_arrays(file, arrays))
 
     def get(self, kind: Kind, key: str, compute: Callable[[], Arrays]) -> Arrays:
         """Return the arrays under a key; compute and write them if they are missing."""
@@ -116,19 +132,9 @@ class Cache:
         return self.results / RUNS / kind / f"{key}.npz"
 
 
-def write_arrays(file: IO[bytes], arrays: Arrays) -> None:
+def _write_arrays(file: IO[bytes], arrays: Arrays) -> None:
     """Write arrays as an ``.npz`` file; unlike with ``numpy.savez``, any name will do."""
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
                 np.lib.format.write_array(part, np.asanyarray(array), allow_pickle=False)
-
-
-def read_arrays(path: Path, without: Collection[str] = ()) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an ``.npz`` file, each read to its end, so that its checksum is compared."""
-    with zipfile.ZipFile(path) as archive:
-        return {
-            name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
-            for name in archive.namelist()
-            if name.removesuffix(".npy") not in without
-        }

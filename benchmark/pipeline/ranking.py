@@ -4,164 +4,134 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, overload
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
-from benchmark.pipeline.cache import Arrays, Cache
-from benchmark.pipeline.forms import FIRST
-from benchmark.pipeline.keys import Keys
+from benchmark.pipeline.cache import Arrays, Cache, Keys
 from benchmark.pipeline.measures import score
-from benchmark.pipeline.shapes import REFUSED, SECONDS, notes_of
+from benchmark.pipeline.stages import FIRST, NOTE, REFUSED, SECONDS
 from benchmark.registry.outputs import compare_signatures, compute_distances
 
-_LARGE = ("vertices", "faces", "depth")
 
+class Ranked(NamedTuple):
+    """Shapes that are ranked against each other: names, classes, keys of their files; those lost in this run."""
 
-@dataclass(eq=False)
-class Ranking:
-    """A gallery whose shapes have all been processed.
-
-    Parameters
-    ----------
-    cache
-        The cached files.
-    shapes, labels, keys
-        Names and classes of the shapes, and the keys of their files.
-    compute
-        Computes the files of the shape with an index again; called if they are missing or damaged.
-    lost
-        Shapes that are refused in this run, with the reason.
-    """
-
-    cache: Cache
     shapes: Sequence[str]
     labels: Sequence[str]
     keys: Sequence[Keys]
-    compute: Callable[[int], object]
     lost: Mapping[str, str]
-    refused: dict[int, str] = field(default_factory=dict)
-    unprepared: list[str] = field(default_factory=list)
-    _small: dict[int, tuple[Arrays, Arrays, Arrays]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for index, (name, keys) in enumerate(zip(self.shapes, self.keys, strict=True)):
-            if name in self.lost and not self.cache.has("forms", keys.form):
-                self.refused[index] = self.lost[name]
-                self.unprepared.append(name)
-            elif reason := self._read_small(index, keys):
-                self.refused[index] = reason
-
-    def _read_small(self, index: int, keys: Keys) -> str:
-        """Read times and notes of a shape; return the reason if it was refused, else ""."""
-        prepared = self._stored("prepared", keys.prepared, index, _LARGE)
-        if REFUSED in prepared:
-            self.unprepared.append(self.shapes[index])
-            return _reason(prepared)
-        form = self._stored("forms", keys.form, index, _LARGE)
-        if REFUSED in form:
-            return _reason(form)
-        signature: Arrays = {}
-        if keys.signature:
-            whole = self._stored("signatures", keys.signature, index)
-            if REFUSED in whole:
-                return _reason(whole)
-            signature = {SECONDS: whole[SECONDS]}
-        self._small[index] = prepared, form, signature
-        return ""
-
-    def _stored(self, kind: Any, key: str, index: int, without: Sequence[str] = ()) -> Arrays:
-        arrays = self.cache.read(kind, key, without)
-        if arrays is None:
-            self.compute(index)
-            arrays = self.cache.read(kind, key, without)
-        if arrays is None:
-            raise OSError(f"{kind}/{key}.npz cannot be read again")
-        return arrays
-
-    @property
-    def answered(self) -> list[int]:
-        """Indices of the shapes with a result."""
-        return list(self._small)
-
-    def distances(self, method: Descriptor | None, scorer: Scorer | None) -> Iterator[NDArray[np.float64]]:
-        """Yield the distances of the answered shapes for each draw; of a descriptor, those of the method."""
-        if len(self.answered) == 1:
-            yield np.zeros((1, 1))
-        elif method is not None:
-            yield compute_distances(method, [self._small[index][1]["descriptor"] for index in self.answered])
-        elif scorer is not None:
-            signatures = _Signatures([lambda index=index: self._signature(index) for index in self.answered])  # type: ignore[misc]
-            yield from (compare_signatures(scorer, signatures, draw) for draw in range(scorer.info.draws))
-
-    def _signature(self, index: int) -> Arrays:
-        stored = self._stored("signatures", self.keys[index].signature, index)
-        return {name: array for name, array in stored.items() if name != SECONDS}
-
-    def content(self, method: Descriptor | None, scorer: Scorer | None) -> tuple[dict[str, Any], Arrays]:
-        """Return the content of the record, and the mean distances of the answered shapes, shape (n, n)."""
-        total = np.zeros((len(self.answered),) * 2)
-        draws = 0
-
-        def summed() -> Iterator[NDArray[np.float64]]:
-            nonlocal draws
-            for matrix in self.distances(method, scorer):
-                np.add(total, matrix, out=total)
-                draws += 1
-                yield matrix
-
-        scored = score(summed(), self.labels, self.answered if self.refused else None)
-        unsupported = [(self.shapes[index], reason) for index, reason in sorted(self.refused.items())]
-        content = {
-            **scored,
-            "unsupported": unsupported,
-            "unprepared": self.unprepared,
-            "notes": _summary([notes_of(prepared, form) for prepared, form, _ in self._small.values()]),
-            "seconds": _seconds(list(self._small.values())),
-        }
-        return content, {"distances": total / draws}
 
 
-class _Signatures(Sequence[Arrays]):
-    """Signatures that are read when they are taken, so that a large gallery need not be in memory."""
+def rank(
+    gallery: Ranked, cache: Cache, compute: Callable[[int], object], comparing: Descriptor | Scorer
+) -> tuple[dict[str, Any], Arrays]:
+    """Rank a gallery whose shapes have all been processed.
 
-    def __init__(self, readers: Sequence[Callable[[], Arrays]]) -> None:
-        self._readers = readers
+    Parameters
+    ----------
+    gallery
+        The shapes.
+    cache
+        The cached files.
+    compute
+        Computes the files of the shape with an index again; called if they are missing or damaged.
+    comparing
+        The scorer, or the descriptor that compares its own vectors.
 
-    def __len__(self) -> int:
-        return len(self._readers)
+    Returns
+    -------
+    dict
+        The content of the record.
+    dict
+        ``distances`` of the answered shapes, shape (n, n), means over the draws; empty if all shapes are refused.
+    """
+    stages: dict[int, dict[str, Arrays]] = {}
+    refused: dict[int, str] = {}
+    unprepared: list[str] = []
+    for index, (name, keys) in enumerate(zip(gallery.shapes, gallery.keys, strict=True)):
+        if name in gallery.lost and not cache.has("forms", keys.form):
+            refused[index] = gallery.lost[name]
+            unprepared.append(name)
+            continue
+        of_shape: dict[str, Arrays] = {}
+        for kind, key in keys.files():
+            of_shape[kind] = arrays = _stored(cache, kind, key, lambda index=index: compute(index))  # type: ignore[misc]
+            if REFUSED in arrays:
+                refused[index] = "; ".join(filter(None, arrays[REFUSED].tolist()))
+                unprepared += [name] if kind == "prepared" else []
+                break
+        else:
+            stages[index] = of_shape
+    unsupported = [(gallery.shapes[index], reason) for index, reason in sorted(refused.items())]
+    if not stages:
+        return {"unsupported": unsupported}, {}
+    matrices = _distances(list(stages.values()), comparing)
+    total, draws = np.zeros((len(stages), len(stages))), 0
 
-    @overload
-    def __getitem__(self, index: int) -> Arrays: ...
-    @overload
-    def __getitem__(self, index: slice) -> _Signatures: ...
-    def __getitem__(self, index: int | slice) -> Arrays | _Signatures:
-        return _Signatures(self._readers[index]) if isinstance(index, slice) else self._readers[index]()
+    def summed() -> Iterator[NDArray[np.float64]]:
+        nonlocal draws
+        for matrix in matrices:
+            np.add(total, matrix, out=total)
+            draws += 1
+            yield matrix
+
+    content = {
+        **score(summed(), gallery.labels, list(stages) if refused else None),
+        "unsupported": unsupported,
+        "unprepared": unprepared,
+        "notes": _summary([_notes(of_shape) for of_shape in stages.values()]),
+        "seconds": _seconds(list(stages.values())),
+    }
+    return content, {"distances": total / draws}
 
 
-def _reason(arrays: Arrays) -> str:
-    problem, hint = arrays[REFUSED].tolist()
-    return f"{problem}; {hint}" if hint else str(problem)
+def _stored(cache: Cache, kind: Any, key: str, compute: Callable[[], object]) -> Arrays:
+    """Return the arrays of a shape that ranking needs: not its surfaces."""
+    surfaces = () if kind == "signatures" else ("vertices", "faces", "depth")
+    arrays = cache.read(kind, key, surfaces)
+    if arrays is None:
+        compute()
+        arrays = cache.read(kind, key, surfaces)
+    if arrays is None:
+        raise OSError(f"{kind}/{key}.npz cannot be read again")
+    return arrays
 
 
-def _seconds(stages: Sequence[tuple[Arrays, Arrays, Arrays]]) -> dict[str, float]:
+def _distances(stages: Sequence[dict[str, Arrays]], comparing: Descriptor | Scorer) -> Iterator[NDArray[np.float64]]:
+    """Yield the distances of the answered shapes for each draw; of a descriptor, its own."""
+    if len(stages) == 1:
+        yield np.zeros((1, 1))
+    elif isinstance(comparing, Descriptor):
+        yield compute_distances(comparing, [of_shape["forms"]["descriptor"] for of_shape in stages])
+    else:
+        signatures = [untimed(of_shape["signatures"]) for of_shape in stages]
+        yield from (compare_signatures(comparing, signatures, draw) for draw in range(comparing.info.draws))
+
+
+def untimed(signature: Arrays) -> Arrays:
+    """Return the arrays of a signature that its scorer made."""
+    return {name: array for name, array in signature.items() if name != SECONDS}
+
+
+def _notes(of_shape: Mapping[str, Arrays]) -> dict[str, float]:
+    """Return the numbers that preparation and method reported, by name."""
+    named = [item for kind in ("prepared", "forms") for item in of_shape[kind].items() if item[0].startswith(NOTE)]
+    return {name.removeprefix(NOTE): float(note) for name, note in named if note.dtype.kind in "biuf"}
+
+
+def _seconds(stages: Sequence[dict[str, Arrays]]) -> dict[str, float]:
     """Return median seconds a shape by stage, without the first shape of each process unless there is no other."""
-    settled = [stage for stage in stages if FIRST not in stage[1]] or stages
+    settled = [of_shape for of_shape in stages if FIRST not in of_shape["forms"]] or stages
+    names = {"prepared": "prepare", "forms": "canonicalise", "signatures": "signature"}
     phases: dict[str, list[float]] = {}
-    for prepared, form, signature in settled:
-        times = {
-            "prepare": prepared.get(SECONDS),
-            "canonicalise": form.get(SECONDS),
-            "signature": signature.get(SECONDS),
-        }
-        times |= {name.partition(":")[2]: array for name, array in form.items() if name.startswith(f"{SECONDS}:")}
-        for phase, array in times.items():
-            if array is not None:
-                phases.setdefault(phase, []).append(float(array))
+    for of_shape in settled:
+        for kind, arrays in of_shape.items():
+            for name in (name for name in arrays if name.partition(":")[0] == SECONDS):
+                phases.setdefault(name.partition(":")[2] or names[kind], []).append(float(arrays[name]))
     return {phase: round(statistics.median(values), 4) for phase, values in sorted(phases.items())}
 
 

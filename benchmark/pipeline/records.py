@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -25,9 +25,7 @@ Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean sl
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=1000)]
 
-Status = Literal[
-    "ok", "failed", "crashed", "killed", "timeout", "memory", "unavailable", "unsupported"
-]  # fmt: skip
+Status = Literal["ok", "failed", "crashed", "killed", "timeout", "memory", "unavailable", "unsupported"]
 
 #: Scorer of the tables.
 DEFAULT_SCORER = "cm-bof"
@@ -147,9 +145,9 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     published: bool = False
 
     @property
-    def place(self) -> Place:
-        """What the record is the result of; there is one result for each place."""
-        return Place(self.gallery, self.input, self.method, self.seed, self.scorer)
+    def row(self) -> Row:
+        """What the record is the result of; there is one for each row."""
+        return Row(self.gallery, self.input, self.method, self.seed, self.scorer)
 
     @property
     def answered(self) -> list[int]:
@@ -163,7 +161,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         return len(self.answered) / len(self.shapes) if self.scores and self.shapes else 0.0
 
 
-class Place(NamedTuple):
+class Row(NamedTuple):
     """What a record is the result of."""
 
     gallery: str
@@ -174,9 +172,8 @@ class Place(NamedTuple):
 
     def __str__(self) -> str:
         seed = f" seed {self.seed}" if self.seed else ""
-        return f"{self.gallery} {self.input} {self.method}{seed}" + (
-            "" if self.scorer in ("", DEFAULT_SCORER) else f" by {self.scorer}"
-        )
+        by = f" by {self.scorer}" if self.scorer not in ("", DEFAULT_SCORER) else ""
+        return f"{self.gallery} {self.input} {self.method}{seed}{by}"
 
 
 # Reading -------------------------------------------------------------------------------------------------------------
@@ -184,7 +181,7 @@ class Place(NamedTuple):
 
 @dataclass
 class Records:
-    """Records of a results folder, one for each place, oldest first.
+    """Records of a results folder, one for each row, oldest first.
 
     Parameters
     ----------
@@ -202,46 +199,46 @@ class Records:
 
 
 def read_records(results: Path, *, local: bool = True, published: bool = True) -> Records:
-    """Read the records of a results folder: those of jobs that ran here, and published ones for other places.
+    """Read the records of a results folder: those of jobs that ran here, and published ones for other rows.
 
     A published record fills in only where no record of other shapes of the gallery was made here. Damaged files and
     lines are named in ``skipped`` and passed over.
     """
-    here = _read(sorted((results / RUNS / "records").glob("*.json"))) if local else Records()
-    elsewhere = _read(sorted((results / "records").glob("*.jsonl"))) if published else Records()
+    here = _read((results / RUNS / "records").glob("*.json")) if local else Records()
+    elsewhere = _read((results / "records").glob("*.jsonl")) if published else Records()
     digests = {record.gallery: record.gallery_digest for record in here}
-    fitting = (
+    fitting = [
         msgspec.structs.replace(record, published=True)
         for record in elsewhere
         if digests.get(record.gallery, record.gallery_digest) == record.gallery_digest
-    )
-    newest: dict[Place, Record] = {}
-    for record in (*sorted(fitting, key=_age), *sorted(here, key=_age)):
-        newest[record.place] = record
+    ]
+    newest = _newest(fitting) | _newest(here)
     return Records(sorted(newest.values(), key=_age), [*here.skipped, *elsewhere.skipped])
+
+
+def _newest(records: Iterable[Record]) -> dict[Row, Record]:
+    return {record.row: record for record in sorted(records, key=_age)}
 
 
 def _age(record: Record) -> tuple[str, str]:
     return record.finished, record.key
 
 
-def _read(paths: Sequence[Path]) -> Records:
+def _read(paths: Iterable[Path]) -> Records:
     found = Records()
-    for path in paths:
+    for path in sorted(paths):
         try:
-            text = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
+            if path.stat().st_size > LARGEST_FILE:
+                raise OSError(0, f"it is larger than {LARGEST_FILE:,} bytes")
+            text = path.read_bytes()
         except OSError as error:
-            found.skipped.append(f"skipped {path}: it cannot be read ({error.strerror})")
+            found.skipped.append(f"skipped {path}: {error.strerror}")
             continue
-        if text is None:
-            found.skipped.append(f"skipped {path}: it is larger than {LARGEST_FILE:,} bytes")
-            continue
-        is_one = path.suffix == ".json"
-        for number, line in enumerate([text] if is_one else text.splitlines(), 1):
-            where = str(path) if is_one else f"{path}:{number}"
+        for number, line in enumerate([text] if path.suffix == ".json" else text.splitlines(), 1):
             try:
                 found.records.append(parse_record(line))
             except ConfigurationError as error:
+                where = f"{path}:{number}" if path.suffix == ".jsonl" else path
                 found.skipped.append(f"skipped {where}: {error.problem}; remove it")
     return found
 
@@ -262,25 +259,21 @@ def parse_record(text: bytes) -> Record:
 
 def _faults(record: Record) -> Iterator[str]:
     """Yield the contradictions in a record whose fields have the right types."""
-    known = set(record.shapes)
-    if len(known) != len(record.shapes) or len(record.labels) != len(record.shapes):
+    if len({*record.shapes}) != len(record.shapes) or len(record.labels) != len(record.shapes):
         yield "`shapes` names a shape twice, or has another length than `labels`"
-    for name in ("unprepared", "seen"):
-        if not known.issuperset(getattr(record, name)):
-            yield f"`{name}` names a shape that is not in `shapes`"
-    if not known.issuperset(name for name, _ in record.unsupported):
-        yield "`unsupported` names a shape that is not in `shapes`"
+    unsupported = [name for name, _ in record.unsupported]
+    for field_name, names in (("unprepared", record.unprepared), ("seen", record.seen), ("unsupported", unsupported)):
+        if not set(names) <= set(record.shapes):
+            yield f"`{field_name}` names a shape that is not in `shapes`"
     if (record.status == "ok") != bool(record.scores) or not record.scores.keys() >= record.per_query.keys():
         yield "`scores`, `per_query` and `status` do not fit together"
+        return
     members = Counter(record.labels)
-    lone = [members[label] < 2 for label in record.labels]
     for name, values in record.per_query.items():
-        if [value is None for value in values] != lone:
+        known = [value for value in values if value is not None]
+        if [value is None for value in values] != [members[label] < 2 for label in record.labels]:
             yield f"`per_query.{name}` does not fit `labels`"
-            continue
-        known_values = [value for value in values if value is not None]
-        mean = sum(known_values) / len(known_values) if known_values else 0.0
-        if abs(mean - record.scores[name]) > 10.0**-DECIMALS:
+        elif known and abs(sum(known) / len(known) - record.scores[name]) > 10.0**-DECIMALS:
             yield f"`scores.{name}` is not the mean of its queries"
 
 
@@ -311,22 +304,23 @@ def forget(results: Path, is_meant: Callable[[Record], bool]) -> int:
     int
         Number of deleted records.
     """
-    folder = results / RUNS / "records"
-    here = _read(sorted(folder.glob("*.json"))).records
-    meant = [record for record in here if is_meant(record)]
-    meant_keys = {record.key for record in meant}
-    needed = {key for record in here if record.key not in meant_keys for key in _files_of(record)}
+    meant: list[Record] = []
+    others: list[Record] = []
+    for record in _read((results / RUNS / "records").glob("*.json")):
+        (meant if is_meant(record) else others).append(record)
+    unneeded = {path for record in meant for path in _files_of(record)}
+    unneeded -= {path for record in others for path in _files_of(record)}
     with storing(results):
-        _remove(folder, *meant_keys)
-        for kind, key in {key for record in meant for key in _files_of(record)} - needed:
-            (results / RUNS / kind / f"{key}.npz").unlink(missing_ok=True)
+        _remove(results / RUNS / "records", *(record.key for record in meant))
+        for path in unneeded:
+            (results / RUNS / path).unlink(missing_ok=True)
     return len(meant)
 
 
-def _files_of(record: Record) -> Iterator[tuple[str, str]]:
+def _files_of(record: Record) -> Iterator[str]:
     if record.files:
-        for kind in ("forms", "signatures"):
-            yield from ((kind, key) for key in getattr(record.files, kind) if key)
+        yield from (f"forms/{key}.npz" for key in record.files.forms)
+        yield from (f"signatures/{key}.npz" for key in record.files.signatures)
 
 
 def _remove(folder: Path, *keys: str) -> None:
@@ -359,45 +353,39 @@ class Merged:
 
 
 def merge(folders: Iterable[Path], results: Path) -> Merged:
-    """Add the records of other results folders to this one; results replace failures of the same job.
+    """Add the records of other results folders to this one: a result replaces a failure, a newer job an older one.
 
     Raises
     ------
     StorageError
         If a folder holds no records.
     """
-    merged = Merged()
-    known = {record.place: record for record in read_records(results, published=False)}
+    merged, known = Merged(), _newest(read_records(results, published=False))
     for folder in folders:
-        others = _read(sorted((folder / RUNS / "records").glob("*.json")))
-        merged.skipped += others.skipped
         if not (folder / RUNS / "records").is_dir():
             raise StorageError(f"{folder} holds no records", "name a results folder, which has runs/records")
+        others = _read((folder / RUNS / "records").glob("*.json"))
+        merged.skipped += others.skipped
         for record in others:
-            _add(record, known, results, merged)
+            existing = known.get(record.row)
+            if existing is None or _replaces(record, existing):
+                known[record.row] = msgspec.structs.replace(record, files=None)
+                write_record(results, known[record.row], existing.key if existing else "")
+                merged.added.append(record)
+            elif record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
+                merged.conflicts.append((existing, record))
+            else:
+                merged.known += 1
     return merged
 
 
-def _add(record: Record, known: dict[Place, Record], results: Path, merged: Merged) -> None:
-    """Add a record unless there is one of its place; of two jobs, the newer one counts."""
-    existing = known.get(record.place)
-    is_other = existing is not None and existing.key != record.key and _age(existing) < _age(record)
-    if existing is None or is_other or (existing.status != "ok" and record.status == "ok"):
-        known[record.place] = msgspec.structs.replace(record, files=None)
-        write_record(results, known[record.place], existing.key if existing else "")
-        merged.added.append(record)
-    elif (
-        existing.key != record.key
-        or record.status != "ok"
-        or (record.scores, record.per_query) == (existing.scores, existing.per_query)
-    ):
-        merged.known += 1
-    else:
-        merged.conflicts.append((existing, record))
+def _replaces(record: Record, other: Record) -> bool:
+    is_result = record.status == "ok" and other.status != "ok"
+    return is_result or (record.key != other.key and _age(record) > _age(other))
 
 
 def publish(results: Path, is_public: Callable[[Record], bool]) -> Merged:
-    """Write the public records made here among the published ones, in place of earlier ones of their places.
+    """Write the public records made here among the published ones, in place of earlier ones of their rows.
 
     Parameters
     ----------
@@ -411,27 +399,21 @@ def publish(results: Path, is_public: Callable[[Record], bool]) -> Merged:
     ConfigurationError
         If the working tree has changes, or the records of a gallery and input were made at several commits.
     """
-    merged = Merged()
-    here = [r for r in read_records(results, published=False) if is_public(r) and not r.data.quick]
     if has_edits():
         raise ConfigurationError("the working tree has changes", "commit them, and run again")
+    here = [r for r in read_records(results, published=False) if is_public(r) and not r.data.quick]
     commits: dict[str, set[str]] = {}
     for record in here:
         commits.setdefault(f"{record.gallery} {record.input}", set()).add(record.commit)
-    for name, found in commits.items():
-        if len(found) > 1 or any(commit.endswith("+") for commit in found):
-            raise ConfigurationError(
-                f"the rows of {name} were made at {', '.join(sorted(found))}", "run them again at one commit"
-            )
-    published = _read(sorted((results / "records").glob("*.jsonl")))
-    newest = {record.place: record for record in sorted(published, key=_age)}
-    for record in here:
-        if record.status != "unavailable" and newest.get(record.place) != (public := portable(record)):
-            newest[record.place] = public
-            merged.added.append(public)
-    write_published(results, newest.values())
-    merged.known = len(newest) - len(merged.added)
-    return merged
+    for name, made_at in commits.items():
+        if len(made_at) > 1 or any(commit.endswith("+") for commit in made_at):
+            problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
+            raise ConfigurationError(problem, "run them again at one commit")
+    before = _newest(_read((results / "records").glob("*.jsonl")))
+    now = before | {record.row: portable(record) for record in here if record.status != "unavailable"}
+    write_published(results, now.values())
+    added = [record for key, record in now.items() if record != before.get(key)]
+    return Merged(added, len(now) - len(added))
 
 
 def portable(record: Record) -> Record:
@@ -441,32 +423,15 @@ def portable(record: Record) -> Record:
 
 
 def write_published(results: Path, records: Iterable[Record]) -> None:
-    """Write records as lines, a file for each data set, in the order of their places."""
-    files: dict[str, list[Record]] = {}
-    for record in sorted(records, key=lambda record: record.place):
-        base = re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME]
-        files.setdefault(f"{base or 'records'}.jsonl", []).append(record)
+    """Write records as lines, a file for each data set, in the order of their rows."""
+    files: dict[str, bytes] = {}
+    for record in sorted(records, key=lambda record: record.row):
+        base = re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME] or "records"
+        files[f"{base}.jsonl"] = files.get(f"{base}.jsonl", b"") + msgspec.json.encode(record) + b"\n"
     folder = results / "records"
     with storing(results):
-        for name, of_file in files.items():
-            text = b"".join(msgspec.json.encode(record) + b"\n" for record in of_file)
+        for name, text in files.items():
             write_atomically(folder / name, lambda file, text=text: file.write(text), durable=True)  # type: ignore[misc]
         for path in folder.glob("*.jsonl"):
             if path.name not in files:
                 path.unlink()
-
-
-def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Say in words which parts of a key changed: ``gps.py changed; numpy 2.3 -> 2.4``; at most three of them."""
-    changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
-    texts = [_in_words(name, before.get(name, ""), now.get(name, "")) for name in changed]
-    few = list(dict.fromkeys(texts))
-    return "; ".join(few[:3]) + (f"; and {len(few) - 3} more" if len(few) > 3 else "") or "the code changed"
-
-
-def _in_words(name: str, before: str, now: str) -> str:
-    if name.startswith(("its ", "the ")):
-        return f"{name} changed"
-    if re.fullmatch("[0-9a-f]{16}", now or before):  # the digest of a file
-        return f"{Path(name).name} changed"
-    return f"{name} {before or 'none'} -> {now or 'none'}"

@@ -13,9 +13,9 @@ from benchmark.api.scoring import Scorer
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays, Cache
-from benchmark.pipeline.forms import SharedStages, compute_answer, mesh_of, sign
+from benchmark.pipeline.ranking import untimed
 from benchmark.pipeline.records import Record
-from benchmark.pipeline.shapes import REFUSED, SECONDS, require_result
+from benchmark.pipeline.stages import SharedStages, compute_answer, mesh_of, require_result, sign
 from benchmark.registry.outputs import compare_signatures, compute_distances
 
 
@@ -81,42 +81,27 @@ def search(
     """
     answer = require_result(compute_answer(method, query, SharedStages(), first=False))
     describes = isinstance(method, Descriptor)
-    form = None if describes else mesh_of(answer, {"faces": query.mesh.faces})
-    known = [(index, arrays) for index, arrays in _stored(results, record, scorer, without, describes=describes)]
+    known = _stored(results, record, without, describes=describes)
     if not known:
-        raise ConfigurationError(f"no form of {record.place} is kept in {results}", "run it again here")
+        raise ConfigurationError(f"no form of {record.row} is kept in {results}", "run it again here")
+    form = None if describes else mesh_of(answer, {"faces": query.mesh.faces})
     if isinstance(method, Descriptor):
-        vectors = [arrays["descriptor"] for arrays in (*(arrays for _, arrays in known), answer)]
+        vectors = [arrays["descriptor"] for arrays in (*known.values(), answer)]
         distances = compute_distances(method, vectors)[-1, :-1]
     else:
         assert form is not None  # noqa: S101
-        signatures = [*(arrays for _, arrays in known), _plain(require_result(sign(scorer, form)))]
+        signatures = [*map(untimed, known.values()), untimed(require_result(sign(scorer, form)))]
         draws = [compare_signatures(scorer, signatures, draw)[-1, :-1] for draw in range(scorer.info.draws)]
         distances = np.mean(draws, axis=0)
-    order = np.argsort(distances, kind="stable")
-    hits = ((known[place][0], float(distances[place])) for place in order)
-    return SearchResult(tuple(Hit(record.shapes[k], record.labels[k], distance) for k, distance in hits), form)
+    pairs = sorted(zip(distances.tolist(), known, strict=True))
+    return SearchResult(tuple(Hit(record.shapes[k], record.labels[k], distance) for distance, k in pairs), form)
 
 
-def _stored(
-    results: Path, record: Record, scorer: Scorer, without: Collection[str], *, describes: bool
-) -> list[tuple[int, Arrays]]:
-    """Return the descriptors or signatures of the shapes of a record, with their indices."""
-    cache, found = Cache(results), []
-    for index in record.answered if record.files else ():
-        assert record.files is not None  # noqa: S101
-        if record.shapes[index] in without:
-            continue
-        key = record.files.forms[index] if describes else record.files.signatures[index]
-        arrays: Arrays | None = cache.read("forms" if describes else "signatures", key)
-        if arrays is None and not describes:
-            form = cache.read("forms", record.files.forms[index])
-            prepared = cache.read("prepared", record.files.prepared[index])
-            arrays = None if form is None or prepared is None else sign(scorer, mesh_of(form, prepared))
-        if arrays is not None and REFUSED not in arrays:
-            found.append((index, arrays if describes else _plain(arrays)))
-    return found
-
-
-def _plain(signature: Arrays) -> Arrays:
-    return {name: array for name, array in signature.items() if name != SECONDS}
+def _stored(results: Path, record: Record, without: Collection[str], *, describes: bool) -> dict[int, Arrays]:
+    """Return the descriptors or signatures of the shapes of a record, by index."""
+    if record.files is None:
+        return {}
+    keys = record.files.forms if describes else record.files.signatures
+    answered = [index for index in record.answered if record.shapes[index] not in without]
+    stored = {index: Cache(results).read("forms" if describes else "signatures", keys[index]) for index in answered}
+    return {index: arrays for index, arrays in stored.items() if arrays is not None}

@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
 
 from benchmark.api.contracts import Input
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.code_digest import code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.keys import Keys, code_of_modules, digest, keys_of
-from benchmark.pipeline.records import Place, Record, describe_change, read_records
-from benchmark.pipeline.shapes import Preparation
+from benchmark.pipeline.cache import Keys
+from benchmark.pipeline.records import Record, Row, read_records
+from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select_one
-from benchmark.runs.jobs import Job, State, Step
+from benchmark.runs.tasks import Job, Step
 
 #: Module with the code of all measures.
 MEASURES = "benchmark.pipeline.measures"
+
+State = Literal["finished", "failed", "missing", "stale", "unavailable", "unsupported"]
 
 #: Which jobs with a record run again: none, those that failed, or all.
 Again = Literal["", "failed", "all"]
@@ -59,12 +64,12 @@ class Planned:
     job: Job
     gallery: Gallery
     facts: Mapping[str, Any] = field(repr=False)
-    keys: tuple[Keys, ...] = field(default=(), repr=False)
-    models: Mapping[str, Model] = field(default_factory=dict, repr=False)
-    state: State = "missing"
-    reason: str = "never run"
-    replaces: str = ""
-    to_run: bool = False
+    keys: tuple[Keys, ...] = field(repr=False)
+    models: Mapping[str, Model] = field(repr=False)
+    state: State
+    reason: str
+    replaces: str
+    to_run: bool
 
     @property
     def name(self) -> str:
@@ -76,32 +81,24 @@ class Planned:
         """Names of the shapes, in the order of the distance matrix."""
         return tuple(self.facts["shapes"])
 
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Classes of the shapes."""
-        return tuple(self.facts["labels"])
-
-    def model_of(self, shape: str) -> Path | None:
-        """Return the folder of the model for a shape, if the method learns."""
-        return self.models[shape].folder if shape in self.models else None
-
-    def steps(self) -> Iterator[tuple[Step, str, Path | None]]:
-        """Yield the step of each shape with its name and file."""
+    def steps(self) -> Iterator[tuple[Entry, Step]]:
+        """Yield each shape with its step."""
         for entry, keys in zip(self.gallery.entries, self.keys, strict=True):
-            yield Step(self.job, keys, self.model_of(entry.identifier)), entry.identifier, entry.path
+            model = self.models.get(entry.identifier)
+            yield entry, Step(self.job, keys, model.folder if model else None)
 
     def record(self, **facts: Any) -> Record:
         """Return the record of the job with further facts."""
         files = dict(zip(("prepared", "forms", "signatures"), map(list, zip(*self.keys, strict=True)), strict=False))
-        summaries = {model.training: model.summary() for model in self.models.values()}
-        content = {**self.facts, "models": [*summaries.values()], "seen": self.seen, "files": files or None, **facts}
-        return msgspec.convert(content, Record)
+        models = {model.training: model.summary() for model in self.models.values()}
+        known = {**self.facts, "models": [*models.values()], "seen": _seen(self.gallery, self.models)}
+        return msgspec.convert({**known, "files": files or None, **facts}, Record)
 
-    @property
-    def seen(self) -> list[str]:
-        """Names of the shapes that the model for them was trained on."""
-        dataset, pairs = self.gallery.dataset.name, [(e, self.models.get(e.identifier)) for e in self.gallery.entries]
-        return [entry.identifier for entry, model in pairs if model is not None and model.has_seen(entry, dataset)]
+
+def _seen(gallery: Gallery, models: Mapping[str, Model]) -> list[str]:
+    """Return the names of the shapes that the model for them was trained on."""
+    pairs = [(entry, models.get(entry.identifier)) for entry in gallery.entries]
+    return [entry.identifier for entry, model in pairs if model and model.has_seen(entry, gallery.dataset.name)]
 
 
 def plan(
@@ -113,7 +110,6 @@ def plan(
     scorer: Component | None = None,
     seed: int = 0,
     again: Again = "",
-    plugins: Iterable[Path] = (),
 ) -> list[Planned]:
     """List the jobs of a selection with their states.
 
@@ -129,16 +125,16 @@ def plan(
         Base seed of all methods.
     again
         Which jobs with a record run again.
-    plugins
-        Plugin files that define data sets.
     """
-    planning = _Planning(results.absolute(), scorer or select_one("cm-bof", kind="scorer"), seed, again, tuple(plugins))
-    chosen, taken = list[Any](methods), list(inputs)
+    scorer = scorer or select_one("cm-bof", kind="scorer")
+    records = {record.row: record for record in read_records(results, published=False)}
+    planning = _Planning(results.absolute(), scorer, seed, again, records)
+    chosen, wanted = list[Any](methods), list(inputs)
     jobs = [
         planning.job(gallery, input_, method)
         for gallery in galleries
         for rows in [gallery.rows(chosen, results / "models")]
-        for input_ in taken
+        for input_ in wanted
         if input_ in gallery.inputs
         for method in rows
     ]
@@ -153,98 +149,17 @@ class _Planning:
     scorer: Component
     seed: int
     again: Again
-    plugins: tuple[Path, ...]
-    _preparations: dict[tuple[str, str], Preparation] = field(default_factory=dict)
+    records: Mapping[Row, Record]
 
     def __post_init__(self) -> None:
-        self._key = cache(Component.key)
-
-    @cached_property
-    def _scorer_code(self) -> dict[str, str]:
-        return self.scorer.code()
-
-    @cached_property
-    def _records(self) -> dict[Place, Record]:
-        return {record.place: record for record in read_records(self.results, published=False)}
+        self._key, self._code = cache(Component.key), cache(Component.code)
+        self._preparations: dict[tuple[str, Input], Preparation] = {}
+        self._measures = code_of_modules([MEASURES])
 
     def job(self, gallery: Gallery, input_: Input, method: Component) -> Planned:
         """Return the job of a row with its state."""
-        missing = method.missing_packages()
-        scores = not missing and not method.describes
-        facts = self._facts(gallery, input_, method, scores=scores)
-        place = Place(gallery.name, input_, method.name, self.seed, facts["scorer"])
-        facts["key"] = digest(["unavailable", place])
-        planned = Planned(self._job(gallery, input_, method, facts["key"], ""), gallery, facts)
-        before = self._records.get(place)
-        planned = replace(planned, replaces=before.key if before else "")
-        if missing:
-            reason = f"needs {', '.join(missing)}: pip install {' '.join(missing)}"
-            return replace(planned, state="unavailable", reason=reason)
-        if input_ not in method.info.inputs:
-            return replace(planned, state="unsupported", reason=f"does not take the {input_} input")
-        try:
-            models = find_models(method, gallery, self.results / "models")
-        except MissingModel as error:
-            return replace(planned, state="unavailable", reason=str(error))
-        except (NoFolds, TooNear) as error:
-            return replace(planned, state="unsupported", reason=str(error))
-        planned = replace(planned, models=models)
-        if (seen := planned.seen) and gallery.table.all_unseen:
-            reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}; take a model of another training"
-            return replace(planned, state="unsupported", reason=reason)
-        planned = self._with_keys(planned, scores=scores)
-        state, reason = _state(planned, before)
-        runs = state in ("missing", "stale") or self.again == "all" or (state == "failed" and self.again == "failed")
-        return replace(planned, state=state, reason=reason, to_run=runs)
-
-    def _with_keys(self, planned: Planned, *, scores: bool) -> Planned:
-        """Return the job with the keys of its record and its files."""
-        job, gallery, models = planned.job, planned.gallery, planned.models
-        preparation = self._preparation(gallery, job.input)
-        method, scorer = self._key(job.method), self._key(self.scorer)
-        digests = {name: model.digest for name, model in models.items()}
-        keys = [
-            keys_of(preparation.key(e), method, self.seed, digests.get(e.identifier, ""), scorer if scores else None)
-            for e in gallery.entries
-        ]
-        measures = code_of_modules([MEASURES])
-        code = {**preparation.code, **job.method.code(), **measures}
-        parts = {
-            **code,
-            **(self._scorer_code if scores else {}),
-            "the data": planned.facts["gallery_digest"],
-            "the camera": preparation.camera_key,
-            "its parameters": json.dumps(method["parameters"], sort_keys=True, default=str),
-            "the scorer's parameters": json.dumps(scorer["parameters"], sort_keys=True, default=str),
-            **{f"the model {model.training}": model.digest for model in models.values()},
-        }
-        content = [place_of(planned.facts), planned.facts["gallery_digest"], keys, measures]
-        key = digest(content)
-        facts = {**planned.facts, "key": key, "parts": parts}
-        job = replace(job, key=key, code=digest([method, scorer]))
-        return replace(planned, job=job, facts=facts, keys=tuple(keys))
-
-    def _preparation(self, gallery: Gallery, input_: Input) -> Preparation:
-        place = (gallery.source, input_)
-        if place not in self._preparations:
-            self._preparations[place] = Preparation(gallery.dataset, input_)
-        return self._preparations[place]
-
-    def _job(self, gallery: Gallery, input_: Input, method: Component, key: str, code: str) -> Job:
-        source = gallery.source
-        if is_path(source) and not is_known(source):  # workers may have another working directory
-            source = str(Path(source).absolute())
-        by = "" if self.scorer.name == "cm-bof" else f" by {self.scorer.name}"
-        return Job(
-            key, f"{gallery.name} {input_} {method.name}{by}", source,
-            gallery.data_root and gallery.data_root.absolute(),
-            self.plugins, input_, method, self.scorer, self.seed, self.results, code,
-        )  # fmt: skip
-
-    def _facts(self, gallery: Gallery, input_: Input, method: Component, *, scores: bool) -> dict[str, Any]:
-        """Return the fields of a record that are known in advance."""
-        return {
-            **gallery_facts(gallery, input_),
+        scores = not method.missing_packages() and not method.describes
+        facts = gallery_facts(gallery, input_) | {
             "status": "ok",
             "method": method.name,
             "title": method.title,
@@ -254,12 +169,64 @@ class _Planning:
             "scorer": self.scorer.name if scores else "",
             "scorer_title": self.scorer.title if scores else "",
         }
+        row = Row(gallery.name, input_, method.name, self.seed, facts["scorer"])
+        before = self.records.get(row)
+        state, reason, models = _obstacle(gallery, input_, method, self.results / "models")
+        keys: list[Keys] = []
+        if state is None:
+            keys = self._keys(gallery, input_, method, models, scores=scores)
+            facts["key"] = digest([row, facts["gallery_digest"], keys, self._measures])
+            facts["parts"] = self._parts(gallery, input_, method, models, scores=scores)
+            facts["parts"]["the data"] = facts["gallery_digest"]
+            state, reason = _state(before, facts)
+        else:
+            facts["key"] = digest(["unavailable", row])
+        source = gallery.source
+        if is_path(source) and not is_known(source):  # workers may have another working directory
+            source = str(Path(source).absolute())
+        by = "" if self.scorer.name == "cm-bof" else f" by {self.scorer.name}"
+        job = Job(
+            facts["key"], f"{gallery.name} {input_} {method.name}{by}", source,
+            gallery.data_root and gallery.data_root.absolute(), input_, method, self.scorer, self.seed, self.results,
+            digest([self._key(method), self._key(self.scorer)]) if keys else "",
+        )  # fmt: skip
+        runs = state in ("missing", "stale") or (state in ("finished", "failed") and self.again in ("all", state))
+        replaces = before.key if before else ""
+        return Planned(job, gallery, facts, tuple(keys), models, state, reason, replaces, to_run=runs)
+
+    def _keys(
+        self, gallery: Gallery, input_: Input, method: Component, models: Mapping[str, Model], *, scores: bool
+    ) -> list[Keys]:
+        """Return the keys of the files of each shape."""
+        preparation, keys = self._preparation(gallery, input_), []
+        for entry in gallery.entries:
+            prepared, model = preparation.key(entry), models.get(entry.identifier)
+            form = digest([prepared, self._key(method), self.seed, model.digest if model else ""])
+            keys.append(Keys(prepared, form, digest([form, self._key(self.scorer)]) if scores else ""))
+        return keys
+
+    def _parts(
+        self, gallery: Gallery, input_: Input, method: Component, models: Mapping[str, Model], *, scores: bool
+    ) -> dict[str, str]:
+        """Return what determines the scores, by names that a user understands."""
+        preparation = self._preparation(gallery, input_)
+        parts = preparation.code | self._code(method) | self._measures | (self._code(self.scorer) if scores else {})
+        parts["the camera"] = preparation.camera_key
+        for name, component in (("its", method), ("the scorer's", self.scorer)):
+            parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
+        return parts | {f"the model {model.training}": model.digest for model in models.values()}
+
+    def _preparation(self, gallery: Gallery, input_: Input) -> Preparation:
+        key = (gallery.source, input_)
+        if key not in self._preparations:
+            self._preparations[key] = Preparation(gallery.dataset, input_)
+        return self._preparations[key]
 
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     """Return the fields of a record that describe the shapes of a gallery."""
     shapes = gallery.dataset
-    content = [(entry.identifier, entry.subject, _key_of(shapes, entry)) for entry in gallery.entries]
+    content = [(entry.identifier, entry.subject, _content_key(shapes, entry)) for entry in gallery.entries]
     return {
         "gallery": gallery.name,
         "gallery_digest": digest(content),
@@ -276,12 +243,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     }
 
 
-def place_of(facts: Mapping[str, Any]) -> Place:
-    """Return the place of the record with these facts."""
-    return Place(facts["gallery"], facts["input"], facts["method"], facts["seed"], facts["scorer"])
-
-
-def _key_of(shapes: Any, entry: Any) -> str:
+def _content_key(shapes: ShapeSet, entry: Entry) -> str:
     try:
         return str(shapes.key(entry))
     except ConfigurationError:
@@ -290,12 +252,45 @@ def _key_of(shapes: Any, entry: Any) -> str:
         return type(error).__name__
 
 
-def _state(planned: Planned, record: Record | None) -> tuple[State, str]:
-    """Return the state of a job and the reason for it, from the record of its place."""
+def _obstacle(
+    gallery: Gallery, input_: Input, method: Component, trained_here: Path
+) -> tuple[State | None, str, dict[str, Model]]:
+    """Return why a job cannot run, as a state with the reason, or None with the model of each shape."""
+    if missing := method.missing_packages():
+        return "unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}", {}
+    if input_ not in method.info.inputs:
+        return "unsupported", f"does not take the {input_} input", {}
+    try:
+        models = find_models(method, gallery, trained_here)
+    except MissingModel as error:
+        return "unavailable", str(error), {}
+    except (NoFolds, TooNear) as error:
+        return "unsupported", str(error), {}
+    if gallery.table.all_unseen and (seen := _seen(gallery, models)):
+        reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}; take a model of another training"
+        return "unsupported", reason, models
+    return None, "", models
+
+
+def _state(record: Record | None, facts: Mapping[str, Any]) -> tuple[State, str]:
+    """Return the state of a job that can run and the reason for it, from the record of its row."""
     if record is None:
         return "missing", "never run"
-    if record.key != planned.job.key:
-        return "stale", describe_change(record.parts, planned.facts["parts"])
-    if record.status != "ok":
-        return "failed", f"{record.status}: {record.reason}"
-    return "finished", ""
+    if record.key != facts["key"]:
+        return "stale", describe_change(record.parts, facts["parts"])
+    return ("finished", "") if record.status == "ok" else ("failed", f"{record.status}: {record.reason}")
+
+
+def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Say in words which parts of a key changed: ``gps.py changed; numpy 2.3 -> 2.4``; at most three of them."""
+    changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    texts = list(dict.fromkeys(_in_words(name, before.get(name, ""), now.get(name, "")) for name in changed))
+    return "; ".join(texts[:3]) + (f"; and {len(texts) - 3} more" if len(texts) > 3 else "") or "the code changed"
+
+
+def _in_words(name: str, before: str, now: str) -> str:
+    if name.startswith(("its ", "the ")):
+        return f"{name} changed"
+    if re.fullmatch("[0-9a-f]{16}", now or before):  # the digest of a file
+        return f"{Path(name).name} changed"
+    return f"{name} {before or 'none'} -> {now or 'none'}"

@@ -13,14 +13,13 @@ import numpy as np
 
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry
-from benchmark.code_digest import digest_of_bytes
+from benchmark.code_digest import digest, digest_of_bytes
 from benchmark.datasets.catalogue import is_known
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.files import file_digest
 from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.environment import commit, packages
-from benchmark.pipeline.keys import digest
 from benchmark.pipeline.measures import score
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, write_record
 from benchmark.protocols.galleries import Gallery
@@ -202,7 +201,7 @@ def _keep(results: Path, key: str, title: str, content: Mapping[str, Any], dista
     }
     record = msgspec.convert({**msgspec.to_builtins(content), **own}, Record)
     with writing(results):
-        before = [other for other in read_records(results, published=False) if other.place == record.place]
+        before = [other for other in read_records(results, published=False) if other.row == record.row]
         if before and before[0].title != title:
             problem = f"'{before[0].title}' and '{title}' have one name, {record.method}"
             raise ConfigurationError(problem, "choose another title")

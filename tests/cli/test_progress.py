@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from benchmark.cli.progress import Bar
-from benchmark.runs import Progress
+from benchmark.runs.runner import Progress
 
 WORKING = (
     "mesh-unfolding[iterations=200,step=0.25], woman-3_standing-on-one-leg",

@@ -9,8 +9,7 @@ from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
-from benchmark.pipeline.forms import shape_of
-from benchmark.pipeline.shapes import Preparation
+from benchmark.pipeline.stages import Preparation, shape_of
 from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off
 

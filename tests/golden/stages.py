@@ -22,11 +22,10 @@ from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import eigenpairs
 from benchmark.pipeline import measures, preparation
-from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.forms import SharedStages, compute_answer, sign
-from benchmark.pipeline.forms import mesh_of as form_mesh
-from benchmark.pipeline.ranking import Keys, Ranking
-from benchmark.pipeline.shapes import SECONDS, require_result
+from benchmark.pipeline.cache import Cache, Keys
+from benchmark.pipeline.ranking import Ranked, rank
+from benchmark.pipeline.stages import SECONDS, SharedStages, compute_answer, require_result, sign
+from benchmark.pipeline.stages import mesh_of as form_mesh
 from benchmark.registry import select_one
 from benchmark.registry.outputs import compare_signatures, compute_distances, compute_signature
 from retrieval.measures import chance_levels
@@ -100,7 +99,7 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
             cache.write("forms", form, {"refused": np.array(["no reason", ""])} if form in refused else second)
             cache.write("signatures", form, {**_committed("cm-bof", form), **second})
         keys = [Keys(form, form, form) for form in forms]
-        content, arrays = Ranking(cache, forms, labels, keys, lambda _: None, {}).content(None, scorer)
+        content, arrays = rank(Ranked(forms, labels, keys, {}), cache, lambda _: None, scorer)
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]
     return {**arrays, **_flat({**content, "unsupported": refused})}
 

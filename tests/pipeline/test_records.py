@@ -13,7 +13,6 @@ from benchmark.pipeline import records as records_module
 from benchmark.pipeline.cache import StorageError
 from benchmark.pipeline.records import (
     Record,
-    describe_change,
     forget,
     merge,
     parse_record,
@@ -23,6 +22,7 @@ from benchmark.pipeline.records import (
     write_published,
     write_record,
 )
+from benchmark.runs.planning import describe_change
 from tests.runs.toy import run_toy
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 import sys
 from pathlib import Path
@@ -10,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from benchmark import code_digest
-from benchmark.pipeline import keys
 from benchmark.pipeline.records import read_records
 from benchmark.runs import tasks
 from tests.runs.toy import planned, run_toy
@@ -59,7 +57,7 @@ class World:
     def forget_code(self) -> None:
         for name in [name for name in sys.modules if name.startswith("plugin_stretch") or name == "lengthen"]:
             del sys.modules[name]
-        for module in (code_digest, keys, tasks):
+        for module in (code_digest, tasks):
             for value in vars(module).values():
                 if hasattr(value, "cache_clear"):
                     value.cache_clear()
@@ -93,7 +91,7 @@ def edited(monkeypatch):
 
         def parsed(path):
             module = real(path)
-            return dataclasses.replace(module, digest="e" * 16) if str(path).endswith(name) else module
+            return module._replace(digest="e" * 16) if str(path).endswith(name) else module
 
         monkeypatch.setattr(code_digest, "_parsed", parsed)
 

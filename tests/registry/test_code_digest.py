@@ -69,11 +69,6 @@ def test_a_lazy_attribute_counts(plugin):
     imports = "from package import anything"
     write_plugin(plugin, imports=imports)
     assert "package/lazy.py" in code_of(str(plugin))
-    (plugin.parent / "package" / "__init__.py").write_text(
-        '_LAZY = {"anything": "package.lazy", "other": "package.late"}\n\ndef __getattr__(name):\n    ...\n'
-    )
-    assert "package/lazy.py" in code_of(str(plugin))
-    assert "package/late.py" not in code_of(str(plugin))
 
 
 def test_a_compiled_extension_counts_by_its_content(plugin):

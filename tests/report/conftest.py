@@ -7,7 +7,8 @@ import pytest
 from benchmark.protocols.galleries import galleries
 from benchmark.registry import select
 from benchmark.report.results import Results, open_results
-from benchmark.runs import plan, run
+from benchmark.runs.planning import plan
+from benchmark.runs.runner import run
 from tests.toy import write_rods
 
 

@@ -12,12 +12,13 @@ import numpy as np
 
 from benchmark.api import UnsupportedShape, canonical_form
 
-NOTES = Path(os.environ.get("FAULTS", "."))
+NOTES = Path(os.environ.get("FAULTS", "/dev/null"))
 
 
 def note(name, *processes):
-    with (NOTES / name).open("a") as file:
-        file.write("".join(f"{process}\n" for process in processes))
+    if NOTES.is_dir():
+        with (NOTES / name).open("a") as file:
+            file.write("".join(f"{process}\n" for process in processes))
 
 
 @canonical_form(name="fine", title="Fine")
@@ -131,7 +132,7 @@ def sleep_once(real):
     return late
 
 
-if "benchmark.runs.serve" in sys.orig_argv and os.environ.get("HANGS"):
+if "benchmark.runs.tasks" in " ".join(sys.orig_argv) and os.environ.get("HANGS"):
     import benchmark.geometry.geodesics
     import benchmark.pipeline.preparation
 

@@ -10,7 +10,8 @@ import psutil
 import pytest
 
 from benchmark.pipeline.records import read_records
-from benchmark.runs import run, runner
+from benchmark.runs import runner
+from benchmark.runs.runner import run
 from tests.runs.toy import FAULTS, planned, run_toy
 
 FAULTY = (
@@ -42,15 +43,13 @@ def rods(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def faulty(rods, tmp_path_factory):
-    """The records of a run of all faults, what it printed, and the notes of the methods."""
+    """The records of a run of all faults, and the notes of the methods."""
     folder = tmp_path_factory.mktemp("faults")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("FAULTS", str(folder))
         patch.setattr(runner, "memory_per_process", lambda processes=1: 3 * 2**29)
-        lines: list[str] = []
-        patch.setattr("benchmark.runs.pool.say", lambda line, err: lines.append(line))
         records = run_toy(rods, folder / "results", *FAULTY, size=2, timeout=4.0, plugins=(FAULTS,))
-    return records, lines, folder
+    return records, folder
 
 
 @pytest.mark.parametrize("name", ENDINGS)
@@ -70,29 +69,25 @@ def test_the_others_are_scored_and_a_refused_shape_counts_as_zero(faulty):
     assert {name: values[index] for name, values in records["picky"].per_query.items()} == dict.fromkeys(
         records["picky"].scores, 0.0
     )
-    assert {record.method for record in read_records(faulty[2] / "results")} == set(FAULTY)
+    assert {record.method for record in read_records(faulty[1] / "results")} == set(FAULTY)
 
 
 def test_a_method_that_refuses_its_first_three_shapes_alike_sees_no_other(faulty):
-    assert len((faulty[2] / "refuses").read_text().split()) <= 3 + 1  # one may be under way
+    assert len((faulty[1] / "refuses").read_text().split()) <= 3 + 1  # one may be under way
 
 
 def test_the_traceback_is_kept(faulty):
     assert "in bug\n    return 1 / 0" in faulty[0]["bug"].traceback
 
 
-def test_what_a_method_prints_is_told_with_its_name_and_shape(faulty):
-    assert "prints, thick0: looking at it" in faulty[1]
-
-
 def test_children_of_a_stopped_method_end(faulty):
-    processes = [int(line) for line in (faulty[2] / "hang").read_text().split()]
+    processes = [int(line) for line in (faulty[1] / "hang").read_text().split()]
     assert processes
     assert not [process for process in processes if psutil.pid_exists(process)]
 
 
 def test_failed_jobs_run_again_only_when_asked(rods, faulty):
-    results = faulty[2] / "results"
+    results = faulty[1] / "results"
     jobs = {again: planned(rods, results, "bug", plugins=(FAULTS,), again=again)[0] for again in ("", "failed", "all")}
     assert {again: job.to_run for again, job in jobs.items()} == {"": False, "failed": True, "all": True}
     assert jobs[""].state == "failed"
@@ -121,7 +116,7 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, m
     for job, record in run(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
         records[job.job.method.name] = record
         for child in psutil.Process().children():
-            if "benchmark.runs.serve" in child.cmdline():
+            if "benchmark.runs.tasks" in " ".join(child.cmdline()):
                 child.kill()  # it is idle, or begins to rank
     assert killed
     assert {record.status for record in records.values()} == {"ok"}

@@ -15,7 +15,8 @@ import pytest
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.cache import StorageError, writing
 from benchmark.pipeline.records import read_records
-from benchmark.runs import estimate, run
+from benchmark.runs.estimates import estimate
+from benchmark.runs.runner import run
 from tests.runs.test_faults import wait_for
 from tests.runs.toy import FAULTS, planned, run_toy
 from tests.toy import files_of_at_most

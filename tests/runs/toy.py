@@ -9,7 +9,8 @@ from typing import Any
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.records import Record
 from benchmark.registry import select
-from benchmark.runs import Planned, plan, run
+from benchmark.runs.planning import Planned, plan
+from benchmark.runs.runner import run
 
 FAULTS = Path(__file__).with_name("faults.py")
 

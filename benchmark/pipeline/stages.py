@@ -1,0 +1,275 @@
+"""Stages of a single shape: prepared surface, form or descriptor, and signature."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from benchmark.api.contracts import Descriptor, Input, Mesh, Method, Shape
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.scoring import Scorer
+from benchmark.code_digest import code_of_modules, digest
+from benchmark.errors import InvalidForm, InvalidSignature, ShapeError, UnsupportedShape
+from benchmark.pipeline.cache import Arrays, Cache
+from benchmark.registry.outputs import compute_descriptor, compute_form, compute_signature
+
+#: Module with the code of all preparations.
+CODE = "benchmark.pipeline.preparation"
+
+#: Prefix of the names of arrays that are notes on a shape.
+NOTE = "note:"
+
+#: Arrays that say why there is no result, how many seconds the result took, and that this includes loading.
+REFUSED, SECONDS, FIRST = "refused", "seconds", "first"
+
+#: Says that work begins which is charged to no method, such as ``"geodesics"``, and returns its ``with`` block.
+Aside = Callable[[str], AbstractContextManager[object]]
+
+
+class SharedFailure(UnsupportedShape):
+    """A result that methods share cannot be had in this run: the shape is refused for all of them."""
+
+
+class Unprepared(UnsupportedShape):
+    """A shape cannot be read or prepared, whatever the method."""
+
+
+# Prepared shapes -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Preparation:
+    """Prepared shapes of a data set under one input.
+
+    Parameters
+    ----------
+    shapes
+        The data set.
+    input
+        ``"mesh"`` for the complete surface, ``"view"`` for the part visible to the depth camera.
+    cache
+        Where prepared shapes are kept; None to keep none.
+    """
+
+    shapes: ShapeSet
+    input: Input
+    cache: Cache | None = None
+    _keys: dict[str, str] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def code(self) -> dict[str, str]:
+        """Code that makes the meshes and prepares them."""
+        return code_of_modules([*self.shapes.code, CODE], self.shapes.files)
+
+    @cached_property
+    def camera_key(self) -> str:
+        """Digest of the frame that all views share: a width, or all shapes that it is fitted to; "" for meshes."""
+        if self.input == "mesh":
+            return ""
+        shapes = self.shapes
+        fitted = shapes.half_width or [(shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes]
+        return digest([fitted, self._code_digest])
+
+    def key(self, entry: Entry) -> str:
+        """Return the key of a prepared shape."""
+        if entry.identifier not in self._keys:
+            shapes, view = self.shapes, []
+            if self.input == "view":
+                view = [self.camera_key, repr(shapes.camera(entry)), repr(shapes.sensor(entry))]
+            self._keys[entry.identifier] = digest([self.input, shapes.key(entry), view, self._code_digest])
+        return self._keys[entry.identifier]
+
+    @cached_property
+    def _code_digest(self) -> str:
+        return digest(self.code)
+
+    def arrays(self, entry: Entry, load: Callable[[Entry], Mesh] | None = None) -> Arrays:
+        """Return the arrays of a prepared shape.
+
+        Parameters
+        ----------
+        entry
+            The shape.
+        load
+            Replaces the function that loads its mesh.
+
+        Raises
+        ------
+        Unprepared
+            If it cannot be read or prepared.
+        """
+
+        def compute() -> Arrays:
+            start = time.perf_counter()
+            arrays = refusable(lambda: self._prepare(entry, load or self.shapes.load))
+            return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
+
+        return require_result(self._get(lambda: self.key(entry), compute), Unprepared)
+
+    @cached_property
+    def half_width(self) -> float:
+        """Half the width of the camera's frame in file units, the same for all shapes of the data set."""
+        fixed = self.shapes.half_width
+        return float(self._get(lambda: self.camera_key, self._fit_frame)["half_width"]) if fixed is None else fixed
+
+    def _get(self, key: Callable[[], str], compute: Callable[[], Arrays]) -> Arrays:
+        return compute() if self.cache is None else self.cache.get("prepared", key(), compute)
+
+    def _prepare(self, entry: Entry, load: Callable[[Entry], Mesh]) -> Arrays:
+        from benchmark.pipeline.preparation import prepare_mesh, prepare_view  # which takes a second
+
+        if self.input == "mesh":
+            return prepare_mesh(load(entry))
+        half_width = self.half_width
+        return prepare_view(load(entry), self.shapes.camera(entry), half_width, self.shapes.sensor(entry))
+
+    def _fit_frame(self) -> Arrays:
+        from benchmark.pipeline.preparation import common_frame, fit_frame
+
+        widths = []
+        for entry in self.shapes.shapes:
+            with suppress(ShapeError):  # this shape is refused when it is prepared
+                widths.append(fit_frame(self.shapes.load(entry), self.shapes.camera(entry)))
+        return {"half_width": np.asarray(common_frame(widths))}
+
+
+def refusable(compute: Callable[[], Arrays]) -> Arrays:
+    """Return the arrays of a stage; for a refused shape, the reason.
+
+    Raises
+    ------
+    InvalidForm, InvalidSignature
+        If a method or a scorer returned something else, which is not the fault of the shape.
+    SharedFailure
+        If the shape is refused in this run only.
+    """
+    try:
+        return compute()
+    except (InvalidForm, InvalidSignature, SharedFailure):
+        raise
+    except ShapeError as error:
+        return {REFUSED: np.array([error.problem, error.hint])}
+
+
+def require_result(arrays: Arrays, error: type[UnsupportedShape] = UnsupportedShape) -> Arrays:
+    """Return the arrays of a stage; raise an error with the reason if there are none."""
+    if REFUSED in arrays:
+        raise error(*arrays[REFUSED].tolist())
+    return arrays
+
+
+# Forms, descriptors and signatures -----------------------------------------------------------------------------------
+
+
+@dataclass
+class SharedStages:
+    """Results that several methods take from a shape, such as geodesics; each is computed once.
+
+    Parameters
+    ----------
+    aside
+        Told about the work, which is not charged to a method.
+    """
+
+    aside: Aside = lambda _: nullcontext()
+    seconds: dict[str, float] = field(default_factory=dict)
+    #: Seconds of computing for the current method, and the stages that it used.
+    spent: float = 0.0
+    used: set[str] = field(default_factory=set)
+    _arrays: dict[tuple[Any, ...], Arrays] = field(default_factory=dict)
+
+    def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
+        """Return the arrays of a stage; compute them if they are missing.
+
+        Raises
+        ------
+        SharedFailure
+            If there is no memory for them; the method is not to blame.
+        """
+        self.used.add(stage)
+        key = (stage, *sorted(parameters.items()))
+        if key not in self._arrays:
+            start = time.perf_counter()
+            try:
+                with self.aside(stage):
+                    self._arrays[key] = compute()
+            except MemoryError as error:
+                raise SharedFailure(f"no memory for its {stage}", "simplify the mesh, or use -j 1") from error
+            finally:
+                took = time.perf_counter() - start
+                self.spent += took
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + took
+        return self._arrays[key]
+
+
+def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
+    """Return the shape passed to methods, from its prepared arrays."""
+    return Shape(
+        identifier=identifier,
+        mesh=Mesh(arrays["vertices"], arrays["faces"]),
+        depth=arrays.get("depth"),
+        source_area=float(arrays["source_area"]),
+        seed=seed,
+        cache=cache,
+    )
+
+
+def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedStages, *, first: bool) -> Arrays:
+    """Compute the form or the descriptor of a shape; for a refused shape, the reason.
+
+    Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is
+    therefore the same whether it was just computed or read from the cache.
+
+    Returns
+    -------
+    dict
+        ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape; or ``descriptor``,
+        shape (k,); ``note:...`` for each note of the method; ``seconds`` of the method, ``seconds:geodesics`` and so
+        on of the stages that it shares with others.
+
+    Raises
+    ------
+    InvalidForm
+        If it returns anything other than a form of the shape, or a vector of finite numbers.
+    """
+    shared.spent, shared.used = 0.0, set()
+    start = time.perf_counter()
+    if isinstance(method, Method):
+        arrays = refusable(lambda: _form(method, shape))
+    else:
+        arrays = refusable(lambda: {"descriptor": compute_descriptor(method, shape)})
+    seconds = {SECONDS: time.perf_counter() - start - shared.spent}
+    seconds |= {f"{SECONDS}:{stage}": shared.seconds[stage] for stage in shared.used & shared.seconds.keys()}
+    timed = {name: np.asarray(value) for name, value in seconds.items()}
+    return {**arrays, **timed, **({FIRST: np.asarray(True)} if first else {})}
+
+
+def _form(method: Method, shape: Shape) -> Arrays:
+    mesh, notes = compute_form(method, shape)
+    with np.errstate(over="ignore"):
+        vertices = mesh.vertices.astype(np.float32)
+    if not (np.isfinite(vertices).all() and mesh.n_faces):
+        what = "coordinates too large for single precision" if mesh.n_faces else "a form without triangles"
+        raise InvalidForm(
+            f"method '{method.info.name}' returned {what}", "keep the scale and the triangles of the shape"
+        )
+    changed = {} if np.array_equal(mesh.faces, shape.mesh.faces) else {"faces": mesh.faces}
+    return {"vertices": vertices, **changed, **{f"{NOTE}{name}": note for name, note in notes.items()}}
+
+
+def mesh_of(form: Arrays, prepared: Arrays) -> Mesh:
+    """Return the form of a shape, from the arrays of :func:`compute_answer` and of the prepared shape."""
+    return Mesh(form["vertices"], form["faces"] if "faces" in form else prepared["faces"])
+
+
+def sign(scorer: Scorer, form: Mesh) -> Arrays:
+    """Compute the signature of a form; for a refused form, the reason."""
+    start = time.perf_counter()
+    arrays = refusable(lambda: compute_signature(scorer, form))
+    return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
