@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,26 +20,7 @@ from benchmark.protocols.models import with_model
 from benchmark.registry import Component, select_one
 from benchmark.registry.outputs import compute_form
 
-__all__ = ["DepthForm", "canonical_form_of_depth", "form_of_object", "method_of_depth"]
-
-
-@dataclass(frozen=True, eq=False)
-class DepthForm:
-    """Canonical form of the object in one frame, with its input.
-
-    Parameters
-    ----------
-    observed
-        The object.
-    shape
-        Input of the method.
-    form
-        The canonical form; its notes say how the object was segmented and include the notes of the method.
-    """
-
-    observed: ObservedObject
-    shape: Shape
-    form: CanonicalForm
+__all__ = ["canonical_form_of_depth", "form_of_object", "method_of_depth"]
 
 
 def canonical_form_of_depth(
@@ -87,7 +67,7 @@ def canonical_form_of_depth(
 
     Raises
     ------
-    benchmark.depth.errors.DepthError
+    benchmark.errors.DepthError
         If depth, intrinsics or mask are invalid, or no object fits the frame.
     ShapeError
         If the method refuses the shape.
@@ -97,9 +77,9 @@ def canonical_form_of_depth(
     maker = method_of_depth(method)
     if not isinstance(intrinsics, Intrinsics):
         intrinsics = camera_of(np.asarray(intrinsics, dtype=np.float64).ravel().tolist())
-    mask_image = None if mask is None else np.asarray(mask)
-    observed = observe(in_metres(np.asarray(depth), scale), intrinsics, mask_image, up, half_width)
-    return form_of_object(observed, maker, half_width=half_width, seed=seed).form
+    mask = None if mask is None else np.asarray(mask)
+    observed = observe(in_metres(np.asarray(depth), scale), intrinsics, mask, up, half_width)
+    return form_of_object(observed, maker, half_width=half_width, seed=seed)
 
 
 @functools.lru_cache(maxsize=8)
@@ -134,7 +114,7 @@ def form_of_object(
     *,
     half_width: float = HALF_WIDTH,
     seed: int = 0,
-) -> DepthForm:
+) -> CanonicalForm:
     """Return the canonical form of a segmented object.
 
     Parameters
@@ -157,7 +137,7 @@ def form_of_object(
     area = view.surface.area
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
-    return DepthForm(observed, shape, form_with_fit(maker, shape, observed.notes))
+    return form_with_fit(maker, shape, observed.notes)
 
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:

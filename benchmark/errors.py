@@ -42,6 +42,10 @@ class TrainingError(BenchmarkError):
     """Training cannot continue: the loss is not finite, memory is exhausted, or a checkpoint does not fit."""
 
 
+class DepthError(ShapeError):
+    """A depth image, its mask or its intrinsics are unreadable or invalid, or it shows no object."""
+
+
 class UnreadableMesh(ShapeError):
     """A mesh file is missing, truncated, or not what its extension says."""
 

@@ -256,7 +256,7 @@ def of_programs() -> Iterator[Row]:
     files = FrameFiles(FRAME)
 
     def form() -> Mesh:
-        return form_of_object(files.observe(), method).form.mesh
+        return form_of_object(files.observe(), method).mesh
 
     steps: dict[str, Work] = {"form": form, "signature": lambda: compute_signature(scorer, form())}
     for name, work in steps.items():

@@ -255,7 +255,8 @@ def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
         start = time.perf_counter()
         place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
         try:
-            result = form_of_object(files.observe(), maker, files.image.stem, seed=request.seed)
+            observed = files.observe()
+            form = form_of_object(observed, maker, files.image.stem, seed=request.seed)
         except ShapeError as error:
             if len(jobs) == 1:
                 raise
@@ -263,11 +264,11 @@ def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
             say(f"{place}{files.image}: {error}")
             continue
         seconds = time.perf_counter() - start
-        write_form(target, result.form.mesh)
+        write_form(target, form.mesh)
         if picture:
-            save_png(frame_picture(result.observed.depths, result.observed.mask, result.form.mesh), picture)
-        facts = [fact for fact in _facts(result.form.notes) if len(jobs) == 1 or fact.startswith("doubt")]
-        say(", ".join([f"{place}{target}: {len(result.form.vertices)} vertices, {seconds:.2f} s", *facts]))
+            save_png(frame_picture(observed.depths, observed.mask, form.mesh), picture)
+        facts = [fact for fact in _facts(form.notes) if len(jobs) == 1 or fact.startswith("doubt")]
+        say(", ".join([f"{place}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
     return not failures

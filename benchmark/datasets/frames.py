@@ -9,7 +9,7 @@ from typing import Any
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, Up, checked_up
-from benchmark.depth.intrinsics import Intrinsics, intrinsics_of, parse_intrinsics
+from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
 from benchmark.files import file_digest
 
@@ -36,7 +36,7 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     scale = positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
     half_width = positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
     try:
-        intrinsics = _intrinsics(values["intrinsics"], folder) if "intrinsics" in values else None
+        intrinsics = intrinsics_of(str(values["intrinsics"]), folder) if "intrinsics" in values else None
         up = _up(values["up"]) if "up" in values else None
     except (BenchmarkError, TypeError, ValueError) as error:
         problem = error.problem if isinstance(error, BenchmarkError) else str(error)
@@ -69,13 +69,6 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     if "canonical_pose" not in values:
         return shapes
     return replace(shapes, canonical_poses=canonical_poses(values["canonical_pose"], shapes, path))
-
-
-def _intrinsics(value: Any, folder: Path) -> Intrinsics:
-    if isinstance(value, list):
-        return parse_intrinsics(" ".join(map(str, value)))
-    path = folder / str(value)
-    return intrinsics_of(str(path if path.exists() or "," not in str(value) else value))
 
 
 def _up(value: Any) -> Up:

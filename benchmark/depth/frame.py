@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, NoObject
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
 from benchmark.depth.reading import FEWEST_SEEN, Depths, Mask, checked_mask, find_mask, read_depth, read_mask
 from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
+from benchmark.errors import DepthError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh, Points
 
@@ -123,11 +123,11 @@ def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float6
 
 
 def checked_up(direction: Up) -> NDArray[np.float64]:
-    """Return an up direction as a unit vector; raises ``InvalidDepth`` if it is invalid or near the optical axis."""
+    """Return an up direction as a unit vector; raises ``DepthError`` if it is invalid or near the optical axis."""
     up = np.asarray(direction, dtype=np.float64)
     length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
-        raise InvalidDepth(
+        raise DepthError(
             f"{list(direction)} is up in no image",
             "write [right, down, forward] of the camera, such as [0, -1, 0]; cameras that look straight down have none",
         )
@@ -193,11 +193,11 @@ def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, hal
 
     Raises
     ------
-    NoObject
+    DepthError
         If there are too few pixels, or the surface is larger than the frame.
     """
     if np.count_nonzero(mask) < FEWEST_SEEN:
-        raise NoObject(
+        raise DepthError(
             f"the object shows {np.count_nonzero(mask)} pixels, fewer than {FEWEST_SEEN}",
             "go nearer, or check the mask",
         )
@@ -207,7 +207,7 @@ def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, hal
     extents = np.ptp(mesh.vertices, axis=0)
     if extents.max() >= 2 * half_width:
         size = " x ".join(f"{extent:.2f}" for extent in extents)
-        raise NoObject(
+        raise DepthError(
             f"the object is {size} m (width, height, depth), more than the {2 * half_width:.2f} m of the frame",
             "check the depth scale, or pass a mask of the object alone",
         )
@@ -285,7 +285,7 @@ class FrameFiles:
         """Read the frame and return its object; raises ``DepthError``, which names the faulty file."""
         depths, mask, camera = read_depth(self.image, self.scale), self.mask_file, self.intrinsics_file
         if not self.intrinsics and not camera:
-            raise InvalidIntrinsics(
+            raise DepthError(
                 f"there are no intrinsics for {self.image}",
                 "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy",
             )

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from benchmark.depth.errors import InvalidIntrinsics
+from benchmark.errors import DepthError
 from benchmark.geometry.io import named_errors
 
 Rays = NDArray[np.float64]
@@ -79,21 +79,21 @@ class Intrinsics:
     def __post_init__(self) -> None:
         values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if not (all(map(math.isfinite, values)) and self.fx > 0 and self.fy > 0):
-            raise InvalidIntrinsics(
+            raise DepthError(
                 f"focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g} are those of no camera",
                 "pass positive focal lengths in pixels",
             )
 
     def check_size(self, width: int, height: int) -> None:
-        """Raise ``InvalidIntrinsics`` if the intrinsics belong to an image of another size."""
+        """Raise ``DepthError`` if the intrinsics belong to an image of another size."""
         if self.size is not None and self.size != (width, height):
-            raise InvalidIntrinsics(
+            raise DepthError(
                 f"the intrinsics are those of {self.size[0]} x {self.size[1]} pixels, the image has {width} x {height}",
                 "pass those of the depth image, not of the colour image or of another resolution",
             )
         low, high = (0.0, 1.0) if self.size else CENTRAL
         if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
-            raise InvalidIntrinsics(
+            raise DepthError(
                 f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height} pixels",
                 "pass the intrinsics of this image; those of a part of an image need its width and height beside them",
             )
@@ -121,25 +121,25 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
             shift = np.stack([2 * p1 * x * y + p2 * (r + 2 * x * x), p1 * (r + 2 * y * y) + 2 * p2 * x * y], axis=-1)
             rays = (seen - shift) * radial[..., None]
     if not (np.isfinite(rays).all() and np.abs(rays).max() < 100):
-        raise InvalidIntrinsics(f"distortion {coefficients} cannot be inverted on this image", "check its coefficients")
+        raise DepthError(f"distortion {coefficients} cannot be inverted on this image", "check its coefficients")
     return rays
 
 
 def parse_intrinsics(text: str) -> Intrinsics:
-    """Parse ``fx,fy,cx,cy`` or the numbers of a matrix; raises ``InvalidIntrinsics`` for anything else."""
+    """Parse ``fx,fy,cx,cy`` or the numbers of a matrix; raises ``DepthError`` for anything else."""
     words = re.sub(r"(#|%|//).*|[\[\],;]", " ", text).split()
     try:
         numbers = [float(word) for word in words]
     except ValueError as error:
-        raise InvalidIntrinsics(f"'{' '.join(text.split()):.60}' is no list of numbers", _HINT) from error
+        raise DepthError(f"'{' '.join(text.split()):.60}' is no list of numbers", _HINT) from error
     return camera_of(numbers)
 
 
-def intrinsics_of(value: str) -> Intrinsics:
-    """Return the intrinsics given as an option: ``fx,fy,cx,cy`` or a file, see :func:`read_intrinsics`."""
-    if re.fullmatch(r"[\s\d.,eE+-]+", value) and "," in value and not Path(value).exists():
+def intrinsics_of(value: str, folder: Path = Path()) -> Intrinsics:
+    """Return the intrinsics given as ``fx,fy,cx,cy`` or as a file in a folder, see :func:`read_intrinsics`."""
+    if "," in value and not (folder / value).exists():
         return parse_intrinsics(value)
-    return read_intrinsics(Path(value))
+    return read_intrinsics(folder / value)
 
 
 def read_intrinsics(path: Path) -> Intrinsics:
@@ -153,12 +153,12 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
     Raises
     ------
-    InvalidIntrinsics
+    DepthError
         If the file is missing, holds no intrinsics, or those of a lens that is not a pinhole with Brown's distortion.
     """
-    with named_errors(path, "file of intrinsics", InvalidIntrinsics, _HINT):
+    with named_errors(path, "file of intrinsics", DepthError, _HINT):
         if path.stat().st_size > _LARGEST_FILE:
-            raise InvalidIntrinsics("it is too large for intrinsics", _HINT)
+            raise DepthError("it is too large for intrinsics", _HINT)
         text = path.read_bytes().decode("utf-8-sig")
         content = _parsed(text)
         return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
@@ -191,17 +191,17 @@ def find_intrinsics(image: Path) -> Path | None:
 def camera_of(
     numbers: Sequence[float], size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
 ) -> Intrinsics:
-    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix; raises ``InvalidIntrinsics`` for others."""
+    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix; raises ``DepthError`` for others."""
     if len(numbers) == 4:
         fx, fy, cx, cy = numbers
         return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
     if len(numbers) not in (9, 16):
         shown = " ".join(f"{number:g}" for number in numbers)
-        raise InvalidIntrinsics(f"'{shown:.60}' are {len(numbers)} numbers", _HINT)
+        raise DepthError(f"'{shown:.60}' are {len(numbers)} numbers", _HINT)
     matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3]
     if not np.isfinite(matrix).all() or (matrix[2] != (0, 0, 1)).any() or matrix[1, 0]:
         rows = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
-        raise InvalidIntrinsics(f"the matrix {rows} is that of no camera", "write fx 0 cx / 0 fy cy / 0 0 1")
+        raise DepthError(f"the matrix {rows} is that of no camera", "write fx 0 cx / 0 fy cy / 0 0 1")
     fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
 
@@ -218,7 +218,7 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
             return camera_of(_flat(values[key]), size, distortion)
     cx, cy = (values.get(f"c{axis}", values.get(f"pp{axis}")) for axis in "xy")
     if cx is None or cy is None:
-        raise InvalidIntrinsics(f"keys {', '.join(map(str, values)):.200} name no principal point", _HINT)
+        raise DepthError(f"keys {', '.join(map(str, values)):.200} name no principal point", _HINT)
     return camera_of(_flat([values["fx"], values["fy"], cx, cy]), size, distortion)
 
 
@@ -232,7 +232,7 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
 
     Raises
     ------
-    InvalidIntrinsics
+    DepthError
         If the distortion model is another one, or the number of coefficients does not match Brown's model.
     """
     named = next((str(values[key]) for key in ("distortion_model", "model", "camera_model") if key in values), "")
@@ -240,13 +240,13 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
     lists = (_flat(values[key]) for key in _COEFFICIENTS if not isinstance(values.get(key), str | None))
     coefficients = next(lists, [float(values.get(name) or 0) for name in _BROWN])
     if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and any(coefficients)):
-        raise InvalidIntrinsics(
+        raise DepthError(
             f"the distortion model is '{named:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
         )
     if not any(coefficients):
         return []
     if len(coefficients) not in (4, 5, 8):
-        raise InvalidIntrinsics(f"{len(coefficients)} coefficients of distortion", "pass 4, 5 or 8 of Brown's model")
+        raise DepthError(f"{len(coefficients)} coefficients of distortion", "pass 4, 5 or 8 of Brown's model")
     return coefficients
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmark.depth.errors import InvalidDepth, InvalidMask, UnreadableDepth
+from benchmark.errors import DepthError
 from benchmark.geometry.io import named_errors
 
 Depths = NDArray[np.float64]
@@ -60,15 +60,15 @@ def read_depth(path: Path, scale: float | None = None) -> Depths:
 
     Raises
     ------
-    UnreadableDepth
+    DepthError
         If the file is missing, damaged, too large, or contains no depth.
-    InvalidDepth
+    DepthError
         As in :func:`in_metres`.
     """
     suffix = path.suffix.lower()
-    with named_errors(path, f"{suffix[1:]} file", UnreadableDepth, "export the image again"):
+    with named_errors(path, f"{suffix[1:]} file", DepthError, "export the image again"):
         if suffix not in EXTENSIONS:
-            raise UnreadableDepth(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}")
+            raise DepthError(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}")
         return in_metres(_array(path) if suffix in (".npy", ".npz") else _pixels(path), scale)
 
 
@@ -85,20 +85,20 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
 
     Raises
     ------
-    InvalidDepth
+    DepthError
         If the image has several channels, too few pixels with a depth, a constant depth, or an implausible scale.
     """
     values = np.asarray(values)
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if values.ndim != 2 or values.dtype.kind not in "iuf":
-        raise InvalidDepth(
+        raise DepthError(
             f"an array of {values.dtype} and shape {values.shape} is no depth image",
             "pass one channel of integers or floats, shape (height, width)",
         )
     _check_size(values.shape[1], values.shape[0])
     if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise InvalidDepth(f"a depth scale of {scale} is none", "pass a positive number of units per metre")
+        raise DepthError(f"a depth scale of {scale} is none", "pass a positive number of units per metre")
     is_float = values.dtype.kind == "f"
     units = scale or (1.0 if is_float else DEFAULT_SCALE)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -108,24 +108,24 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         depth[values == np.iinfo(values.dtype).max] = 0
     seen = depth[depth > 0]
     if len(seen) < FEWEST_SEEN:
-        raise InvalidDepth(
+        raise DepthError(
             f"{len(seen)} of {depth.size} pixels have a depth, fewer than {FEWEST_SEEN}",
             "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen",
         )
     median = float(np.median(seen))
     if not NEAREST <= median <= FARTHEST:
-        raise InvalidDepth(
+        raise DepthError(
             f"the median depth is {median:g} m with {units:g} units per metre",
             "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres",
         )
     if seen.min() == seen.max():
-        raise InvalidDepth(f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask")
+        raise DepthError(f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask")
     return depth
 
 
 def _check_size(width: int, height: int) -> None:
     if max(width, height) > LARGEST_SIDE:
-        raise UnreadableDepth(
+        raise DepthError(
             f"{width} x {height} pixels are more than {LARGEST_SIDE} per side", "reduce it, and its intrinsics alike"
         )
 
@@ -135,9 +135,7 @@ def _pixels(path: Path) -> NDArray[Any]:
         _check_size(*image.size)
         if image.mode != "F" and not image.mode.startswith("I"):
             kind = "8 bits" if image.mode in ("L", "1", "P") else f"colours ({image.mode})"
-            raise UnreadableDepth(
-                f"the image holds {kind}, no depth", "export depth with 16 bits per pixel and one channel"
-            )
+            raise DepthError(f"the image holds {kind}, no depth", "export depth with 16 bits per pixel and one channel")
         values = np.array(image)
         if image.mode == "I" and image.format in ("PNG", "PPM"):  # 16 bits in 32
             head = _MAXIMUM.match(path.open("rb").read(1000))
@@ -154,10 +152,10 @@ def _array(path: Path) -> NDArray[Any]:
         names = archive.files
         if "depth" not in names and len(names) != 1:
             listed = ", ".join(names[:6]) or "nothing"
-            raise UnreadableDepth(f"the archive holds {listed}", "name the array of depths 'depth'")
+            raise DepthError(f"the archive holds {listed}", "name the array of depths 'depth'")
         name = "depth" if "depth" in names else names[0]
         if archive.zip.getinfo(f"{name}.npy").file_size > 8 * LARGEST_SIDE**2 + 1000:
-            raise UnreadableDepth(f"the array has more than {LARGEST_SIDE} pixels per side", "reduce it")
+            raise DepthError(f"the array has more than {LARGEST_SIDE} pixels per side", "reduce it")
         return np.asarray(archive[name])
 
 
@@ -185,13 +183,12 @@ def read_mask(path: Path) -> Mask:
 
     Raises
     ------
-    InvalidMask
+    DepthError
         If the file is unreadable.
     """
     hint = "pass a PNG that is white on the object and black elsewhere"
-    with named_errors(path, "mask", InvalidMask, hint), Image.open(path) as image:
-        if max(image.size) > LARGEST_SIDE:
-            raise InvalidMask(f"it has {image.size[0]} x {image.size[1]} pixels", "pass a mask of the image")
+    with named_errors(path, "mask", DepthError, hint), Image.open(path) as image:
+        _check_size(*image.size)
         values = np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image)
     if values.ndim == 2:
         return np.asarray(values > 0)
@@ -204,17 +201,17 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
 
     Raises
     ------
-    InvalidMask
+    DepthError
         If the mask is empty, has another size, or contains no pixel with a depth.
     """
     mask = np.asarray(mask != 0)
     if mask.shape != seen.shape:
         sizes = [" x ".join(map(str, image.shape[::-1])) for image in (mask, seen)]
-        raise InvalidMask(f"the mask has {sizes[0]} pixels, the image {sizes[1]}", "pass a mask of the depth image")
+        raise DepthError(f"the mask has {sizes[0]} pixels, the image {sizes[1]}", "pass a mask of the depth image")
     if not mask.any():
-        raise InvalidMask("the mask is empty", "let it be white on the object")
+        raise DepthError("the mask is empty", "let it be white on the object")
     if not (mask & seen).any():
-        raise InvalidMask("no pixel of the mask has a depth", "check that mask and image belong to one frame")
+        raise DepthError("no pixel of the mask has a depth", "check that mask and image belong to one frame")
     return np.asarray(mask & seen)
 
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from benchmark.depth.errors import NoObject
 from benchmark.depth.reading import Depths, Mask
+from benchmark.errors import DepthError
+from benchmark.geometry.cleaning import component_labels
 from benchmark.geometry.mesh import Points
 
 SHARE = 0.06
@@ -210,7 +209,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
 
     Raises
     ------
-    NoObject
+    DepthError
         If no remaining piece is large enough.
     """
     depths = points[..., 2]
@@ -218,7 +217,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     for plane in planes:
         free &= plane.heights(points) > plane.slack(points)
     if not free.any():
-        raise NoObject("nothing but planes and specks is left of the scene", _HINT)
+        raise DepthError("nothing but planes is left of the scene", _HINT)
     # A piece ends where the depth jumps.
     labels = np.full(free.shape, -1, dtype=np.int64)
     labels[free] = np.arange(np.count_nonzero(free))
@@ -229,7 +228,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     distances = np.bincount(labels[free], weights=depths[free]) / pixels
     large = (surfaces >= LARGE * surfaces.max()) & (pixels >= FEWEST * seen.size)
     if not large.any():
-        raise NoObject(
+        raise DepthError(
             f"no piece that is left of the scene holds {FEWEST:.1%} of the image, the largest {pixels.max()} pixels",
             _HINT,
         )
@@ -246,6 +245,4 @@ def _joined(labels: NDArray[np.int64], depths: Depths, limits: Depths) -> NDArra
         close = (labels[one] >= 0) & (labels[other] >= 0) & (np.abs(depths[one] - depths[other]) <= limit)
         pairs.append(np.stack([labels[one][close], labels[other][close]]))
     first, second = np.concatenate(pairs, axis=1)
-    count = int(labels.max()) + 1
-    graph = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
-    return np.asarray(connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)
+    return component_labels(first, second, int(labels.max()) + 1)

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmark.depth.errors import InvalidDepth, InvalidIntrinsics, InvalidMask, NoObject
 from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth_forms import canonical_form_of_depth, method_of_depth
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, DepthError
 from tests.depth.scenes import frame, in_millimetres
 
 CAMERA = np.array([[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]])
@@ -44,13 +43,13 @@ def test_a_loop_loads_its_method_once():
 
 def test_errors_have_types():
     depths, mask = frame()
-    with pytest.raises(InvalidDepth):
+    with pytest.raises(DepthError):
         canonical_form_of_depth(np.full((480, 640), np.nan), CAMERA, mask)
-    with pytest.raises(InvalidIntrinsics, match=r"are 6 numbers"):
+    with pytest.raises(DepthError, match=r"are 6 numbers"):
         canonical_form_of_depth(depths, CAMERA[:2], mask)
-    with pytest.raises(InvalidMask):
+    with pytest.raises(DepthError):
         canonical_form_of_depth(depths, CAMERA, ~mask[:10])
-    with pytest.raises(NoObject, match="more than the 2.57 m of the frame"):
+    with pytest.raises(DepthError, match="more than the 2.57 m of the frame"):
         canonical_form_of_depth(depths, CAMERA, np.ones_like(mask))
     with pytest.raises(ConfigurationError, match="unknown method"):
         canonical_form_of_depth(depths, CAMERA, mask, "learnt")

@@ -10,8 +10,7 @@ from typer.testing import CliRunner
 
 from benchmark.cli.forms import Camera, Request, canonicalise, frames_under
 from benchmark.cli.main import cli
-from benchmark.depth.errors import DepthError
-from benchmark.errors import BenchmarkError
+from benchmark.errors import BenchmarkError, DepthError
 from tests.datasets.test_frames import write_frames
 from tests.depth.scenes import frame, in_millimetres
 

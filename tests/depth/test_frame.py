@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmark.depth.errors import DepthError, InvalidDepth
 from benchmark.depth.frame import UPRIGHT, observe, unprojected, without_flying_pixels
 from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.segmentation import background_planes
+from benchmark.errors import DepthError
 from benchmark.geometry.depth import render_depth
 from benchmark.geometry.mesh import Mesh
 from tests.depth.scenes import KINECT, Scene, figure, frame, measured, overlap
@@ -61,7 +61,7 @@ def test_without_a_floor_what_is_said_is_up_else_that_of_the_image() -> None:
     with_up = observe(depths, KINECT, mask, tuple(tilted.rotation @ [0, 0, 1.0]))
     assert (with_up.notes["up"], observe(depths, KINECT, mask).notes["up"]) == ("sidecar", "image")
     assert np.ptp(with_up.surface.vertices[:, 1]) == pytest.approx(TALL, abs=0.03)
-    with pytest.raises(InvalidDepth, match="is up in no image; write .right, down, forward."):
+    with pytest.raises(DepthError, match="is up in no image; write .right, down, forward."):
         observe(depths, KINECT, mask, (0, 0, 1))
 
 

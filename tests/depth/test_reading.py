@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmark.depth.errors import DepthError, InvalidDepth, InvalidIntrinsics, InvalidMask, UnreadableDepth
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, intrinsics_of, read_intrinsics
 from benchmark.depth.reading import find_mask, in_metres, is_depth_file, read_depth, read_mask
+from benchmark.errors import DepthError
 
 INPUTS = Path(__file__).with_name("inputs")
 DEPTHS = np.linspace(0.5, 4.0, 30 * 40).reshape(30, 40).round(3)
@@ -132,7 +132,7 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(tmp_path: Path,
     content, said = BAD_IMAGES[name]
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises((UnreadableDepth, InvalidDepth), match=said) as caught:
+    with pytest.raises(DepthError, match=said) as caught:
         read_depth(tmp_path / name)
     assert str(caught.value).startswith(f"{tmp_path / name}: ")
     assert "\n" not in str(caught.value)
@@ -149,7 +149,7 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(tmp_path: Path,
     ],
 )
 def test_each_fault_of_depths_is_named(values: np.ndarray, said: str) -> None:
-    with pytest.raises(InvalidDepth, match=said):
+    with pytest.raises(DepthError, match=said):
         in_metres(values)
     for scale in (0, -1, np.nan):
         with pytest.raises(DepthError, match="depth scale of"):
@@ -178,7 +178,7 @@ def test_what_is_neither_black_nor_transparent_is_the_object(tmp_path: Path, mod
     (images.get(mode) or Image.fromarray(MASK).convert(mode)).save(tmp_path / "mask.png")
     np.testing.assert_array_equal(read_mask(tmp_path / "mask.png"), MASK > 0)
     (tmp_path / "noise.png").write_bytes(b"mask")
-    with pytest.raises(InvalidMask, match=r"noise\.png: not a readable mask: .*; pass a PNG that is white"):
+    with pytest.raises(DepthError, match=r"noise\.png: not a readable mask: .*; pass a PNG that is white"):
         read_mask(tmp_path / "noise.png")
 
 
@@ -296,7 +296,7 @@ def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(tmp_path: Pat
     content, said = BAD_CAMERAS[fault]
     path = tmp_path / "camera"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(InvalidIntrinsics, match=said) as caught:
+    with pytest.raises(DepthError, match=said) as caught:
         read_intrinsics(path)
     assert str(path) in caught.value.problem
     assert "\n" not in str(caught.value)
@@ -304,13 +304,13 @@ def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(tmp_path: Pat
 
 
 def test_intrinsics_of_another_size_are_refused_and_numbers_on_the_command_line_are_no_file() -> None:
-    with pytest.raises(InvalidIntrinsics, match="those of 1280 x 960 pixels, the image has 640 x 480"):
+    with pytest.raises(DepthError, match="those of 1280 x 960 pixels, the image has 640 x 480"):
         Intrinsics(1050, 1050, 640, 480, (1280, 960)).check_size(*SIZE)
-    with pytest.raises(InvalidIntrinsics, match="far from the middle"):
+    with pytest.raises(DepthError, match="far from the middle"):
         Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
     Intrinsics(525, 525, 600, 100, SIZE).check_size(*SIZE)  # a part of a larger image
     assert intrinsics_of("525,526,319.5,239.5") == Intrinsics(525, 526, 319.5, 239.5)
-    with pytest.raises(InvalidIntrinsics, match=r"absent\.json: No such file"):
+    with pytest.raises(DepthError, match=r"absent\.json: No such file"):
         intrinsics_of("absent.json")
 
 
