@@ -60,14 +60,14 @@ def test_the_rows_of_the_readme_are_those_of_the_tables(views):
 def test_23_of_32_classical_figures_of_tosca_come_out_again(records):
     counts = verdicts(records)["verdict"].value_counts()
     assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (23, 3, 6)
-    assert "23 of 32 figures within .05" in README
+    assert "23 of the paper's 32 classical figures come out within .05" in README
     assert "23 of 32 classical figures are at most .05 apart, three more" in REPRODUCTION
 
 
 def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views):
     chance = views["II"].chance["ours"]
     near = [abs(PRINTED["II"][name][m] - chance[m]) <= 0.05 for name in CLASSICAL for m in MEASURES]
-    assert f"within .05 of {sum(near)} of its {len(near)}" in README
+    assert f"within .05 of {sum(near)} of the paper's {len(near)} classical figures" in README
     fair = {row.method: row.scored["ours"].means["NN"] for row in views["II-view"].rows if row.scored}
     assert all(fair[name] < 0.1 for name in CLASSICAL if name != "gps")
 
