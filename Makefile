@@ -19,6 +19,8 @@ unexport PYTHONDONTWRITEBYTECODE
 POSES := $(addprefix --shape woman-3_,standing running squatting)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 OF_HUMANS := -d humans --input mesh
+OF_VIEWS := -t I-view -d humans --quick
+NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
 DRAW := $(BIN)/python -m benchmark report --force --figure results/figures
 methods = $(addprefix -m ,$(1))
 
@@ -116,10 +118,15 @@ figures: setup
 	$(DRAW)/family-few-rows.png $(OF_HUMANS) $(POSES) -m fast-mds -m accelerated-mds -m fast-classical-scaling
 	$(DRAW)/family-details.png $(OF_HUMANS) $(POSES) \
 	    $(call methods,constrained-mds feature-preserved skeleton mesh-unfolding)
+	$(BIN)/python -m benchmark run $(OF_VIEWS) $(call methods,$(NETWORKS))
+	$(DRAW)/learned-forms.png $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/effect.png -t III -d tosca -m least-squares-mds $(BODIES)
 	$(DRAW)/two-scorers.png --of scorers
 	for name in animals humans humans-scanlike tosca; do \
 	    $(BIN)/python -m benchmark data sheet $$name -o results/figures/sheet-$$name.png || exit 1; done
+	mkdir -p build
+	$(BIN)/python -m benchmark canonicalise examples/depth/man-1/kneeling.png -m learned-streamed \
+	    -o build/form.ply --picture docs/images/depth-frame.png
 
 # Leaves the records of finished jobs.
 clean:

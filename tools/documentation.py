@@ -28,7 +28,13 @@ ROOT = Path(__file__).resolve().parents[1]
 BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/*/*.png")
 
 #: Modules whose docstrings form the reference: the interface for authors, results, methods and scorers.
-DOCUMENTED = ("benchmark/api/*.py", "benchmark/results.py", "baselines/*.py", "retrieval/*.py")
+DOCUMENTED = (
+    "benchmark/api/*.py",
+    "benchmark/notebook.py",
+    "benchmark/report/results.py",
+    "baselines/*.py",
+    "retrieval/*.py",
+)
 
 #: Pages with other addresses: the front page of the repository is that of the site, before the list of pages.
 URIS = {"README.md": "index.md", "docs/README.md": "contents.md"}
@@ -55,7 +61,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in [*_paths(*BESIDE), "docs/README.md"]:
         files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
     figures = [
-        path for path in _paths("results/figures/*.png") if Path(path).stem.startswith(("family", "forms", "field"))
+        path
+        for path in _paths("results/figures/*.png")
+        if Path(path).stem.startswith(("family", "forms", "field", "learned"))
     ]
     shown = "\n\n".join(f"## {_title(path)}\n\n![{_title(path)}]({_uri(path)})" for path in figures)
     files.append(File.generated(config, "gallery.md", content=f"# Canonical forms of all methods\n\n{shown}\n"))

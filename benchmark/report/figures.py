@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline import read_distances
 from benchmark.pipeline.records import Record
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 #: Widths in inches of one column and of the text of a two-column paper.
 COLUMN, WIDTH = 3.5, 7.16
+
+#: View of forms of depth images, whose errors do not show from the front.
+OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
 
 #: Measure of charts that show one.
 MEASURE = "DCG"
@@ -143,7 +147,7 @@ def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def effect_figure(records: Sequence[Record], forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
-    """Draw some shapes in a row, and below them their forms by each method.
+    """Draw some shapes in a row, and below them their forms by each method; those of views from an angle.
 
     Parameters
     ----------
@@ -161,7 +165,9 @@ def effect_figure(records: Sequence[Record], forms: StoredForms, shapes: Sequenc
     """
     names = list(shapes) or some_shapes(records[0])
     lines: list[tuple[str, list[Mesh | None]]] = [("", [forms.shape(records[0], name) for name in names])]
-    lines += [(record.title, [forms.form(record, name) for name in names]) for record in records]
+    lines += [
+        (TITLES.get(record.method, record.title), [forms.form(record, name) for name in names]) for record in records
+    ]
     lines = [(title, meshes) for title, meshes in lines if any(meshes)]
     if len(lines) < 2:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
@@ -171,7 +177,8 @@ def effect_figure(records: Sequence[Record], forms: StoredForms, shapes: Sequenc
             place = axes[number * len(names) + column]
             place.axis("off")
             if mesh is not None:
-                place.imshow(np.asarray(shaded(mesh, UPRIGHT, 280, values_like(mesh, lines[0][1][column]))))
+                camera = UPRIGHT if records[0].input == "mesh" else OBLIQUE
+                place.imshow(np.asarray(shaded(mesh, camera, 280, values_like(mesh, lines[0][1][column]))))
             if column == 0 and title:
                 place.set_title(clean(title), fontsize=_SIZE, loc="left", parse_math=False)
     return figure
