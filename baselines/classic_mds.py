@@ -73,6 +73,7 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
         values, vectors = np.linalg.eigh(np.apply_along_axis(centred, 0, np.eye(n)))
     else:
         start = np.random.default_rng(0).standard_normal(n)
-        values, vectors = eigsh(LinearOperator((n, n), matvec=centred, dtype=np.float64), k=4, which="LA", v0=start)
+        operator = LinearOperator((n, n), matvec=centred, dtype=np.float64)
+        values, vectors = eigsh(operator, k=4, which="LA", v0=start, tol=1e-10)
     values, vectors = values[:-5:-1], vectors[:, :-4:-1]
     return vectors * np.sqrt(np.maximum(values[:3], 0.0)), values

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
-
-if TYPE_CHECKING:
-    from baselines._kernels.arap import AsRigidAsPossible
-
-if TYPE_CHECKING:
-    from baselines._kernels.arap import AsRigidAsPossible
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,18 +74,18 @@ class ConstrainedMDS(CheckedParameters):
 
         surface, areas = AsRigidAsPossible.of(shape), shape.mesh.vertex_areas
         images = [aligned(targets * [sign, 1.0, 1.0], shape.mesh.vertices, areas) for sign in (1.0, -1.0)]
-        deformed = [self._deform(surface, image, areas / areas.sum()) for image in images]
-        kept = int(deformed[1][1] < deformed[0][1])
-        vertices, energy = deformed[kept]
-        notes = {**surface.strains(vertices), "energy": energy, "rejected_energy": deformed[1 - kept][1]}
-        return shape.form(vertices, **notes, mirrored="yes" if kept else "no")
-
-    def _deform(self, surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray) -> tuple[FloatArray, float]:
-        positions = surface.rest
+        deformed = [surface.rest, surface.rest]
         for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
-            pull = strength * masses
+            pull = strength * areas / areas.sum()
             solve = surface.factorise(pull)
-            for _ in range(self.iterations):
-                positions = solve(surface.load(surface.rotations(positions)) + pull[:, None] * targets)
-        distance = ((positions - targets) ** 2).sum(axis=1)
-        return positions, surface.energy(positions, surface.rotations(positions)) + float(pull @ distance)
+            for k, image in enumerate(images):
+                for _ in range(self.iterations):
+                    load = surface.load(surface.rotations(deformed[k])) + pull[:, None] * image
+                    deformed[k] = solve(load)
+        energies = [
+            surface.energy(x, surface.rotations(x)) + float(pull @ ((x - image) ** 2).sum(axis=1))
+            for x, image in zip(deformed, images, strict=True)
+        ]
+        kept = int(energies[1] < energies[0])
+        notes = {**surface.strains(deformed[kept]), "energy": energies[kept], "rejected_energy": energies[1 - kept]}
+        return shape.form(deformed[kept], **notes, mirrored="yes" if kept else "no")

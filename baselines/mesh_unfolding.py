@@ -71,9 +71,9 @@ class MeshUnfolding(CheckedParameters):
         unit, masses = float(np.sqrt(areas.sum())), areas / areas.sum()
         surface = AsRigidAsPossible.of(shape, unit)
         stiffness, cascades = self.first_stiffness, 1
-        positions, _ = relax(surface, masses, surface.rest, stiffness, self.iterations)
+        positions = relax(surface, masses, surface.rest, stiffness, self.iterations)
         while surface.strains(positions)["mean_edge_strain"] > self.strain_bound and cascades < self.max_cascades:
             stiffness, cascades = 2 * stiffness, cascades + 1
-            positions, _ = relax(surface, masses, positions, stiffness, self.later_iterations)
+            positions = relax(surface, masses, positions, stiffness, self.later_iterations)
         notes = surface.strains(positions)
         return shape.form(unit * positions, **notes, cascades=cascades, stiffness=stiffness)

@@ -18,6 +18,10 @@ WEIGHT_FLOOR = 1e-2
 """Minimum edge weight, as a share of the mean one. Weights of obtuse pairs of angles are negative or zero: they would
 leave the energy without a lower bound, and a vertex between such edges unconstrained."""
 
+AMBIGUOUS = 1e-3
+"""Share of the cube of its norm, below which the product of the sums of two singular values of a covariance each leaves
+the closed form of its rotation without enough digits."""
+
 
 @dataclass(frozen=True, eq=False)
 class AsRigidAsPossible:
@@ -85,8 +89,47 @@ class AsRigidAsPossible:
 
 def nearest_rotations(covariances: FloatArray) -> FloatArray:
     """Return the proper rotations R that maximise trace(R C) for covariances C of rest and moved points, (n, 3, 3)."""
-    stacked = np.ascontiguousarray(covariances.transpose(1, 0, 2).reshape(-1, 3))
-    return np.asarray(igl.fit_rotations(stacked)).reshape(3, -1, 3).transpose(1, 0, 2)
+    rotations, ambiguous = _closed_form(covariances)
+    if ambiguous.any():
+        stacked = np.ascontiguousarray(covariances[ambiguous].transpose(1, 0, 2).reshape(-1, 3))
+        rotations[ambiguous] = np.asarray(igl.fit_rotations(stacked)).reshape(3, -1, 3).transpose(1, 0, 2)
+    return np.asarray(rotations)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the nearest rotations [Markley 1993], and where they are too ambiguous to be found in this way.
+
+    In a seventh of the time of singular values. The sum of the (signed) singular values is the largest root of a
+    quartic, which Newton's method finds from above; the rotation follows from it.
+    """
+    rotations, ambiguous = np.empty_like(covariances), np.empty(len(covariances), np.bool_)
+    gram = np.empty((3, 3))
+    for k in range(len(covariances)):
+        matrix, rotation, square, area = covariances[k], rotations[k], 0.0, 0.0
+        for a in range(3):
+            for b in range(3):
+                c, d, e, f = (a + 1) % 3, (a + 2) % 3, (b + 1) % 3, (b + 2) % 3
+                rotation[b, a] = matrix[c, e] * matrix[d, f] - matrix[c, f] * matrix[d, e]
+                gram[a, b] = matrix[0, a] * matrix[0, b] + matrix[1, a] * matrix[1, b] + matrix[2, a] * matrix[2, b]
+                square += matrix[a, b] ** 2
+                area += rotation[b, a] ** 2
+        determinant = matrix[0, 0] * rotation[0, 0] + matrix[0, 1] * rotation[1, 0] + matrix[0, 2] * rotation[2, 0]
+        root = np.sqrt(3.0 * square)
+        for _ in range(30):
+            gap = root * root - square
+            step = (gap * gap - 8.0 * determinant * root - 4.0 * area) / (4.0 * root * gap - 8.0 * determinant)
+            root -= step
+            if abs(step) < 1e-15 * root:
+                break
+        half = 0.5 * (root * root - square)
+        scale = half * root - determinant  # product of the sums of two singular values each
+        ambiguous[k] = not scale > AMBIGUOUS * square**1.5
+        for a in range(3):
+            for b in range(3):
+                cubic = gram[a, 0] * matrix[b, 0] + gram[a, 1] * matrix[b, 1] + gram[a, 2] * matrix[b, 2]
+                rotation[a, b] = ((half + square) * matrix[b, a] + root * rotation[a, b] - cubic) / scale
+    return rotations, ambiguous
 
 
 def aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:

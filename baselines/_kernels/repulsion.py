@@ -15,7 +15,7 @@ system needs a hold; a weak hold of every vertex at its current position keeps t
 
 def relax(
     surface: AsRigidAsPossible, masses: FloatArray, positions: FloatArray, stiffness: float, steps: int
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatArray:
     r"""Let the vertices of a surface repel each other against its elastic energy.
 
     The energy is :math:`-\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x)`. Each step replaces the concave
@@ -38,37 +38,31 @@ def relax(
 
     Returns
     -------
-    positions : numpy.ndarray
+    numpy.ndarray
         Positions after the last step, shape (n, 3); the centroid under ``masses`` does not change.
-    energies : numpy.ndarray
-        Energy before each step, shape (steps,).
     """
     hold = PROXIMITY * masses
     solve = surface.factorise(hold)
     centroid = masses @ positions
-    energies = np.empty(steps)
-    for step in range(steps):
-        forces, spread = repulsion(positions, masses)
-        rotations = surface.rotations(positions)
-        energies[step] = stiffness * surface.energy(positions, rotations) - spread
-        positions = solve(surface.load(rotations) + forces / (2 * stiffness) + hold[:, None] * positions)
+    for _ in range(steps):
+        load = surface.load(surface.rotations(positions)) + repulsion(positions, masses) / (2 * stiffness)
+        positions = solve(load + hold[:, None] * positions)
         positions += centroid - masses @ positions
-    return positions, energies
+    return positions
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")  # type: ignore[untyped-decorator]
-def repulsion(positions: FloatArray, masses: FloatArray) -> tuple[FloatArray, float]:
-    r"""Return the gradient, shape (n, 3), and the value of the spread :math:`\sum_{i<j} a_i a_j \|x_i - x_j\|`."""
+def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
+    r"""Return the gradient of the spread :math:`\sum_{i<j} a_i a_j \|x_i - x_j\|`, shape (n, 3)."""
     # Every pair is visited twice: without writes, the inner loop vectorises.
     x, y, z = positions[:, 0].copy(), positions[:, 1].copy(), positions[:, 2].copy()
-    n, total, forces = len(masses), 0.0, np.empty_like(positions)
-    for i in range(n):
-        sx, sy, sz, row = 0.0, 0.0, 0.0, 0.0
-        for j in range(n):
+    forces = np.empty_like(positions)
+    for i in range(len(masses)):
+        sx, sy, sz = 0.0, 0.0, 0.0
+        for j in range(len(masses)):
             dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
             squared = dx * dx + dy * dy + dz * dz
             push = masses[j] / np.sqrt(squared) if squared > 0.0 else 0.0
-            row, sx, sy, sz = row + push * squared, sx + push * dx, sy + push * dy, sz + push * dz
+            sx, sy, sz = sx + push * dx, sy + push * dy, sz + push * dz
         forces[i, 0], forces[i, 1], forces[i, 2] = masses[i] * sx, masses[i] * sy, masses[i] * sz
-        total += masses[i] * row
-    return forces, 0.5 * total
+    return forces
