@@ -102,8 +102,8 @@ def test_every_option_of_a_command_exists(page: Path) -> None:
 
 def test_the_command_line_lists_every_verb() -> None:
     page = TEXTS[ROOT / "docs" / "reference" / "command-line.md"]
-    cells = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("|")]
-    listed = set(re.findall(r"`(\w+)[^`]*`", "\n".join(cells)))
+    names = re.findall(r"^- (`.*?`):", page, re.MULTILINE)
+    listed = set(re.findall(r"`(\w+)[^`]*`", "\n".join(names)))
     assert VERBS.keys() <= listed
 
 
