@@ -1,8 +1,8 @@
 """Generated human bodies: subjects as phenotypes, poses as joint angles, and the meshes of both.
 
 The parametric body is that of the package ``anny`` [Brégier et al. 2025; its assets stem from MakeHuman and are CC0]:
-blend shapes for the body, linear blend skinning for the pose. The result is deterministic and independent of the batch
-size. Subjects and poses are in ``subjects.csv`` and ``poses.csv``.
+blend shapes for the body, linear blend skinning for the pose. The result is deterministic. Subjects and poses are in
+``subjects.csv`` and ``poses.csv``.
 
 The angles of a pose follow the conventions of physiotherapy, in degrees. ``raised`` is the angle between the upper arm
 and straight down, ``forward`` its direction seen from above (90 is to the front), ``roll`` turns about a limb, ``bend``
@@ -15,9 +15,8 @@ from __future__ import annotations
 import csv
 import functools
 import hashlib
-import itertools
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -44,11 +43,8 @@ _CLAVICLE_SHARE, _THIGH_SHARE = 0.2, 0.15
 #: Number of angles of an arm, a leg, and a part of the trunk.
 _ARM, _LEG, _COLUMN = 4, 5, 3
 
-_BATCH = 20
-"""Shapes per batch: about 100 MiB of working memory."""
-
 _DECIMALS = 6
-"""Decimals of coordinates in metres: micrometres, far above the rounding differences between batches (1e-15 m)."""
+"""Decimals of coordinates in metres."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +93,6 @@ POSES: Mapping[str, Floats] = _poses()
 
 SUBJECTS: Mapping[str, Mapping[str, Subject]] = _subjects()
 """Subjects by data set and name."""
-
-CANONICAL_POSE = next(iter(POSES))
 
 
 def describe(subject: Subject, angles: Floats) -> str:
@@ -193,20 +187,10 @@ def _leg(flexion: float, abduction: float, roll: float, bend: float, point: floa
 
 
 def body_mesh(subject: Subject, angles: Floats) -> Mesh:
-    """Generate the mesh of a body in a pose; see :func:`body_meshes`."""
-    return next(body_meshes([(subject, angles)]))
+    """Generate the mesh of a body in a pose.
 
-
-def body_meshes(pairs: Iterable[tuple[Subject, Floats]]) -> Iterator[Mesh]:
-    """Generate meshes of bodies in poses, in batches.
-
-    Parameters
-    ----------
-    pairs
-        A body and joint angles for each mesh.
-
-    Yields
-    ------
+    Returns
+    -------
     Mesh
         13 348 vertices and 26 692 triangles, closed, of genus 0, in one-to-one correspondence; metres, z up, facing
         -y, left hand towards +x.
@@ -217,10 +201,7 @@ def body_meshes(pairs: Iterable[tuple[Subject, Floats]]) -> Iterator[Mesh]:
         If the packages for generating bodies are missing.
     """
     template = _template()
-    remaining = iter(pairs)
-    while batch := list(itertools.islice(remaining, _BATCH)):
-        for vertices in _posed(template.model, batch):
-            yield Mesh(np.round(vertices[template.kept], _DECIMALS), template.faces)
+    return Mesh(np.round(_posed(template.model, subject, angles)[template.kept], _DECIMALS), template.faces)
 
 
 def vertices_of(bones: tuple[str, ...], side: str = "") -> NDArray[np.int64]:
@@ -289,26 +270,20 @@ def _template() -> _Template:
     return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], bones)
 
 
-def _posed(model: Any, pairs: Sequence[tuple[Subject, Floats]]) -> Floats:
-    """Return the vertices of the whole model, shape (pairs, n, 3)."""
+def _posed(model: Any, subject: Subject, angles: Floats) -> Floats:
+    """Return the vertices of the whole model, shape (n, 3)."""
     import torch
 
-    rotations = [bone_rotations(angles) for _, angles in pairs]
-    transforms = {bone: np.tile(np.eye(4), (len(pairs), 1, 1)) for bone in rotations[0]}
-    for row, of_pose in enumerate(rotations):
-        for bone, rotation in of_pose.items():
-            transforms[bone][row, :3, :3] = rotation
-    bodies = [asdict(subject) for subject, _ in pairs]
-    phenotypes = {
-        field.name: torch.tensor([body[field.name] for body in bodies], dtype=torch.float64)
-        for field in fields(Subject)
-    }
+    transforms = {}
+    for bone, rotation in bone_rotations(angles).items():
+        transforms[bone] = torch.eye(4, dtype=torch.float64)[None]
+        transforms[bone][0, :3, :3] = torch.from_numpy(rotation)
+    phenotypes = {name: torch.tensor([value], dtype=torch.float64) for name, value in asdict(subject).items()}
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         with torch.inference_mode():
-            posed = {bone: torch.from_numpy(matrices) for bone, matrices in transforms.items()}
-            result = model(pose_parameters=posed, phenotype_kwargs=phenotypes)
+            result = model(pose_parameters=transforms, phenotype_kwargs=phenotypes)
     finally:
         torch.set_num_threads(threads)
-    return np.asarray(result["vertices"].numpy(), dtype=np.float64)
+    return np.asarray(result["vertices"][0].numpy(), dtype=np.float64)

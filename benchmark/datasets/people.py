@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable
 from dataclasses import astuple
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.bodies import POSES, SUBJECTS, Subject, body_mesh, describe, jittered, named_random
 from benchmark.errors import ConfigurationError
+from benchmark.files import file_digest
 from benchmark.geometry.mesh import Mesh
 
 TESTED = ("humans", "humans-scanlike", "people")
@@ -48,6 +50,8 @@ _SCANNED_POSES = (
     *("dancing", "lunging", "kicking", "waving", "throwing"),
 )
 """Poses without contact, which a scanner would fuse; the first is the canonical pose."""
+
+_CAVITIES = Path(__file__).parent / "cavities.csv"
 
 _POSE_DEVIATION = 3.0
 """Standard deviation of a scanned person's joint angles from the pose, in degrees."""
@@ -120,7 +124,9 @@ def humans_scanlike() -> ShapeSet:
         title="humans, scan-like (stand-in for SHREC'14 real)",
         shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults for pose in _SCANNED_POSES),
         load=load,
-        key=lambda entry: f"scan of {entry.identifier}: {describe(adults[entry.subject], angles(entry))}",
+        key=lambda entry: (
+            f"scan of {entry.identifier}: {describe(adults[entry.subject], angles(entry))} {file_digest(_CAVITIES)}"
+        ),
         half_width=_OF_SCANS,
         stand_in_for="shrec14-real",
         code=("benchmark.datasets.bodies", "benchmark.datasets.scanning"),
@@ -176,8 +182,8 @@ def clearances(bodies: Iterable[Subject]) -> dict[str, float]:
     return clearance_of
 
 
-def new_subject(random: np.random.Generator, kind: int, sets: Iterable[str] = (*TESTED, "animals")) -> Subject:
-    """Draw a body at a distance of at least :data:`CLEARANCE` from the subjects of the given sets.
+def new_subject(random: np.random.Generator, kind: int) -> Subject:
+    """Draw a body at a distance of at least :data:`CLEARANCE` from the subjects of all sets.
 
     Age and shape are uniform, as is the gender of a child.
 
@@ -187,12 +193,10 @@ def new_subject(random: np.random.Generator, kind: int, sets: Iterable[str] = (*
         Random generator.
     kind
         0 for a man, 1 for a woman, 2 for a child.
-    sets
-        Sets with the subjects to avoid.
     """
     while True:
         gender = random.uniform() if kind == 2 else float(kind)
         age = random.uniform(*(_CHILDREN if kind == 2 else _ADULTS))
         candidate = Subject(gender, age, *random.uniform(_LOWEST, _HIGHEST).tolist())
-        if clearance(candidate, sets) >= CLEARANCE:
+        if clearance(candidate, (*TESTED, "animals")) >= CLEARANCE:
             return candidate

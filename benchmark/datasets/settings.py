@@ -52,7 +52,7 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     if "half_width" in values:
         changes["half_width"] = positive(values["half_width"], "half_width", path)
     if "stand_in_for" in values:
-        changes["stand_in_for"] = _stand_in_for(values["stand_in_for"], path)
+        changes["stand_in_for"] = str(values["stand_in_for"])
     if "canonical_pose" in values:
         chosen = canonical_poses(values["canonical_pose"], shapes, path)
         changes["canonical_poses"] = {**shapes.canonical_poses, **chosen}
@@ -123,12 +123,6 @@ def canonical_poses(value: Any, shapes: ShapeSet, path: Path) -> dict[str, str]:
     return chosen
 
 
-def _stand_in_for(value: Any, path: Path) -> str:
-    if not isinstance(value, str) or not value:
-        raise DatasetError(f"{path}: stand_in_for is {value!r}", "write the name of the official set in quotes")
-    return value
-
-
 def _cameras(value: Any, up: str, shapes: ShapeSet, path: Path) -> dict[str, Camera]:
     subjects = by_subject(shapes.shapes)
     if not isinstance(value, dict) or "direction" in value:
@@ -153,18 +147,10 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
             raise did_you_mean(f"key of a camera in {path}", key, ("direction", "up"))
     default = (0.0, 1.0, 0.0) if up == "y" else (0.0, 0.0, 1.0)
     try:
-        return Camera(_vector(value["direction"]), _vector(value["up"]) if "up" in value else default)
-    except (TypeError, ValueError, OverflowError) as error:
+        (x, y, z), (a, b, c) = value["direction"], value.get("up", default)
+        return Camera((float(x), float(y), float(z)), (float(a), float(b), float(c)))
+    except (TypeError, ValueError, OverflowError, ConfigurationError) as error:
         raise DatasetError(f"{path}: {error}", hint) from error
-    except ConfigurationError as error:
-        raise DatasetError(f"{path}: {error.problem}", error.hint) from error
-
-
-def _vector(value: Any) -> tuple[float, float, float]:
-    if not isinstance(value, list) or any(isinstance(x, bool) or not isinstance(x, int | float) for x in value):
-        raise TypeError(f"{value!r} is no vector")
-    x, y, z = map(float, value)
-    return x, y, z
 
 
 def _y_up(camera: Camera) -> Camera:

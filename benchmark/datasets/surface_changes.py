@@ -174,10 +174,9 @@ def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple
 
 
 def _edge_graph(mesh: Mesh) -> coo_array:
-    sides = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
-    sides = np.unique(np.sort(sides, axis=1), axis=0)
-    lengths = np.linalg.norm(mesh.vertices[sides[:, 0]] - mesh.vertices[sides[:, 1]], axis=1)
-    return coo_array((lengths, sides.T), shape=(mesh.n_vertices, mesh.n_vertices)).tocsr()
+    ends = edges_of(mesh.faces).ends
+    lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
+    return coo_array((lengths, ends.T), shape=(mesh.n_vertices, mesh.n_vertices)).tocsr()
 
 
 def _tube(vertices: Floats, first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -208,13 +207,7 @@ def _halved(mesh: Mesh) -> Mesh:
     """Split each triangle into four at the edge midpoints."""
     edges = edges_of(mesh.faces)
     of_sides = edges.of_sides.reshape(-1, 3) + mesh.n_vertices
-    tails = np.empty(len(edges.counts), dtype=np.int64)
-    heads = np.empty_like(tails)
-    sides = mesh.faces.astype(np.int64)
-    for k in range(3):
-        tails[edges.of_sides.reshape(-1, 3)[:, k]] = sides[:, k]
-        heads[edges.of_sides.reshape(-1, 3)[:, k]] = sides[:, (k + 1) % 3]
-    middles = (mesh.vertices[tails] + mesh.vertices[heads]) / 2
-    (a, b, c), (ab, bc, ca) = sides.T, of_sides.T
+    middles = (mesh.vertices[edges.ends[:, 0]] + mesh.vertices[edges.ends[:, 1]]) / 2
+    (a, b, c), (ab, bc, ca) = mesh.faces.T.astype(np.int64), of_sides.T
     faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
     return Mesh(np.concatenate([mesh.vertices, middles]), faces)

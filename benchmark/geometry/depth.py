@@ -262,7 +262,11 @@ def back_project(
     UnsupportedShape
         If the image is empty, or has too few samples for a surface.
     """
-    depth = _checked(depth)
+    if depth.ndim != 2 or depth.shape[0] != depth.shape[1] or not ((depth >= 0) & (depth <= 1)).all():
+        raise InvalidMesh(
+            f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]",
+            "normalise it as `render_depth` does, with 0 outside",
+        )
     foreground = int(np.count_nonzero(depth))
     if foreground == 0:
         raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
@@ -314,17 +318,6 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
             "join what belongs together, remove what does not, or set a camera that sees it from another side",
         )
     return View(depth, surface, report)
-
-
-def _checked(depth: DepthImage) -> DepthImage:
-    depth = np.asarray(depth)
-    if depth.ndim != 2 or depth.shape[0] != depth.shape[1]:
-        raise InvalidMesh(f"a depth image of shape {depth.shape} is not square", "pass one image of size x size pixels")
-    if not np.isfinite(depth).all() or depth.min(initial=0) < 0 or depth.max(initial=0) > 1:
-        raise InvalidMesh(
-            "the depth image holds NaN or values outside [0, 1]", "normalise it as `render_depth` does, with 0 outside"
-        )
-    return depth
 
 
 def _sample_positions(samples: Points, size: int, stride: int) -> Points:

@@ -191,12 +191,10 @@ def test_y_up_shows_what_z_up_shows_of_the_turned_shape(tmp_path):
         ("camera = 3", "3 is no camera; write the name of a view, or { direction"),
         ("camera = { direction = [0, 1, 0], upp = [0, 0, 1] }", "unknown key of a camera in .* 'upp'; did you mean up"),
         ("camera = { direction = [0, 1] }", "dataset.toml: .*write the name of a view"),
-        ('camera = { direction = "x" }', "'x' is no vector"),
         ('canonical_pose = "7"', "unknown pose of class 'thick' in .*toml '7'; choose one of 0, 1, 2"),
         ("canonical_pose = 1.5", "the canonical pose of 'thick' is 1.5; write a pose in quotes"),
         ("half_width = 0", "half_width is 0; write a positive number"),
         ("half_width = inf", "half_width is inf; write a positive number"),
-        ("stand_in_for = 3", "stand_in_for is 3; write the name of the official set"),
         ("camera = ", "cannot read .*dataset.toml: .*correct the file or remove it"),
     ],
 )

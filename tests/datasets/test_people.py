@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from benchmark.datasets import bodies as body_model
-from benchmark.datasets.bodies import POSES, body_meshes, bone_rotations, jittered, mirrored
+from benchmark.datasets.bodies import POSES, body_mesh, bone_rotations, jittered, mirrored
 from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.datasets.people import PEOPLE, drawn_subjects, new_subject
@@ -43,7 +43,7 @@ def test_another_process_with_two_threads_makes_the_same_shapes() -> None:
 def test_poses_differ_fit_the_frame_and_push_no_body_through_itself(subjects: list[str]) -> None:
     import pymeshlab
 
-    meshes = list(body_meshes((SUBJECTS[name], pose) for name in subjects for pose in POSES.values()))
+    meshes = [body_mesh(SUBJECTS[name], pose) for name in subjects for pose in POSES.values()]
     half_width = open_dataset("humans").half_width
     assert half_width and 0.5 < fit_half_width(meshes, FRONT) <= half_width
     for mesh in meshes:
