@@ -118,7 +118,7 @@ def outcome(record: Record) -> str:
         return brief(record.reason)
     scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
     refused = f", {len(record.unsupported)} refused" if record.unsupported else ""
-    return f"{scores}  ({duration(seconds_of(record))} a shape{refused})"
+    return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
 
 
 def score_forms(selection: Selection, forms: Sequence[str]) -> None:

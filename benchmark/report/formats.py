@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import Column
 from benchmark.reference.paper import MEASURES, bibliography
 from benchmark.report.frames import chosen_records, scores_frame
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import BLOCKS, PAPER, Row, TableView
 from benchmark.report.verdicts import verdicts_markdown
 from benchmark.text import clean
-
-if TYPE_CHECKING:
-    from pandas.io.formats.style import Styler
 
 FORMATS = ("latex", "markdown", "csv", "json")
 
@@ -79,70 +78,62 @@ def _breakable(character: str) -> str:
     return latex_text(character) + ("" if character.isalnum() or character == " " else r"\allowbreak{}")
 
 
-def heading(kind: str, columns: Iterable[Column]) -> str:
-    """Return the heading of a block, with the input of its rows where that differs between blocks."""
-    inputs = {column.input for column in columns}
-    if inputs == {"as printed"} and kind in ("form", "descriptor"):
-        return f"{BLOCKS[kind]} (complete surfaces)"  # type: ignore[index]
-    return f"{BLOCKS[kind]} (one depth view)" if inputs == {"as printed"} and kind == "network" else BLOCKS[kind]  # type: ignore[index]
+@dataclass(frozen=True)
+class Line:
+    """A line of a table: its scores with their marks by group, where a group without scores has a single text."""
+
+    title: str
+    groups: tuple[Sequence[tuple[str, str]], ...]
+    seconds: str = ""
 
 
-def _blocks(view: TableView) -> Iterator[tuple[str, list[Row]]]:
-    for kind in BLOCKS:
-        rows = [row for row in view.printed_rows if row.kind == kind]
-        if rows:
-            yield heading(kind, view.columns), rows
+def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
+    """Yield the blocks of a table: their headings with their lines; a random order stands last, without a heading."""
+    is_as_printed = {column.input for column in view.columns} == {"as printed"}
+    for kind, name in BLOCKS.items():
+        seen = {"network": " (one depth view)", "external": ""}.get(kind, " (complete surfaces)")
+        lines = [_line(view, row) for row in view.printed_rows if row.kind == kind]
+        if lines:
+            yield name + (seen if is_as_printed else ""), lines
+    chance = ([(hundredths(score), "") for score in view.chance.get(group, {}).values()] for group in view.groups)
+    yield "", [Line(CHANCE, tuple(scores or [("", "")] for scores in chance))]
 
 
-def _groups(view: TableView) -> list[str]:
-    return list(dict.fromkeys(group for group, _ in view.scores.columns))
+def _line(view: TableView, row: Row) -> Line:
+    groups: list[Sequence[tuple[str, str]]] = []
+    for group in view.groups:
+        scores, marks = view.scores.loc[row.method, group], view.marks.loc[row.method, group]
+        status = "" if group == PAPER else row.failed[0].status if row.failed else BLANK
+        groups.append([(status, "")] if scores.isna().all() else list(zip(map(hundredths, scores), marks, strict=True)))
+    return Line(clean(row.title), tuple(groups), duration(row.seconds))
 
 
-def _merged(texts: Sequence[str], marks: Sequence[str], styles: dict[str, str]) -> str:
-    """Join scores; neighbours with one mark share its characters."""
-    parts: list[tuple[str, list[str]]] = []
-    for text, mark in zip(texts, marks, strict=True):
-        if parts and parts[-1][0] == mark:
-            parts[-1][1].append(text)
-        else:
-            parts.append((mark, [text]))
-    return " ".join(styles.get(mark, "{}").format(" ".join(each)) for mark, each in parts)
-
-
-def _cells(view: TableView, row: Row | None, styles: dict[str, str]) -> list[str]:
-    """Return a row's scores by group, then its seconds; chance for None."""
-    cells = []
-    for group in _groups(view):
-        if row is None:
-            cells.append(" ".join(hundredths(view.chance.get(group, {}).get(name)) for name in MEASURES))
-            continue
-        values = [hundredths(view.scores.loc[row.method, (group, name)]) for name in MEASURES]
-        is_ours_absent = group != PAPER and group not in row.scored
-        if is_ours_absent or set(values) == {BLANK}:
-            cells.append("" if group == PAPER else row.failed[0].status if row.failed else BLANK)
-        else:
-            cells.append(_merged(values, [view.marks.loc[row.method, (group, name)] for name in MEASURES], styles))
-    return [*cells, duration(row.seconds) if row else ""]
+def _joined(group: Iterable[tuple[str, str]], styles: Mapping[str, str]) -> str:
+    """Join the scores of a group; neighbours with one mark share its characters."""
+    parts = [(mark, " ".join(text for text, _ in of)) for mark, of in groupby(group, key=lambda cell: cell[1])]
+    return " ".join(styles.get(mark, "{}").format(text) for mark, text in parts)
 
 
 def markdown(view: TableView) -> str:
     """Return a table as Markdown of at most 100 columns, with its notes."""
-    first, *others = _groups(view)
-    head = ["Method", f"{first}: {' '.join(MEASURES)}", *others, "s"]
-    styles = {"bold": "**{}**", "italic": "*{}*"}
-    body = []
-    for block, rows in _blocks(view):
-        body.append([f"**{block}**"])
-        body += [[markdown_text(row.title), *_cells(view, row, styles)] for row in rows]
-    body.append([f"*{CHANCE}*", *(cell if cell.strip("- ") else "" for cell in _cells(view, None, {}))])
+    first, *others = view.groups
+    styles, body = {"bold": "**{}**", "italic": "*{}*"}, []
+    for heading, lines in blocks(view):
+        body += [[f"**{heading}**"]] if heading else []
+        for line in lines:
+            title = markdown_text(line.title) if heading else f"*{line.title}*"
+            body.append([title, *(_joined(group, styles) for group in line.groups), line.seconds])
+    table = markdown_table(["Method", f"{first}: {' '.join(MEASURES)}", *others, "s"], body)
     caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
-    lines = [*wrap(caption, WIDTH), "", *markdown_table(head, body), ""]
-    return "\n".join([*lines, *_wrapped(map(markdown_text, view.notes), WIDTH)]) + "\n"
+    return "\n".join([*_wrapped(caption, WIDTH), "", *table, "", *_notes(map(markdown_text, view.notes), WIDTH)]) + "\n"
 
 
-def _wrapped(notes: Iterable[str], width: int) -> Iterator[str]:
-    for note in notes:
-        yield from wrap(f"- {note}", width, subsequent_indent="  ", break_long_words=False)
+def _wrapped(words: str, width: int, indent: str = "") -> list[str]:
+    return wrap(words, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+
+
+def _notes(notes: Iterable[str], width: int) -> list[str]:
+    return [line for note in notes for line in _wrapped(f"- {note}", width, "  ")]
 
 
 def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
@@ -164,82 +155,66 @@ def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
         Whether to print bold and italic with codes of the terminal.
     """
     styles = {"bold": "\x1b[1m{}\x1b[0m", "italic": "\x1b[3m{}\x1b[0m"} if colour else {}
-    groups, of_group = _groups(view), len(" ".join([".00"] * len(MEASURES)))
-    room = width - len(groups) * (of_group + 2) - 7
-    titles = (CHANCE, *(row.title for row in view.printed_rows))
+    names = " ".join(f"{name:>3}" for name in MEASURES)
+    room = width - len(view.groups) * (len(names) + 2) - 7
+    titles = [line.title for _, lines in blocks(view) for line in lines]
     longest = min(max(map(len, titles)), max(room, _SHORTEST))
-    at_once = max(1, (width - longest - 7) // (of_group + 2))
-    lines = wrap(f"Table {clean(view.table.identifier)}. {clean(view.caption)}", width)
-    for start in range(0, len(groups), at_once):
+    at_once = max(1, (width - longest - 7) // (len(names) + 2))
+    printed = _wrapped(f"Table {clean(view.table.identifier)}. {clean(view.caption)}", width)
+    for start in range(0, len(view.groups), at_once):
         part = slice(start, start + at_once)
-        heads = [f"{group[:of_group]:<{of_group}}" for group in groups[part]]
-        names = " ".join(f"{name:>3}" for name in MEASURES)
+        heads = [f"{clean(group)[: len(names)]:<{len(names)}}" for group in view.groups[part]]
         indent = " " * longest
-        lines += ["", f"{indent}  {'  '.join(heads)}", f"{indent}  {'  '.join([names] * len(heads))}      s"]
-        for block, rows in _blocks(view):
-            lines += [block, *(_text_line(view, row, part, longest, of_group, styles) for row in rows)]
-        lines.append(_text_line(view, None, part, longest, of_group, styles))
-    return "\n".join([*lines, "", *_wrapped(map(clean, view.notes), width)]) + "\n"
+        printed += ["", f"{indent}  {'  '.join(heads)}".rstrip(), f"{indent}  {'  '.join([names] * len(heads))}      s"]
+        for heading, lines in blocks(view):
+            printed += [heading] if heading else []
+            for line in lines:
+                title = line.title if len(line.title) <= longest else f"{line.title[: longest - 1]}…"
+                cells = "  ".join(_padded(group, styles, len(names)) for group in line.groups[part])
+                printed.append(f"{title:<{longest}}  {cells}  {line.seconds:>5}".rstrip())
+    return "\n".join([*printed, "", *_notes(map(clean, view.notes), width)]) + "\n"
 
 
-def _text_line(view: TableView, row: Row | None, part: slice, longest: int, width: int, styles: dict[str, str]) -> str:
-    plain, styled = ([cell.replace("1.00", "1.0") for cell in _cells(view, row, each)] for each in ({}, styles))
-    title = clean(row.title) if row else CHANCE
-    title = title if len(title) <= longest else f"{title[: longest - 1]}…"
-    cells = [
-        f"{shown}{' ' * (width - len(bare))}"
-        for bare, shown in list(zip(plain, styled, strict=True))[:-1][part]
-    ]  # fmt: skip
-    return f"{title:<{longest}}  {'  '.join(cells)}  {plain[-1]:>5}".rstrip()
+def _padded(group: Sequence[tuple[str, str]], styles: Mapping[str, str], width: int) -> str:
+    plain, styled = (_joined(group, each).replace("1.00", "1.0") for each in ({}, styles))
+    return styled + " " * (width - len(plain))
 
 
 def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs array and booktabs: one column of a paper, or ``table*``."""
-    n_scores = view.scores.shape[1]
+    n_scores = len(view.groups) * len(MEASURES)
     environment = "table" if n_scores <= _ONE_COLUMN else "table*"
-    caption = latex_text(f"{view.caption}.") + (rf" Paper:~\cite{{{_PAPER}}}." if view.paper else "")
-    lines = _styler(view).to_latex(
-        hrules=True, convert_css=False, multicol_align="c", environment=environment, position_float="centering",
-        column_format=f"{_TITLES[environment]}*{{{n_scores + 1}}}{{r}}@{{}}", caption=caption,
-        label=f"tab:{view.stem.removeprefix('table-')}",
-    ).splitlines()  # fmt: skip
-    first = lines.index(r"\midrule") + 1
-    body, rest = lines[first : first + len(view.printed_rows)], lines[first + len(view.printed_rows) :]
-    blocks = []
-    for block, rows in _blocks(view):
-        blocks += [rf"\multicolumn{{{n_scores + 2}}}{{@{{}}l}}{{\emph{{{latex_text(block)}}}}} \\", *body[: len(rows)]]
-        blocks, body = [*blocks, r"\midrule"], body[len(rows) :]
-    chance = [view.chance.get(group, {}).get(name) for group, name in view.scores.columns]
-    last = " & ".join([CHANCE, *("" if value is None else hundredths(value) for value in chance), ""])
-    lines = [*lines[:first], *blocks, rf"{last} \\", *rest]
-    begin = next(place for place, line in enumerate(lines) if line.startswith(r"\begin{tabular}"))
-    lines.insert(begin, r"\footnotesize\setlength{\tabcolsep}{1.9pt}")
-    below = " ".join(latex_text(note) for note in view.notes)
-    lines.insert(-1, rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {below}}}")
-    return "\n".join(["% needs array and booktabs", *lines]) + "\n"
+    styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
+    for heading, lines in blocks(view):
+        body.append(r"\midrule")
+        if heading:
+            body.append(rf"\multicolumn{{{n_scores + 2}}}{{@{{}}l}}{{\emph{{{latex_text(heading)}}}}} \\")
+        for line in lines:
+            cells = [
+                [styles[mark].format(score) for score, mark in group] if len(group) > 1 else [_spread(group[0][0])]
+                for group in line.groups
+            ]
+            body.append(_latex_row("".join(map(_breakable, line.title)), *itertools.chain(*cells), line.seconds))
+    groups = ("Paper" if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
+    citation = rf" Paper:~\cite{{{_PAPER}}}." if view.paper else ""
+    notes = " ".join(map(latex_text, view.notes))
+    return "\n".join([
+        "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
+        rf"\caption{{{latex_text(view.caption)}.{citation}}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
+        r"\footnotesize\setlength{\tabcolsep}{1.9pt}",
+        rf"\begin{{tabular}}{{{_TITLES[environment]}*{{{n_scores + 1}}}{{r}}@{{}}}}", r"\toprule",
+        _latex_row("", *map(_spread, groups), ""), _latex_row("", *MEASURES * len(view.groups), "s"), *body,
+        r"\bottomrule", r"\end{tabular}", rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {notes}}}",
+        rf"\end{{{environment}}}",
+    ]) + "\n"  # fmt: skip
 
 
-def _styler(view: TableView) -> Styler:
-    """Return scores and seconds by title, with marks, as pandas prints them."""
-    shown = [row.method for row in view.printed_rows]
-    frame, marks = view.scores.loc[shown].copy(), view.marks.loc[shown].copy()
-    groups = {group: "Paper" if group == PAPER else latex_text(group.capitalize()) for group in _groups(view)}
-    frame["", "s"] = [row.seconds if row.seconds is not None else math.nan for row in view.printed_rows]
-    marks["", "s"] = ""
-    frame.index = marks.index = [f"{place}" for place in range(len(shown))]  # titles need not be unique
-    css = marks.map({"bold": "textbf:--rwrap;", "italic": "textit:--rwrap;", "": ""}.get)
-    breakable = ["".join(map(_breakable, clean(row.title))) for row in view.printed_rows]
-    titles = {f"{place}": title for place, title in enumerate(breakable)}
-    formats: dict[Any, Callable[[float], str]] = dict.fromkeys(frame.columns, hundredths)
-    formats |= {column: lambda value: "" if math.isnan(value) else hundredths(value)
-                for column in frame.columns if column[0] == PAPER}  # fmt: skip
-    formats["", "s"] = lambda value: duration(None if math.isnan(value) else value)
-    return (
-        frame.style.apply(lambda _: css, axis=None)
-        .format(formats)
-        .format_index(lambda name: titles[name], axis=0)
-        .format_index(lambda name: groups.get(name, name), axis=1, level=0)
-    )
+def _spread(words: str) -> str:
+    return rf"\multicolumn{{{len(MEASURES)}}}{{c}}{{{words}}}"
+
+
+def _latex_row(*cells: str) -> str:
+    return " & ".join(cells) + r" \\"
 
 
 def as_json(views: Iterable[TableView]) -> list[dict[str, Any]]:

@@ -118,7 +118,7 @@ def _joined(rows: Iterable[Row]) -> Iterator[str]:
     bridges, gap = (max((of[name].max for of in notes if name in of), default=0) for name in ("bridges", "largest_gap"))
     if bridges > 0:
         across = f", across at most {gap:.2g} times the root of the area" if gap else ""
-        yield f"Shapes of several pieces are joined, by at most {bridges:.0f} bridges{across}."
+        yield f"Shapes of several pieces are joined, by at most {bridges:.0f} bridge{'s' * (bridges > 1)}{across}."
 
 
 def _records(rows: Iterable[Row]) -> Iterator[Record]:

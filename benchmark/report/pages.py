@@ -31,11 +31,11 @@ from benchmark.report.figures import (
     some_shapes,
     values_like,
 )
-from benchmark.report.formats import BLANK, CHANCE, duration, heading, hundredths
+from benchmark.report.formats import blocks, hundredths
 from benchmark.report.forms import StoredForms
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
-from benchmark.report.tables import BLOCKS, PAPER, TableView
+from benchmark.report.tables import BLOCKS, TableView
 from benchmark.text import brief, clean
 
 if TYPE_CHECKING:
@@ -180,26 +180,21 @@ def table_page(pages: Pages, view: TableView) -> Iterator[str]:
 
 def html_table(view: TableView) -> Iterator[str]:
     """Yield a table with its blocks and marks."""
-    groups = list(dict.fromkeys(group for group, _ in view.scores.columns))
-    heads = "".join(f"<th colspan='{len(MEASURES)}'>{_text(group)}</th>" for group in groups)
+    heads = "".join(f"<th colspan='{len(MEASURES)}'>{_text(group)}</th>" for group in view.groups)
     yield f"<p>{_text(view.caption)}</p><div class='frame'><table><thead><tr><th></th>{heads}<th></th></tr>"
-    names = "".join(f"<th>{name}</th>" for _, name in view.scores.columns)
+    names = "".join(f"<th>{name}</th>" for name in MEASURES * len(view.groups))
     yield f"<tr><th>Method</th>{names}<th title='seconds a shape'>s</th></tr></thead><tbody>"
-    for kind in BLOCKS:
-        rows = [row for row in view.printed_rows if row.kind == kind]
-        if rows:
-            name = _text(heading(kind, view.columns))
-            yield f"<tr class='block'><th colspan='{view.scores.shape[1] + 2}'>{name}</th></tr>"
-        for row in rows:
-            cells = []
-            for group, name in view.scores.columns:
-                text = hundredths(view.scores.loc[row.method, (group, name)])
-                text = "" if text == BLANK and group == PAPER else text
-                cells.append(f"<td class='{view.marks.loc[row.method, (group, name)]}'>{text}</td>")
-            yield f"<tr><th>{_text(row.title)}</th>{''.join(cells)}<td>{duration(row.seconds)}</td></tr>"
-    chance = [view.chance.get(group, {}).get(name) for group, name in view.scores.columns]
-    cells = [f"<td>{'' if value is None else hundredths(value)}</td>" for value in chance]
-    yield f"<tr class='chance'><th>{CHANCE}</th>{''.join(cells)}<td></td></tr></tbody></table></div>"
+    for heading, lines in blocks(view):
+        if heading:
+            yield f"<tr class='block'><th colspan='{len(view.groups) * len(MEASURES) + 2}'>{_text(heading)}</th></tr>"
+        for line in lines:
+            cells = [
+                f"<td class='{mark}'{'' if len(group) > 1 else f' colspan={len(MEASURES)}'}>{_text(text)}</td>"
+                for group in line.groups for text, mark in group
+            ]  # fmt: skip
+            place = "" if heading else " class='chance'"
+            yield f"<tr{place}><th>{_text(line.title)}</th>{''.join(cells)}<td>{line.seconds}</td></tr>"
+    yield "</tbody></table></div>"
 
 
 def scores_chart(view: TableView, measure: str = "DCG") -> Figure:

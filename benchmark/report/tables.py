@@ -184,13 +184,17 @@ class TableView:
             for title, each in levels.items()
         }
 
+    @property
+    def groups(self) -> list[str]:
+        """Titles of the groups of scores: the paper's, then ours."""
+        return [*([PAPER] if self.paper else []), *(column.title for column in self.columns)]
+
     @cached_property
     def scores(self) -> DataFrame:
         """Scores by method, in columns (group, measure): the paper's, then ours; NaN where there is none."""
         from pandas import DataFrame, MultiIndex
 
-        groups = [*([PAPER] if self.paper else []), *(column.title for column in self.columns)]
-        columns = MultiIndex.from_product([groups, MEASURES])
+        columns = MultiIndex.from_product([self.groups, MEASURES])
         found = [
             {(PAPER, name): value for name, value in self.paper.get(row.method, {}).items()}
             | {(title, name): value for title, one in row.scored.items() for name, value in one.means.items()}
