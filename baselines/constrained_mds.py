@@ -28,7 +28,9 @@ class ConstrainedMDS(CheckedParameters):
     Both images of :math:`m` are therefore aligned with :math:`p` by a proper rotation, and of both deformations the one
     with the lower energy :math:`E` is kept.
 
-    Sahillioğlu deforms the enclosed solid; the surface energy used here also handles open surfaces.
+    Sahillioğlu deforms the enclosed solid; the surface energy used here also handles open surfaces. The abstract of the
+    source speaks of "its MDS pose" and of no stopping rule; :math:`m` is the form of
+    :class:`baselines.smacof.LeastSquaresMDS` with its defaults, which stop before it has converged.
 
     Parameters
     ----------
@@ -48,7 +50,8 @@ class ConstrainedMDS(CheckedParameters):
         summary="the surface deformed towards its least-squares MDS pose, details kept",
         departs=(
             "A surface energy, as rigid as possible, takes the place of the solid that the source deforms, and no step "
-            "registers the two; of both mirror images, that of lower energy is kept."
+            "registers the two; of both mirror images, that of lower energy is kept. The MDS pose is the form of Least "
+            "Square MDS, which stops before a minimum; when that of the source stops is not known here."
         ),
         needs=("pairs",),
     )

@@ -179,19 +179,21 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
 
     A triangle across the border of two parts follows the bone between their joints. Any other triangle follows, among
     the bones at its joint, the one whose direction is nearest to that of the triangle's centroid: the bisecting planes
-    between the bones divide the triangles of a joint.
+    between the bones divide the triangles of a joint. A triangle where three parts meet belongs to its nearest joint.
     """
     bones, k = skeleton.bones, len(skeleton.joints)
     corners = np.sort(skeleton.owners[mesh.faces], axis=1)
     low, middle, high = corners.T
     across = (low != high) & ((low == middle) | (middle == high))
     chosen: NDArray[np.int64] = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high)
-    offsets = mesh.vertices[mesh.faces].mean(axis=1) - skeleton.joints[middle]
-    # Bones are sorted, so the search finds each pair that exists; the loop treats the other triangles joint by joint.
-    for joint in np.unique(middle[~across]):
+    offsets = mesh.vertices[mesh.faces].mean(axis=1)[:, None] - skeleton.joints[corners]
+    rows, nearest = np.arange(mesh.n_faces), np.linalg.norm(offsets, axis=2).argmin(axis=1)
+    joints, offsets = corners[rows, nearest], offsets[rows, nearest]
+    # Bones are sorted, so the search finds each pair that exists; the loop assigns the other triangles joint by joint.
+    for joint in np.unique(joints[~across]):
         incident = np.flatnonzero((bones == joint).any(axis=1))
         directions = _unit(skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint])
-        own = np.flatnonzero(~across & (middle == joint))
+        own = np.flatnonzero(~across & (joints == joint))
         chosen[own] = incident[(offsets[own] @ directions.T).argmax(axis=1)]
     return chosen
 

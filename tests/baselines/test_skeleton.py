@@ -1,11 +1,13 @@
+from itertools import permutations
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from baselines._kernels import curve_skeleton
 from baselines._kernels.connectivity_surgery import collapse
-from baselines._kernels.curve_skeleton import contraction_skeleton
-from baselines.skeleton import Skeleton, follow_rotations
+from baselines._kernels.curve_skeleton import CurveSkeleton, contraction_skeleton
+from baselines.skeleton import Skeleton, bones_of_triangles, follow_rotations
 from benchmark.api.contracts import Mesh
 from tests.baselines.deformable import (
     capsule,
@@ -74,6 +76,19 @@ def test_of_a_y_has_three_branches(y_shape):
     assert np.linalg.norm(leaves[:, None] - tips, axis=2).min(axis=0).max() < 0.35 * factor
     junction = skeleton.joints[skeleton.degrees == 3][0]
     assert np.linalg.norm(junction) < 0.2 * factor
+
+
+def test_the_bone_of_a_triangle_does_not_depend_on_the_numbers_of_the_joints():
+    mesh = sheet(rows=12, columns=12)
+    joints = mesh.vertices.mean(axis=0) + np.array([[0.3, 0.0, 0.1], [-0.2, 0.3, 0.0], [-0.1, -0.3, 0.0]])
+    owners = np.linalg.norm(mesh.vertices[:, None] - joints, axis=2).argmin(axis=1)
+    assert (np.diff(np.sort(owners[mesh.faces], axis=1), axis=1) > 0).all(axis=1).any()  # three parts meet in one
+    found = []
+    for order in permutations(range(3)):
+        number = np.argsort(order)  # the new number of each joint
+        skeleton = CurveSkeleton(joints[list(order)], number[owners], np.array([[0, 1], [0, 2], [1, 2]]))
+        found.append(np.sort(np.array(order)[skeleton.bones[bones_of_triangles(mesh, skeleton)]], axis=1))
+    np.testing.assert_array_equal(found, np.broadcast_to(found[0], np.shape(found)))
 
 
 def test_an_open_surface_gets_a_level_set_skeleton():
