@@ -153,13 +153,14 @@ class _Sides:
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> Graph:
     """Build a graph from arcs in any order and direction; parallel arcs reduce to the shortest."""
-    key, lengths = np.concatenate((tails * count + heads, heads * count + tails)), np.tile(lengths, 2)
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    first = np.flatnonzero(np.diff(key, prepend=-1))
-    tails, heads = np.divmod(key[first], count)
-    starts = np.searchsorted(tails, np.arange(count + 1))
-    return Graph(starts, heads, np.minimum.reduceat(lengths[order], first) if len(first) else lengths)
+    small = np.min_scalar_type(count)  # numpy sorts 16 bits by radix
+    tails, heads = (np.concatenate(ends).astype(small) for ends in ((tails, heads), (heads, tails)))
+    order = np.lexsort((heads, tails))
+    tails, heads = tails[order].astype(np.int64), heads[order].astype(np.int64)
+    first = np.flatnonzero(np.diff(tails * count + heads, prepend=-1))
+    lengths = np.minimum.reduceat(np.tile(lengths, 2)[order], first) if len(first) else lengths
+    starts = np.searchsorted(tails[first], np.arange(count + 1))
+    return Graph(starts, heads[first], lengths)
 
 
 @njit(cache=True, nogil=True)
