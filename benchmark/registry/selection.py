@@ -19,7 +19,7 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     Parameters
     ----------
     names
-        Names, optionally with parameters, of which ``|`` separates several values: ``"gps[n_eigenfunctions=5|10]"``;
+        Names, optionally with parameters, of which ``|`` separates several values: ``"fast-mds[sweeps=1|5]"``;
         ``"all"`` stands for all methods. In Python also objects, classes and functions from a shape to positions.
         Without any, the methods of the plugin files, or all methods if there are none.
     plugins

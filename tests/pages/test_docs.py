@@ -12,6 +12,8 @@ import pytest
 import typer
 
 from benchmark.cli.main import cli
+from benchmark.registry import select, select_one
+from benchmark.registry.known import BUILT_IN, SCORERS
 from tests.test_architecture import LAYERS
 
 ROOT = Path(__file__).parents[2]
@@ -98,6 +100,15 @@ def test_every_option_of_a_command_exists(page: Path) -> None:
         while hasattr(command, "commands"):
             command = command.commands[words.pop(0).partition("|")[0]]
         command.make_parser(typer.Context(command)).parse_args(words)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_parameter_of_a_method_or_scorer_exists(page: Path) -> None:
+    for name, parameters in re.findall(r"\b([a-z][a-z-]+)(\[\w+=[^\]`$]+\])", TEXTS[page]):
+        if name in SCORERS:
+            select_one(name + parameters, kind="scorer")
+        elif name in BUILT_IN:
+            select([name + parameters])
 
 
 def test_the_command_line_lists_every_verb() -> None:
