@@ -146,12 +146,13 @@ def print_tables(selection: Selection, shown: Iterable[Gallery], methods: Iterab
     names = dict.fromkeys(gallery.dataset.name for gallery in shown)
     places = {(gallery.name, input_) for gallery in shown for input_ in gallery.inputs}
     of_galleries = [record for record in records if (record.gallery, record.input) in places]
+    tables = {gallery.table.identifier for gallery in shown}
     views = table_views(
-        of_galleries, {gallery.table.identifier for gallery in shown}, methods,
+        of_galleries, tables, methods,
         {gallery.dataset.name for gallery in shown if not gallery.table.is_robustness},
         quick=selection.quick, scorer=selection.scorer, seed=selection.seed,
     )  # fmt: skip
-    print_views(views)
+    print_views(view for view in views if view.table.identifier in tables)
     if any(map(changed, names)):
         say_lines("\n" + robustness_markdown(of_galleries))
 

@@ -14,6 +14,7 @@ from typing import Any
 from benchmark.pipeline.records import Record
 from benchmark.reference.paper import MEASURES, bibliography
 from benchmark.report.frames import chosen_records, scores_frame
+from benchmark.report.notes import MARKS
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import BLOCKS, PAPER, Row, TableView
 from benchmark.report.verdicts import verdicts_markdown
@@ -172,7 +173,8 @@ def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
                 title = line.title if len(line.title) <= longest else f"{line.title[: longest - 1]}…"
                 cells = "  ".join(_padded(group, styles, len(names)) for group in line.groups[part])
                 printed.append(f"{title:<{longest}}  {cells}  {line.seconds:>5}".rstrip())
-    return "\n".join([*printed, "", *_notes(map(clean, view.notes), width)]) + "\n"
+    notes = [clean(note) for note in view.notes if colour or note != MARKS]
+    return "\n".join([*printed, "", *_notes(notes, width)]) + "\n"
 
 
 def _padded(group: Sequence[tuple[str, str]], styles: Mapping[str, str], width: int) -> str:

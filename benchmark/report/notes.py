@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from benchmark.pipeline.records import Record
     from benchmark.report.tables import Row, TableView
 
-_MARKS = (
+#: Note on bold and italic.
+MARKS = (
     "Bold: the best of its block. Italic: not separable from the best over subjects (paired bootstrap of classes, "
     "90 %). Rows with missing results or with shapes seen in training have neither."
 )
@@ -29,7 +30,8 @@ def notes(view: TableView) -> list[str]:
         _published(rows), _joined(rows),
     )  # fmt: skip
     pointer = "How a method departs from its source: 'python -m benchmark describe METHOD'."
-    return [*[_MARKS, *(note for part in found for note in part)][:7], pointer]
+    marks = [MARKS] if view.marks.astype(bool).any(axis=None) else []
+    return [*[*marks, *(note for part in found for note in part)][:7], pointer]
 
 
 def _columns(view: TableView) -> Iterator[str]:

@@ -47,8 +47,6 @@ VERTICES, SIDE, SIDE_BY_SIDE, POSES = 700, 180, 6, 2
 #: Methods, queries and matches on the page of queries.
 METHODS, WORST, MATCHES = 6, 20, 5
 
-_PIXELS = 96
-
 ITSELF = "the shape"
 
 
@@ -93,16 +91,20 @@ class Pages:
         self.files[name] = "\n".join(lines) + "\n"
 
     def picture(self, record: Record, shape: str) -> str:
-        """Return an image of a shape; the name alone where it is not stored."""
-        name = f"pictures/{record.input}-{_safe(record.data.name)}-{_safe(shape)}.webp"
-        if name not in self.files:
-            mesh = self.forms.shape(record, shape)
-            if mesh is None:
-                return ""
+        """Return an image of a shape; "" where it is not stored."""
+        name = f"{record.input}-{record.data.name}-{shape}"
+        is_here = f"pictures/{_safe(name)}.webp" in self.files
+        mesh = None if is_here else self.forms.shape(record, shape)
+        return self.image(name, mesh) if is_here or mesh else ""
+
+    def image(self, name: str, mesh: Mesh | None, values: NDArray[np.float64] | None = None, size: int = 96) -> str:
+        """Return an image of a mesh; None for one that was drawn before."""
+        file = f"pictures/{_safe(name)}.webp"
+        if mesh is not None:
             stream = io.BytesIO()
-            shaded(mesh, UPRIGHT, _PIXELS).save(stream, format="WEBP", quality=80)
-            self.files[name] = stream.getvalue()
-        return f"<img src='{name}' width='{_PIXELS}' height='{_PIXELS}' alt='' loading='lazy'>"
+            shaded(mesh, UPRIGHT, size, values).save(stream, format="WEBP", quality=80)
+            self.files[file] = stream.getvalue()
+        return f"<img src='{file}' width='{size}' height='{size}' alt='' loading='lazy'>"
 
 
 def write_report(
@@ -263,8 +265,10 @@ def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
     for shape, meshes in rows.items():
         yield f"<h2>{_text(shape)}</h2><div class='forms'>"
         for title, mesh in meshes.items():
-            chart = mesh_chart(mesh, values_like(mesh, meshes.get(ITSELF)))
-            yield f"<figure>{_html(chart)}<figcaption>{_text(title)}</figcaption></figure>"
+            values = values_like(mesh, meshes.get(ITSELF))
+            printed = pages.image(f"{view.stem}-{shape}-{title}", mesh, values, SIDE)
+            chart = _html(mesh_chart(mesh, values))
+            yield f"<figure>{chart}{printed}<figcaption>{_text(title)}</figcaption></figure>"
         yield "</div>"
 
 
