@@ -26,7 +26,6 @@ SPECK_SHARE = 0.002
 EDGES_PER_BAND = 2.0
 """Minimum width of a band, in mean edge lengths."""
 
-
 RADIUS = 100.0
 """Radius of the surface during the contraction; the schedule of the weights assumes this unit of length."""
 
@@ -249,9 +248,7 @@ def _merge_junctions(
         weights = [areas[owners == junction].sum(), areas[owners == other].sum()]
         joints = joints.copy()
         joints[junction] = np.average(joints[[junction, other]], axis=0, weights=weights)
-        owners = np.where(owners == other, junction, owners)
-        joints = np.delete(joints, other, axis=0)
-        owners = owners - (owners > other)
+        joints, owners = np.delete(joints, other, axis=0), _absorb(owners, other, junction)
 
 
 def _absorb_pockets(mesh: Mesh, edges: Indices, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
@@ -270,9 +267,13 @@ def _absorb_pockets(mesh: Mesh, edges: Indices, joints: FloatArray, owners: Indi
             return joints, owners
         pocket = int(pockets[0])
         mouth = int(bones[(bones == pocket).any(axis=1)].sum()) - pocket
-        owners = np.where(owners == pocket, mouth, owners)
-        owners = owners - (owners > pocket)
-        joints = np.delete(joints, pocket, axis=0)
+        joints, owners = np.delete(joints, pocket, axis=0), _absorb(owners, pocket, mouth)
+
+
+def _absorb(owners: Indices, part: int, into: int) -> Indices:
+    """Return the owners after a part has joined another; the numbers of later parts move up."""
+    joined = np.where(owners == part, into, owners)
+    return np.asarray(joined - (joined > part))
 
 
 def _spread(points: FloatArray, weights: FloatArray, joint: FloatArray) -> float:
@@ -295,5 +296,4 @@ def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indice
             return owners
         ends = owners[np.concatenate([edges, edges[:, ::-1]])]
         neighbours = ends[(ends[:, 0] == speck) & (ends[:, 1] != speck), 1]
-        owners = np.where(owners == speck, np.bincount(neighbours).argmax(), owners)
-        owners = owners - (owners > speck)
+        owners = _absorb(owners, speck, int(np.bincount(neighbours).argmax()))
