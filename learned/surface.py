@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from benchmark.errors import UnsupportedShape
-from benchmark.geometry.depth import SAMPLES, SIZE, DepthImage, ViewReport, back_project
+from benchmark.geometry.depth import SAMPLES, SIZE, DepthImage, back_project
 from benchmark.geometry.mesh import Mesh
 
 Notes = dict[str, float | str]
@@ -78,11 +79,11 @@ def _check_mask(front: DepthImage) -> None:
         raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
 
 
-def _notes(report: ViewReport) -> Notes:
+def _notes(report: Mapping[str, float]) -> Notes:
     return {
-        "predicted_foreground": report.foreground,
-        "predicted_pieces": report.pieces,
-        "predicted_bridges": report.bridges,
+        "predicted_foreground": report["foreground"],
+        "predicted_pieces": report["pieces"],
+        "predicted_bridges": report["bridges"],
     }
 
 

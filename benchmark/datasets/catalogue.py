@@ -15,7 +15,7 @@ from benchmark.datasets.base import printable
 from benchmark.datasets.changes import changed, changed_name, split_name
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
-from benchmark.datasets.own import is_own, open_own, own_sets
+from benchmark.datasets.own import is_own, open_own
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 
 
@@ -182,7 +182,9 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
     DatasetError
         If a plugin data set has the name of another set.
     """
-    own = own_sets(plugins)
+    from benchmark.registry import data_sets  # imports numba
+
+    own = {name: component.target for name, component in data_sets(plugins).items()}
     for name in own:
         if name in CATALOGUE:
             raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
@@ -42,7 +42,7 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
         If ``dataset.toml`` has an unknown key.
     """
     name = name or printable(folder.resolve().name)
-    files, cla = mesh_files(folder), cla_file(folder)
+    files, cla = mesh_files(folder), class_list([folder])
     if cla:
         entries = _from_cla(cla, files)
     elif files:
@@ -142,11 +142,12 @@ def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
     return [Entry(f"{subject}/{pose}", subject, pose, path) for pose, path in poses]
 
 
-def cla_file(folder: Path) -> Path | None:
-    """Return the ``.cla`` file of a folder, or None; raises ``DatasetError`` if there are several."""
-    files = sorted(folder.glob("*.cla"))
+def class_list(folders: Sequence[Path], patterns: Iterable[str] = ("*.cla",)) -> Path | None:
+    """Return the list of classes in some folders, or None; raises ``DatasetError`` if there are several."""
+    files = [path for folder in folders for pattern in patterns for path in sorted(folder.glob(pattern))]
     if len(files) > 1:
-        raise DatasetError(f"{folder} holds {len(files)} .cla files", "keep the one that classifies these meshes")
+        names = " and ".join(path.relative_to(folders[0]).as_posix() for path in files[:2])
+        raise DatasetError(f"{folders[0]} holds {names}", "keep the list that classifies these meshes")
     return files[0] if files else None
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
-from benchmark.datasets.folder import mesh_files, mesh_stem, read_cla, sub_folders
+from benchmark.datasets.folder import class_list, mesh_files, mesh_stem, read_cla, sub_folders
 from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
@@ -137,7 +137,7 @@ class OfficialSet:
     def _listed(self, folder: Path) -> list[Entry]:
         """Read numbered shapes, with classes from a list or from sub-folders."""
         files = {_number(key): path for key, path in _files(folder, {_form(self.names.format(number=0))}).items()}
-        source = _list(folder)
+        source = class_list(list(folders_of_set(folder)), LISTS)
         classes = read_cla(source) if source else _folder_classes(files)
         missing, surplus = sorted(classes.keys() - files.keys()), sorted(files.keys() - classes.keys())
         if source and (missing or surplus):
@@ -238,14 +238,6 @@ def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
                 one, other = path_of[key].relative_to(folder), path.relative_to(folder)
                 raise DatasetError(f"{folder} holds one shape as {one} and {other}", "keep one of them")
     return path_of
-
-
-def _list(folder: Path) -> Path | None:
-    lists = [path for place in folders_of_set(folder) for name in LISTS for path in sorted(place.glob(name))]
-    if len(lists) > 1:
-        names = " and ".join(path.relative_to(folder).as_posix() for path in lists[:2])
-        raise DatasetError(f"{folder} holds {names}", "keep the list that classifies these meshes")
-    return lists[0] if lists else None
 
 
 def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
@@ -12,16 +12,14 @@ from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, locat
 from benchmark.geometry.mesh import Mesh
 from benchmark.text import is_name
 
-_MARK = ".py:"
-
 
 def is_own(source: str) -> bool:
-    """Return whether a source is a data set of a plugin file."""
-    return _MARK in source
+    """Return whether a source is a data set of a plugin file, or of an installed package."""
+    return ".py:" in source or re.fullmatch(r"[\w.]+:\w+", source) is not None
 
 
 def open_own(source: str) -> ShapeSet:
-    """Open the data set of a plugin file.
+    """Open the data set of a plugin file or of an installed package.
 
     Parameters
     ----------
@@ -31,14 +29,15 @@ def open_own(source: str) -> ShapeSet:
     Raises
     ------
     ConfigurationError
-        If the file cannot be imported.
+        If the file cannot be imported, or has no such variable.
     DatasetError
-        If it has no such data set, or a shape has an invalid name.
+        If that is no data set, or a shape has an invalid name.
     """
-    path, _, attribute = source.rpartition(":")
-    found = _module_sets(Path(path)).get(attribute)
-    if found is None:
-        raise DatasetError(f"{path} has no data set '{attribute}'", "give the file a variable that is a ShapeSet")
+    from benchmark.registry import Component  # imports numba
+
+    found, path = Component("data set", "", source).load(), source.rpartition(":")[0]
+    if not isinstance(found, ShapeSet):
+        raise DatasetError(f"{source} is no data set", "make it a ShapeSet")
     for problem, hint in _problems(found):
         raise DatasetError(f"data set '{found.name}' of {path}: {problem}", hint)
     return replace(
@@ -47,33 +46,6 @@ def open_own(source: str) -> ShapeSet:
         key=lambda entry: f"{found.name} {entry.identifier} {found.key(entry)}",
         code=tuple(dict.fromkeys([*found.code, path])),
     )
-
-
-def own_sets(plugins: Iterable[Path]) -> dict[str, str]:
-    """Return the data sets of plugin files, as sources for :func:`open_own` by name.
-
-    Raises
-    ------
-    ConfigurationError
-        If a file cannot be imported.
-    DatasetError
-        If two data sets have the same name.
-    """
-    found: dict[str, str] = {}
-    for path in plugins:
-        for attribute, shapes in _module_sets(path).items():
-            if shapes.name in found:
-                other = found[shapes.name].rpartition(":")[0]
-                raise DatasetError(f"two data sets are called '{shapes.name}': {other} and {path}", "rename one")
-            found[shapes.name] = f"{path.resolve()}:{attribute}"
-    return found
-
-
-def _module_sets(path: Path) -> dict[str, ShapeSet]:
-    from benchmark.registry.modules import load_module  # imports numba
-
-    module = load_module(str(path.resolve()))
-    return {name: value for name, value in vars(module).items() if isinstance(value, ShapeSet)}
 
 
 def _problems(shapes: ShapeSet) -> Iterator[tuple[str, str]]:

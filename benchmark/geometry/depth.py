@@ -62,37 +62,6 @@ SPECK = 8
 """Minimum number of vertices of a piece; smaller pieces are dropped: slivers at grazing silhouettes, not limbs."""
 
 
-@dataclass(frozen=True)
-class ViewReport:
-    """Counts from the back-projection of a depth image.
-
-    Parameters
-    ----------
-    foreground
-        Foreground pixels.
-    stride
-        Pixels between samples.
-    pieces
-        Connected pieces kept; 1 if no joining was necessary.
-    bridges
-        Bridges between the pieces.
-    specks
-        Pieces dropped because they have fewer than ``SPECK`` vertices.
-    lost_samples
-        Sampled foreground pixels missing from the surface: those of specks and those without a triangle.
-    lost_area
-        Fraction of sampled foreground pixels lost.
-    """
-
-    foreground: int
-    stride: int
-    pieces: int
-    bridges: int
-    specks: int
-    lost_samples: int
-    lost_area: float
-
-
 @dataclass(frozen=True, eq=False)
 class View:
     """A shape seen by a single camera.
@@ -104,12 +73,12 @@ class View:
     surface
         The open surface behind the image, in camera coordinates.
     report
-        Counts from the back-projection.
+        Counts of :func:`back_project`.
     """
 
     depth: DepthImage
     surface: Mesh
-    report: ViewReport
+    report: dict[str, float]
 
 
 def camera_coordinates(mesh: Mesh, camera: Camera) -> Points:
@@ -228,7 +197,7 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
 
 def back_project(
     depth: DepthImage, half_width: float, stride: int | None = None, jump: float = JUMP
-) -> tuple[Mesh, ViewReport]:
+) -> tuple[Mesh, dict[str, float]]:
     """Return the surface behind a depth image as a single connected component.
 
     Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples yields two triangles, split along the
@@ -252,8 +221,10 @@ def back_project(
     -------
     mesh : Mesh
         Open surface in camera coordinates and units of ``half_width``; the triangles face the camera.
-    report : ViewReport
-        Counts of pieces, bridges and lost samples.
+    report : dict
+        ``foreground`` pixels; the ``stride`` between samples; connected ``pieces`` kept and the ``bridges`` between
+        them; ``specks``, pieces dropped because they have fewer than ``SPECK`` vertices; ``lost_samples``, foreground
+        samples missing from the surface, and ``lost_area``, their fraction.
 
     Raises
     ------
@@ -284,7 +255,8 @@ def back_project(
     sampled = int(np.count_nonzero(samples))
     lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, gaps = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
-    return mesh, ViewReport(foreground, stride, pieces, len(gaps), specks, lost, round(lost / sampled, 6))
+    counts = {"foreground": foreground, "stride": stride, "pieces": pieces, "bridges": len(gaps), "specks": specks}
+    return mesh, {**counts, "lost_samples": lost, "lost_area": round(lost / sampled, 6)}
 
 
 def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None) -> View:
@@ -312,9 +284,9 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
             "check its unit against the other shapes of the data set",
         )
     surface, report = back_project(depth, half_width)
-    if report.lost_area > LARGEST_LOSS:
+    if report["lost_area"] > LARGEST_LOSS:
         raise UnsupportedShape(
-            f"{report.lost_area:.0%} of what the camera sees belongs to no piece of {SPECK} samples",
+            f"{report['lost_area']:.0%} of what the camera sees belongs to no piece of {SPECK} samples",
             "join what belongs together, remove what does not, or set a camera that sees it from another side",
         )
     return View(depth, surface, report)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -76,7 +75,7 @@ def prepare_view(source: Mesh, camera: Camera, half_width: float, sensor: DepthS
         "faces": view.surface.faces,
         "depth": view.depth,
         "source_area": np.asarray(area),
-        **{f"note:{name}": np.asarray(value) for name, value in dataclasses.asdict(view.report).items()},
+        **{f"note:{name}": np.asarray(value) for name, value in view.report.items()},
     }
 
 

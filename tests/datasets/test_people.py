@@ -54,7 +54,7 @@ def test_poses_differ_fit_the_frame_and_push_no_body_through_itself(subjects: li
         assert layers.current_mesh().face_selection_array().mean() < 0.015
         view = depth_surface(mesh, FRONT, half_width)
         assert 1000 < view.surface.n_vertices < 3200
-        assert view.report.lost_samples < 0.05 * view.surface.n_vertices
+        assert view.report["lost_samples"] < 0.05 * view.surface.n_vertices
     if len(subjects) == len(SUBJECTS):
         assert half_width == pytest.approx(fit_half_width(meshes, FRONT), rel=0.002)
     poses = np.array(

@@ -94,8 +94,8 @@ def test_a_sphere_has_its_analytic_depth_and_back_projection_inverts_it() -> Non
     assert not image[x**2 + y**2 > 0.8**2].any()
     surface, report = back_project(image, 3.0)
     assert np.abs(np.linalg.norm(surface.vertices, axis=1) - 2.4).max() < 5e-3
-    assert (report.pieces, report.bridges, report.specks) == (1, 0, 0)
-    assert report.foreground == pytest.approx(np.pi * 200**2, rel=0.002)
+    assert (report["pieces"], report["bridges"], report["specks"]) == (1, 0, 0)
+    assert report["foreground"] == pytest.approx(np.pi * 200**2, rel=0.002)
     a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     assert (normals[:, 2] > 0).all()
@@ -117,7 +117,7 @@ def test_edges_across_a_jump_are_cut_and_bridged(step: float, jump: float, piece
     image = np.full((40, 40), 0.4, dtype=np.float32)
     image[:, 20:] += step
     surface, report = back_project(image, 1.0, stride=4, jump=jump)
-    assert (report.pieces, report.bridges) == (pieces, pieces - 1)
+    assert (report["pieces"], report["bridges"]) == (pieces, pieces - 1)
     assert surface.n_vertices == 100
     assert len(trimesh.Trimesh(surface.vertices, surface.faces, process=False).split(only_watertight=False)) == 1
 
@@ -146,7 +146,7 @@ def test_shapes_that_do_not_fit_their_frame_are_refused_and_do_not_set_it() -> N
 
 def test_views_of_few_pixels_or_of_scraps_are_refused_and_a_few_scraps_are_noted() -> None:
     wide = math.sqrt(FEWEST_PIXELS) / 250  # side of a square of as many pixels
-    assert depth_surface(rectangle(wide * 1.1, wide * 1.1), TOWARDS, 1.0).report.foreground >= FEWEST_PIXELS
+    assert depth_surface(rectangle(wide * 1.1, wide * 1.1), TOWARDS, 1.0).report["foreground"] >= FEWEST_PIXELS
     for side in (wide * 0.9, 1e-9):
         with pytest.raises(UnsupportedShape, match=r"sees \d+ pixels of the shape, fewer than 200; check its unit"):
             depth_surface(rectangle(side, side), TOWARDS, 1.0)
@@ -155,7 +155,7 @@ def test_views_of_few_pixels_or_of_scraps_are_refused_and_a_few_scraps_are_noted
     at = np.stack([*np.divmod(np.arange(400), 20), np.zeros(400)], axis=1) * 4 / 250
     scraps = [scrap.with_vertices(scrap.vertices + place) for place in at]
     report = depth_surface(joined(rectangle(0.4, 0.4, x=-0.5), *scraps[:40]), TOWARDS, 1.0).report
-    assert 0 < report.lost_area < 0.5
+    assert 0 < report["lost_area"] < 0.5
     with pytest.raises(UnsupportedShape, match="% of what the camera sees belongs to no piece of 8 samples"):
         depth_surface(joined(rectangle(0.1, 0.1, x=-0.5), *scraps), TOWARDS, 1.0)
 
