@@ -11,7 +11,6 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
-import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -244,18 +243,12 @@ def _is_text(node: ast.AST) -> bool:
 @cache
 def _versions(top: str) -> dict[str, str]:
     """Return the version of each distribution of a package, without its build tag; empty if it is not installed."""
-    pattern = re.compile(rf"^{re.escape(top)}(?:[/.]|$)", re.MULTILINE)
-    return {name: version for name, version, files in _distributions() if name == top or pattern.search(files)}
+    own = [found for found, files in _distributions() if any(f"\n{top}{end}" in files for end in ("/", ".", "\n"))]
+    return {found.name.lower(): found.version.partition("+")[0] for found in own}
 
 
 @cache
-def _distributions() -> list[tuple[str, str, str]]:
-    """Return name, version and lists of files of each installed distribution."""
-    return [
-        (
-            found.name.lower(),
-            found.version.partition("+")[0],
-            f"{found.read_text('top_level.txt')}\n{found.read_text('RECORD')}",
-        )
-        for found in importlib.metadata.distributions()
-    ]
+def _distributions() -> list[tuple[importlib.metadata.Distribution, str]]:
+    """Return the installed distributions with their lists of files."""
+    every = importlib.metadata.distributions()
+    return [(found, f"\n{found.read_text('top_level.txt')}\n{found.read_text('RECORD')}") for found in every]

@@ -40,14 +40,13 @@ def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_
     Seconds a shape are those of the same method and input on the same gallery, otherwise the median over other
     galleries, of the method with any parameters if need be. Jobs here count before published ones.
     """
+    to_run = [job for job in planned if job.to_run]
     costs: dict[tuple[str, str], list[Record]] = {}
-    for record in (*read_records(published, local=False), *read_records(results, published=False)):
+    for record in (*read_records(published, local=False), *read_records(results, published=False)) if to_run else ():
         for name in {record.method, _base(record.method)} if record.seconds else ():
             costs.setdefault((name, record.input), []).append(record)
     unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
-    for job in planned:
-        if not job.to_run:
-            continue
+    for job in to_run:
         phases = _seconds(job, costs)
         unknown += not phases
         for keys in job.keys:
