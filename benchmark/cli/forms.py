@@ -30,10 +30,9 @@ from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
-from benchmark.pipeline import read_form
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.preparation import N_VERTICES, fit_frame, prepare_mesh, prepare_view
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.records import Record, read_form, read_records
 from benchmark.pipeline.search import search
 from benchmark.pipeline.stages import Preparation, shape_of
 from benchmark.protocols.galleries import Gallery

@@ -71,6 +71,7 @@ class Selection:
     plugins: tuple[Path, ...] = ()
     results: Path = Path("results")
     data_root: Path | None = None
+    subjects: str = ""
     seed: int = 0
     quick: bool = False
     everything: bool = False

@@ -43,6 +43,8 @@ def _galleries(selection: Selection) -> list[Gallery]:
     own = tuple(name for name, component in data_sets(selection.plugins).items() if component.plugin)
     names = sources(selection.datasets if named else own, selection.plugins)
     chosen = galleries(selection.tables, names, root, selection.quick, set(selection.methods) - {EVERY})
+    if selection.subjects:
+        chosen = [gallery.of_subjects(selection.subjects.split(",")) for gallery in chosen]
     if not selection.input:
         return chosen
     fitting = [gallery for gallery in chosen if selection.input in gallery.inputs]
@@ -104,8 +106,19 @@ def run(
             traced |= bool(record.traceback)
     if traced:
         say("'plan --traceback', with the same selection, prints errors in full", err=True)
+    if selection.subjects:  # tables show whole galleries
+        for record in _records_of(jobs, selection.results):
+            say(f"{record.row}  {outcome(record)}")
+        return fine
     print_tables(selection, [job.gallery for job in jobs], _names(jobs) if selection.is_narrow else ())
+    if any("|" in name for name in selection.methods):
+        say("- The best of several values is tuned on these shapes; choose it on others: --subjects A,B.")
     return fine
+
+
+def _records_of(jobs: Iterable[Planned], results: Path) -> list[Record]:
+    keys = {job.job.key for job in jobs}
+    return [record for record in read_records(results, published=False) if record.key in keys]
 
 
 def _names(jobs: Iterable[Planned]) -> list[str]:
@@ -203,8 +216,7 @@ def _estimate(jobs: Sequence[Planned], results: Path) -> list[str]:
 
 
 def _print_tracebacks(jobs: Sequence[Planned], results: Path) -> None:
-    failed = {job.replaces: job for job in jobs if job.state == "failed"}
-    for record in read_records(results, published=False):
-        if record.key in failed and record.traceback:
-            say(f"{failed[record.key].name}: {record.reason}")
+    for record in _records_of(jobs, results):
+        if record.traceback:
+            say(f"{record.row}: {record.reason}")
             say_lines("  " + record.traceback.rstrip().replace("\n", "\n  "))

@@ -14,6 +14,7 @@ from benchmark.pipeline.cache import writing
 from benchmark.pipeline.records import Record, publish, read_records
 from benchmark.pipeline.records import forget as forget_records
 from benchmark.pipeline.records import merge as merge_records
+from benchmark.protocols.tables import PARTS
 from benchmark.registry import BUILT_IN
 from benchmark.text import say
 
@@ -34,7 +35,9 @@ def merge(folders: Sequence[Path], results: Path, *, published: bool) -> bool:
 
 def is_public(record: Record) -> bool:
     """Return whether a record means something elsewhere: of a set and a method of the suite."""
-    return record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
+    is_whole = record.gallery.removeprefix(record.data.name).strip() in PARTS
+    is_known = record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
+    return is_whole and is_known
 
 
 def forget(selection: Selection) -> None:

@@ -33,6 +33,7 @@ def run(
     data_root: shared.DataRoot = None,
     seed: shared.Seed = 0,
     quick: shared.Quick = False,
+    subjects: Annotated[str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")] = "",
     jobs: Annotated[
         int | None, Option("-j", "--jobs", min=0, metavar="N", help="Processes; 0 runs in this one. [all cores]")
     ] = None,

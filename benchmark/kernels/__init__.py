@@ -78,16 +78,14 @@ def choose_kernel_cache() -> None:
     """
     if VARIABLE in os.environ or os.access(_PACKAGE, os.W_OK):
         return
-    own = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111  # raises nothing
-    with suppress(OSError):
-        folder = own / "canonical-forms-kernels"
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            os.environ[VARIABLE] = str(folder)
-            return
-    folder = Path(tempfile.gettempdir()) / f"canonical-forms-kernels-{os.getuid()}"
-    with suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
-    status = folder.lstat()
-    is_private = status.st_uid == os.getuid() and stat.S_IMODE(status.st_mode) == 0o700 and stat.S_ISDIR(status.st_mode)
-    os.environ[VARIABLE] = str(folder) if is_private else tempfile.mkdtemp(prefix="canonical-forms-")
+    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111  # raises nothing
+    shared = Path(tempfile.gettempdir()) / f"canonical-forms-kernels-{os.getuid()}"
+    for folder in (home / "canonical-forms-kernels", shared):
+        with suppress(OSError):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            status = folder.lstat()
+            is_private = status.st_uid == os.getuid() and not status.st_mode & 0o022 and stat.S_ISDIR(status.st_mode)
+            if is_private and os.access(folder, os.W_OK):
+                os.environ[VARIABLE] = str(folder)
+                return
+    os.environ[VARIABLE] = tempfile.mkdtemp(prefix="canonical-forms-")

@@ -36,43 +36,28 @@ def compile_scorer() -> None:
 
 
 def compile_methods() -> None:
-    """Apply each method that does not learn to a small figure, complete and as a single view."""
-    from benchmark.api.contracts import Descriptor, Mesh, Shape
+    """Apply each method, with its default model if it learns, to a small figure, complete and as a single view."""
     from benchmark.check.shapes import figure
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.preparation import fit_frame, prepare_mesh, prepare_view
+    from benchmark.pipeline.stages import shape_of
+    from benchmark.protocols.models import with_model
     from benchmark.registry import methods
 
     source = figure()
     prepared = {"mesh": prepare_mesh(source), "view": prepare_view(source, FRONT, fit_frame(source, FRONT))}
-    shapes = {
-        name: Shape(identifier="figure", mesh=Mesh(arrays["vertices"], arrays["faces"]), depth=arrays.get("depth"))
-        for name, arrays in prepared.items()
-    }
-    for row in [spec for spec in methods().values() if not (spec.learns or spec.missing_packages())]:
-        method = row.create()
-        apply = method.describe if isinstance(method, Descriptor) else method.canonicalise
-        for input_ in row.info.inputs:
-            with suppress(ShapeError):
-                apply(shapes[input_])
-
-
-def compile_learners() -> None:
-    """Apply the default model of a learner of each module to a small figure."""
-    from benchmark.api.contracts import Shape
-    from benchmark.check.shapes import figure
-    from benchmark.protocols.models import with_model
-    from benchmark.registry import methods
-
-    of_module = {spec.target.partition(":")[0]: spec for spec in methods().values() if spec.learns}
-    for spec in of_module.values():
-        with suppress(ConfigurationError, ShapeError):
-            with_model(spec).canonicalise(Shape(identifier="figure", mesh=figure()))
+    shapes = {input_: shape_of(arrays, "figure") for input_, arrays in prepared.items()}
+    for row in methods().values():
+        with suppress(ConfigurationError):  # missing packages and models are left for the run to report
+            method = with_model(row)
+            apply = method.describe if row.describes else method.canonicalise
+            for input_ in row.info.inputs:
+                with suppress(ShapeError):
+                    apply(shapes[input_])
 
 
 PARTS: dict[str, Callable[[], None]] = {
     "methods": compile_methods,
-    "learners": compile_learners,
     "bodies": compile_bodies,
     "scorer": compile_scorer,
 }

@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
-from benchmark.pipeline.cache import RUNS, StorageError, storing
+from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.cache import RUNS, Cache, StorageError, storing
 from benchmark.pipeline.environment import has_edits
 from benchmark.pipeline.measures import DECIMALS
 from benchmark.text import LONGEST_NAME
@@ -327,6 +330,34 @@ def _remove(folder: Path, *keys: str) -> None:
     for key in keys:
         for suffix in (".json", ".npz"):
             (folder / f"{key}{suffix}").unlink(missing_ok=True)
+
+
+# Files of a record ---------------------------------------------------------------------------------------------------
+
+
+def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
+    """Return the distances of the shapes with a result, shape (n, n), means over draws; None if not kept here."""
+    arrays = Cache(results).read("records", record.key)
+    return None if arrays is None else arrays.get("distances")
+
+
+def read_prepared(results: Path, record: Record, shape: str) -> Mesh | None:
+    """Return the prepared surface of a shape of a record; None if it is not kept here, or could not be prepared."""
+    arrays = _read_arrays(results, record, "prepared", shape)
+    return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in arrays else None
+
+
+def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
+    """Return the canonical form of a shape of a record; None if it is not kept here, or there is none."""
+    form, prepared = (_read_arrays(results, record, kind, shape) for kind in ("forms", "prepared"))
+    arrays = prepared | form
+    return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in form and "faces" in arrays else None
+
+
+def _read_arrays(results: Path, record: Record, kind: Any, shape: str) -> dict[str, NDArray[Any]]:
+    if record.files is None or shape not in record.shapes:
+        return {}
+    return Cache(results).read(kind, getattr(record.files, kind)[record.shapes.index(shape)]) or {}
 
 
 # Joining and publishing ----------------------------------------------------------------------------------------------

@@ -54,12 +54,12 @@ class Preparation:
     input
         ``"mesh"`` for the complete surface, ``"view"`` for the part visible to the depth camera.
     cache
-        Where prepared shapes are kept; None to keep none.
+        Where prepared shapes are kept.
     """
 
     shapes: ShapeSet
     input: Input
-    cache: Cache | None = None
+    cache: Cache
     _keys: dict[str, str] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -89,45 +89,25 @@ class Preparation:
     def _code_digest(self) -> str:
         return digest(self.code)
 
-    def arrays(self, entry: Entry, load: Callable[[Entry], Mesh] | None = None) -> Arrays:
-        """Return the arrays of a prepared shape.
-
-        Parameters
-        ----------
-        entry
-            The shape.
-        load
-            Replaces the function that loads its mesh.
-
-        Raises
-        ------
-        Unprepared
-            If it cannot be read or prepared.
-        """
-
-        def compute() -> Arrays:
-            start = time.perf_counter()
-            arrays = refusable(lambda: self._prepare(entry, load or self.shapes.load))
-            return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
-
-        return require_result(self._get(lambda: self.key(entry), compute), Unprepared)
+    def arrays(self, entry: Entry) -> Arrays:
+        """Return the arrays of a prepared shape; raise :class:`Unprepared` if it cannot be read or prepared."""
+        arrays = self.cache.get("prepared", self.key(entry), lambda: timed(lambda: self._prepare(entry)))
+        return require_result(arrays, Unprepared)
 
     @cached_property
     def half_width(self) -> float:
         """Half the width of the camera's frame in file units, the same for all shapes of the data set."""
-        fixed = self.shapes.half_width
-        return float(self._get(lambda: self.camera_key, self._fit_frame)["half_width"]) if fixed is None else fixed
+        if self.shapes.half_width is not None:
+            return self.shapes.half_width
+        return float(self.cache.get("prepared", self.camera_key, self._fit_frame)["half_width"])
 
-    def _get(self, key: Callable[[], str], compute: Callable[[], Arrays]) -> Arrays:
-        return compute() if self.cache is None else self.cache.get("prepared", key(), compute)
-
-    def _prepare(self, entry: Entry, load: Callable[[Entry], Mesh]) -> Arrays:
+    def _prepare(self, entry: Entry) -> Arrays:
         from benchmark.pipeline.preparation import prepare_mesh, prepare_view  # which takes a second
 
+        shapes = self.shapes
         if self.input == "mesh":
-            return prepare_mesh(load(entry))
-        half_width = self.half_width
-        return prepare_view(load(entry), self.shapes.camera(entry), half_width, self.shapes.sensor(entry))
+            return prepare_mesh(shapes.load(entry))
+        return prepare_view(shapes.load(entry), shapes.camera(entry), self.half_width, shapes.sensor(entry))
 
     def _fit_frame(self) -> Arrays:
         from benchmark.pipeline.preparation import common_frame, fit_frame
@@ -155,6 +135,12 @@ def refusable(compute: Callable[[], Arrays]) -> Arrays:
         raise
     except ShapeError as error:
         return {REFUSED: np.array([error.problem, error.hint])}
+
+
+def timed(compute: Callable[[], Arrays]) -> Arrays:
+    """Return the arrays of a stage, or the reason of a refusal, with the seconds that it took."""
+    start = time.perf_counter()
+    return {**refusable(compute), SECONDS: np.asarray(time.perf_counter() - start)}
 
 
 def require_result(arrays: Arrays, error: type[UnsupportedShape] = UnsupportedShape) -> Arrays:
@@ -239,15 +225,14 @@ def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedStag
         If it returns anything other than a form of the shape, or a vector of finite numbers.
     """
     shared.spent, shared.used = 0.0, set()
-    start = time.perf_counter()
     if isinstance(method, Method):
-        arrays = refusable(lambda: _form(method, shape))
+        arrays = timed(lambda: _form(method, shape))
     else:
-        arrays = refusable(lambda: {"descriptor": compute_descriptor(method, shape)})
-    seconds = {SECONDS: time.perf_counter() - start - shared.spent}
-    seconds |= {f"{SECONDS}:{stage}": shared.seconds[stage] for stage in shared.used & shared.seconds.keys()}
-    timed = {name: np.asarray(value) for name, value in seconds.items()}
-    return {**arrays, **timed, **({FIRST: np.asarray(True)} if first else {})}
+        arrays = timed(lambda: {"descriptor": compute_descriptor(method, shape)})
+    seconds = {stage: shared.seconds[stage] for stage in shared.used & shared.seconds.keys()}
+    shares = {f"{SECONDS}:{stage}": np.asarray(value) for stage, value in seconds.items()}
+    own = {SECONDS: arrays[SECONDS] - shared.spent, **({FIRST: np.asarray(True)} if first else {})}
+    return {**arrays, **shares, **own}
 
 
 def _form(method: Method, shape: Shape) -> Arrays:
@@ -270,6 +255,4 @@ def mesh_of(form: Arrays, prepared: Arrays) -> Mesh:
 
 def sign(scorer: Scorer, form: Mesh) -> Arrays:
     """Compute the signature of a form; for a refused form, the reason."""
-    start = time.perf_counter()
-    arrays = refusable(lambda: compute_signature(scorer, form))
-    return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
+    return timed(lambda: compute_signature(scorer, form))

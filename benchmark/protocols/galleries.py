@@ -96,6 +96,15 @@ class Gallery:
             problem = f"data set '{self.dataset.name}' has no complete surfaces, only views of one side of each shape"
             raise ConfigurationError(problem, f"drop --input {input_}")
 
+    def of_subjects(self, subjects: Sequence[str]) -> Gallery:
+        """Return the gallery of some subjects; raise ``ConfigurationError`` if there is no such subject."""
+        known = dict.fromkeys(entry.subject for entry in self.entries)
+        if unknown := [name for name in subjects if name not in known]:
+            raise did_you_mean("subject", unknown[0], list(known))
+        entries = tuple(entry for entry in self.entries if entry.subject in subjects)
+        check_retrievable(self.dataset, entries)
+        return replace(self, entries=entries, part=" ".join(filter(None, [self.part, ", ".join(subjects)])))
+
     def rows(self, methods: Iterable[Component], trained_here: Path | None = None) -> list[Component]:
         """Return the methods that are tested on it; networks with each of their trainings that has a model.
 

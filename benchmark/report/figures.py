@@ -12,8 +12,7 @@ from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline import read_distances
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import Record, read_distances
 from benchmark.protocols.tables import TITLES, Kind
 from benchmark.report.drawing import outwardness, shaded
 from benchmark.report.forms import StoredForms

@@ -12,8 +12,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline import read_form, read_prepared
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import Record, read_form, read_prepared
 from benchmark.report.drawing import turned_like
 
 

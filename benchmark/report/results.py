@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.pipeline import read_distances, read_form
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.records import Record, read_distances, read_form, read_records
 from benchmark.report.frames import chosen_records, jobs_frame, queries_frame, scores_frame
 
 if TYPE_CHECKING:

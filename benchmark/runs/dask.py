@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import Counter
 from importlib.util import find_spec
 from typing import Any
 
@@ -13,9 +12,6 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.machine import memory_per_process
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
 from benchmark.runs.workers import INTERVAL, Ended, Pool
-
-#: Losses of dask workers that a task survives.
-_LOSSES = 5
 
 #: The worker process of each thread of a dask worker.
 _of_thread = threading.local()
@@ -58,7 +54,7 @@ class DaskPool:
             self._client = Client(url, timeout=10, set_as_default=False)
         except Exception as error:  # the type depends on the kind of address
             raise ConfigurationError(f"no dask scheduler answers at {url}", "start one or correct --dask") from error
-        self._timeout, self._losses = timeout, Counter[str]()
+        self._timeout = timeout
         self._tasks: dict[Any, Task] = {}
 
     @property
@@ -67,7 +63,7 @@ class DaskPool:
         return [f"{task.steps[0].job.method.name}, {task.shape or 'ranking'}" for task in self._tasks.values()]
 
     def poll(self, queue: Queue) -> Ended:
-        """Submit tasks of a queue, and yield the steps that have ended; the tasks of a lost worker go back."""
+        """Submit tasks of a queue, and yield the steps that have ended; dask moves those of a lost worker."""
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._tasks) < 2 * threads and (task := queue.take()):
             future = self._client.submit(run_in_worker, task, self._timeout, threads, pure=False, retries=0)
@@ -77,14 +73,11 @@ class DaskPool:
             time.sleep(INTERVAL)
         for future in done:
             task = self._tasks.pop(future)
-            if future.status == "finished":
-                yield from ((task, *pair) for pair in future.result())
-                continue
-            self._losses[task.shape] += 1
-            if self._losses[task.shape] > _LOSSES:
-                problem = f"workers of the cluster were lost {_LOSSES} times"
-                raise BenchmarkError(problem, "run again: what is done is kept")
-            queue.append(task)
+            if future.status != "finished":
+                raise BenchmarkError(
+                    f"the cluster lost a task: {future.exception()}", "run again: what is done is kept"
+                )
+            yield from ((task, *pair) for pair in future.result())
 
     def close(self) -> None:
         """Cancel what is under way."""

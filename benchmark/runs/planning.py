@@ -17,7 +17,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.cache import Keys
+from benchmark.pipeline.cache import Cache, Keys
 from benchmark.pipeline.records import Record, Row, read_records
 from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery
@@ -219,7 +219,7 @@ class _Planning:
     def _preparation(self, gallery: Gallery, input_: Input) -> Preparation:
         key = (gallery.source, input_)
         if key not in self._preparations:
-            self._preparations[key] = Preparation(gallery.dataset, input_)
+            self._preparations[key] = Preparation(gallery.dataset, input_, Cache(self.results))
         return self._preparations[key]
 
 

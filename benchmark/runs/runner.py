@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import drop_stale_kernels
@@ -16,14 +17,14 @@ from benchmark.pipeline.ranking import Ranked
 from benchmark.pipeline.records import Record, write_record
 from benchmark.runs.planning import Planned
 from benchmark.runs.tasks import Job, Outcome, Queue, Step, Task
-from benchmark.runs.workers import Here, Pool, Workers
+from benchmark.runs.workers import Here, Pool
 from benchmark.text import say
 
 #: A method that refuses as many shapes for one reason, before any other outcome, fails.
 _ALIKE = 3
 
-#: Bytes of memory of the smallest process, and of a file whose preparation outlasts the rest of its task.
-_SMALLEST, _LARGE = 2**29, 2**23
+#: Bytes of memory of the smallest process.
+_SMALLEST = 2**29
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def run(
                 workers.close()
 
 
-def _workers(size: int, timeout: float, dask: str) -> Workers:
+def _workers(size: int, timeout: float, dask: str) -> Any:
     if dask:
         from benchmark.runs.dask import DaskPool
 
@@ -117,7 +118,7 @@ class _Run:
     def __post_init__(self) -> None:
         self.queue = Queue(self._is_open)
 
-    def records(self, workers: Workers, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
+    def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
         """Run the jobs."""
         self.queue.extend(self._tasks())
         total = self._n_left
@@ -137,9 +138,8 @@ class _Run:
         return step.job.key in self.jobs and (not shape or shape in self.left[step.job.key])
 
     def _tasks(self) -> list[Task]:
-        """Return a task for each shape, plugin and seed, large files first; it has the steps of all jobs."""
+        """Return a task for each shape, plugin and seed, with the steps of all jobs."""
         steps: dict[tuple[str, str, int, str], list[Step]] = {}
-        sizes: dict[str, int] = {}
         cache = Cache(self.results)
         for key, planned in self.jobs.items():
             self.left[key] = set()
@@ -147,10 +147,8 @@ class _Run:
                 if not cache.has(*step.keys.files()[-1]):
                     group = (planned.job.source, planned.job.plugin, planned.job.seed, entry.identifier)
                     steps.setdefault(group, []).append(step)
-                    size = entry.path.stat().st_size if entry.path and entry.path.is_file() else 0
-                    sizes[entry.identifier] = size if size > _LARGE else 0
                     self.left[key].add(entry.identifier)
-        return [Task(tuple(steps[group]), group[-1]) for group in sorted(steps, key=lambda group: -sizes[group[-1]])]
+        return [Task(tuple(of_group), group[-1]) for group, of_group in steps.items()]
 
     def _ranking(self, planned: Planned) -> Task:
         lost = self.lost.get((planned.job.source, planned.job.input), {})

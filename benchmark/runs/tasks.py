@@ -17,30 +17,19 @@ from bdb import BdbQuit
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmark.api.contracts import Descriptor, Input, Mesh, Shape
-from benchmark.api.datasets import Entry
+from benchmark.api.contracts import Descriptor, Input, Shape
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import digest
 from benchmark.errors import BenchmarkError, InvalidForm, InvalidSignature, ShapeError, locate
+from benchmark.pipeline import stages
 from benchmark.pipeline.cache import Arrays, Cache, Keys, StorageError
 from benchmark.pipeline.ranking import Ranked, rank
-from benchmark.pipeline.stages import (
-    Aside,
-    Preparation,
-    SharedFailure,
-    SharedStages,
-    Unprepared,
-    compute_answer,
-    mesh_of,
-    require_result,
-    shape_of,
-    sign,
-)
 from benchmark.registry.components import Component
 from benchmark.text import say
 
@@ -166,10 +155,10 @@ class CodeChanged(BenchmarkError):
 _STATUSES: Mapping[type[BenchmarkError], str] = {
     StorageError: "storage",
     CodeChanged: "changed",
-    SharedFailure: "lost",
+    stages.SharedFailure: "lost",
     InvalidForm: "failed",
     InvalidSignature: "failed",
-    Unprepared: "unprepared",
+    stages.Unprepared: "unprepared",
     ShapeError: "refused",
     BenchmarkError: "failed",
 }
@@ -189,10 +178,9 @@ class Work:
         Told about work that is charged to no method: ``"loading"``, ``"preparation"``, ``"geodesics"``.
     """
 
-    def __init__(self, task: Task, aside: Aside = lambda _: nullcontext()) -> None:
+    def __init__(self, task: Task, aside: stages.Aside = lambda _: nullcontext()) -> None:
         self.task, self.aside = task, aside
-        self._shapes: dict[str, tuple[Shape, SharedStages]] = {}
-        self._mesh: Mesh | None = None
+        self._shapes: dict[str, tuple[Shape, stages.SharedStages]] = {}
 
     def outcome(self, step: Step) -> Outcome:
         """Do a step; what goes wrong in it becomes its outcome.
@@ -216,9 +204,9 @@ class Work:
     def _process(self, step: Step) -> Outcome:
         """Compute the files of a step that are missing."""
         cache_ = Cache(step.job.results)
-        form = require_result(cache_.get("forms", step.keys.form, lambda: self._answer(step)))
+        form = stages.require_result(cache_.get("forms", step.keys.form, lambda: self._answer(step)))
         if step.keys.signature:
-            require_result(cache_.get("signatures", step.keys.signature, lambda: self._sign(step, form)))
+            stages.require_result(cache_.get("signatures", step.keys.signature, lambda: self._sign(step, form)))
         return Outcome("ok")
 
     def _answer(self, step: Step) -> Arrays:
@@ -226,31 +214,26 @@ class Work:
         with self.aside("loading"):
             method, first = load_method(job, step.model), (job.method, job.input) not in _used
         if job.input not in self._shapes:
-            shared = SharedStages(self.aside)
-            self._shapes[job.input] = shape_of(self.prepared(step), self.task.shape, job.seed, shared), shared
+            shared = stages.SharedStages(self.aside)
+            self._shapes[job.input] = stages.shape_of(self.prepared(step), self.task.shape, job.seed, shared), shared
         _used.add((job.method, job.input))
-        return compute_answer(method, *self._shapes[job.input], first=first)
+        return stages.compute_answer(method, *self._shapes[job.input], first=first)
 
     def _sign(self, step: Step, form: Arrays) -> Arrays:
         with self.aside("loading"):
             scorer = load_scorer(step.job)
-        return sign(scorer, mesh_of(form, {} if "faces" in form else self.prepared(step)))
+        return stages.sign(scorer, stages.mesh_of(form, {} if "faces" in form else self.prepared(step)))
 
     def prepared(self, step: Step) -> Arrays:
         """Return the arrays of the prepared shape; raise ``ShapeError`` if there are none."""
         job = step.job
         with self.aside("preparation"):
-            preparation, entries = _open(job.source, job.data_root, job.input, job.results)
+            preparation = _preparation(job.source, job.data_root, job.input, job.results)
+            entries = _open(job.source, job.data_root)[1]
             try:
-                return preparation.arrays(entries[self.task.shape], lambda entry: self._load(preparation, entry))
+                return preparation.arrays(entries[self.task.shape])
             except MemoryError as error:
-                raise SharedFailure("no memory to prepare it", "simplify the mesh, or use -j 1") from error
-
-    def _load(self, preparation: Preparation, entry: Entry) -> Mesh:
-        """Load the mesh once for both inputs: generated ones take a second."""
-        if self._mesh is None:
-            self._mesh = preparation.shapes.load(entry)
-        return self._mesh
+                raise stages.SharedFailure("no memory to prepare it", "simplify the mesh, or use -j 1") from error
 
     def _rank(self, step: Step) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
@@ -277,12 +260,17 @@ class Work:
 
 
 @cache
-def _open(source: str, data_root: Path | None, input_: Input, results: Path) -> tuple[Preparation, dict[str, Entry]]:
-    """Open a data set, once in a process."""
+def _open(source: str, data_root: Path | None) -> tuple[ShapeSet, dict[str, Entry]]:
+    """Open a data set, which loads a mesh once for both inputs: generated ones take a second."""
     from benchmark.datasets.catalogue import open_dataset
 
     shapes = open_dataset(source, data_root)
-    return Preparation(shapes, input_, Cache(results)), {entry.identifier: entry for entry in shapes.shapes}
+    return replace(shapes, load=lru_cache(1)(shapes.load)), {entry.identifier: entry for entry in shapes.shapes}
+
+
+@cache
+def _preparation(source: str, data_root: Path | None, input_: Input, results: Path) -> stages.Preparation:
+    return stages.Preparation(_open(source, data_root)[0], input_, Cache(results))
 
 
 @cache
@@ -308,21 +296,36 @@ _key = cache(Component.key)
 
 def serve(descriptor: int, memory: int, parent: int) -> None:
     """Run the tasks that come from a connection until the program at its other end ends."""
+    from numba.core import event
+
     _die_with(parent)
     resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     connection, printed, at_work = Connection(descriptor), _Printed(), [""]
 
-    @contextmanager
-    def aside(name: str) -> Iterator[None]:
+    def begin(name: str) -> None:
         at_work.append(name)
         connection.send(("aside", name))
+
+    def end() -> None:
+        at_work.pop()
+        connection.send(("aside", at_work[-1]))
+
+    @contextmanager
+    def aside(name: str) -> Iterator[None]:
+        begin(name)
         try:
             yield
         finally:
-            at_work.pop()
-            connection.send(("aside", at_work[-1]))
+            end()
 
-    _watch_compiling(aside)
+    class Compiling(event.Listener):  # type: ignore[misc]
+        def on_start(self, event: object) -> None:
+            begin("compiling")
+
+        def on_end(self, event: object) -> None:
+            end()
+
+    event.register("numba:compile", Compiling())
     connection.send(("aside", ""))
     with suppress(EOFError, OSError), redirect_stdout(printed):  # the program has ended
         while True:
@@ -354,19 +357,3 @@ def _die_with(parent: int) -> None:
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     if os.getppid() != parent:
         sys.exit(1)
-
-
-def _watch_compiling(aside: Any) -> None:
-    """Say when numba compiles, which counts for no time-out."""
-    from numba.core import event
-
-    class Compiling(event.Listener):  # type: ignore[misc]
-        def on_start(self, event: Any) -> None:
-            blocks.append(aside("compiling"))
-            blocks[-1].__enter__()
-
-        def on_end(self, event: Any) -> None:
-            blocks.pop().__exit__(None, None, None)
-
-    blocks: list[Any] = []
-    event.register("numba:compile", Compiling())

@@ -9,11 +9,10 @@ import subprocess
 import sys
 import time
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Pipe, wait
-from typing import Protocol
 
 from benchmark.errors import BenchmarkError
 from benchmark.runs.tasks import Outcome, Queue, Step, Task, Work
@@ -37,24 +36,10 @@ _PROGRAM = "import sys; from benchmark.runs.tasks import serve; serve(*map(int, 
 _starter = ThreadPoolExecutor(1, thread_name_prefix="workers")
 
 
-class Workers(Protocol):
-    """What runs tasks."""
-
-    @property
-    def working(self) -> Sequence[str]:
-        """What is being done, for messages."""
-
-    def poll(self, queue: Queue) -> Ended:
-        """Begin tasks of a queue, and yield the steps that have ended; wait a moment if there is none."""
-
-    def close(self) -> None:
-        """End what is under way."""
-
-
 class Here:
     """Run tasks in the main process, so that ``breakpoint()`` works: without time-outs, and a crash ends the run."""
 
-    working = ()
+    working: tuple[str, ...] = ()
 
     def poll(self, queue: Queue) -> Ended:
         """Run the next task of a queue."""

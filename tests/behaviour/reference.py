@@ -19,8 +19,7 @@ from unittest.mock import patch
 
 from benchmark.api.datasets import Entry
 from benchmark.datasets.base import thinned
-from benchmark.pipeline import read_distances
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.records import read_distances, read_records
 from benchmark.protocols import galleries
 from benchmark.registry import BUILT_IN
 from tests.behaviour.suite import HERE, MEASURES, call

@@ -9,6 +9,7 @@ from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
+from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.stages import Preparation, shape_of
 from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off
@@ -44,10 +45,10 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     assert not report.anomalies
 
 
-def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(frames):
+def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(frames, tmp_path):
     dataset = open_dataset(str(frames), None)
     assert dataset.half_width == 1.285
-    shape = shape_of(Preparation(dataset, "view").arrays(dataset.shapes[0]), "one/0")
+    shape = shape_of(Preparation(dataset, "view", Cache(tmp_path)).arrays(dataset.shapes[0]), "one/0")
     assert shape.depth.shape == (500, 500)
     rows = np.flatnonzero(shape.depth.any(axis=1))
     assert len(rows) * 2.57 / 500 == pytest.approx(1.65, abs=0.1)
@@ -125,7 +126,7 @@ def test_each_bad_image_costs_one_shape(tmp_path):
     np.save(folder / "two" / "2.npy", depths.astype(float))
     (folder / "two" / "2.png").unlink()
     (folder / "two" / "3.intrinsics.txt").write_text("0 0 0 0 0 0 0 0 1")
-    preparation = Preparation(open_dataset(str(folder), None), "view")
+    preparation = Preparation(open_dataset(str(folder), None), "view", Cache(tmp_path))
     said = {}
     for entry in preparation.shapes.shapes:
         try:

@@ -169,7 +169,7 @@ def test_an_edit_of_the_measures_ranks_again_and_makes_no_form(world, edited):
 
 
 def test_the_next_run_of_a_job_replaces_its_record_and_until_then_its_forms_are_there(world):
-    from benchmark.pipeline import read_distances, read_form
+    from benchmark.pipeline.records import read_distances, read_form
 
     edit(world.plugin, "* factor()", "/ factor()")
     (old,) = [record for record in read_records(world.results) if record.method == "stretch"]

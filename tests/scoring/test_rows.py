@@ -10,9 +10,8 @@ import pandas as pd
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline import read_distances
 from benchmark.pipeline.measures import score
-from benchmark.pipeline.records import Record, read_records, write_record
+from benchmark.pipeline.records import Record, read_distances, read_records, write_record
 from benchmark.protocols.galleries import galleries
 from benchmark.registry import select_one
 from benchmark.scoring.evaluation import with_labels
