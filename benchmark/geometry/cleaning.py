@@ -97,9 +97,7 @@ def make_manifold(mesh: Mesh) -> Mesh:
         rank[order] = np.arange(len(size)) - edges.first[edges.of_sides[order]]
         keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
         faces, areas = faces[keep], areas[keep]
-    fan = _fans(faces, mesh.n_vertices)
-    owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
-    owner[fan] = faces.ravel()
+    fan, owner = _fans(faces)
     # Order fans by their vertex, so that a manifold mesh stays unchanged.
     order = np.argsort(owner, kind="stable")
     rank_of_fan = np.empty_like(order)
@@ -125,9 +123,8 @@ def component_areas(mesh: Mesh) -> tuple[FloatArray, IntArray]:
     """Return the area of each component, shape (c,), and the component of each face, shape (m,)."""
     labels = connected_components(mesh)
     of_face = labels[mesh.faces[:, 0]]
-    areas = np.zeros(int(labels.max(initial=-1)) + 1)
-    np.add.at(areas, of_face, mesh.face_areas)
-    return areas, of_face
+    areas = np.bincount(of_face, mesh.face_areas, int(labels.max(initial=-1)) + 1)
+    return areas.astype(np.float64), of_face
 
 
 def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
@@ -140,10 +137,7 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
 
 def fans_per_vertex(mesh: Mesh) -> IntArray:
     """Return the number of fans of edge-connected faces at each vertex, shape (n,): 1 on a manifold."""
-    fan = _fans(mesh.faces.astype(np.int64), mesh.n_vertices)
-    owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
-    owner[fan] = mesh.faces.ravel()
-    return np.bincount(owner, minlength=mesh.n_vertices).astype(np.int64)
+    return np.bincount(_fans(mesh.faces.astype(np.int64))[1], minlength=mesh.n_vertices).astype(np.int64)
 
 
 def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
@@ -163,8 +157,8 @@ def _distinct(rows: NDArray[np.generic]) -> tuple[IntArray, IntArray]:
     return order[is_new], group
 
 
-def _fans(faces: IntArray, n_vertices: int) -> IntArray:
-    """Label each corner with its fan (edge-connected faces around its vertex), shape (3 m,)."""
+def _fans(faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Label each corner with its fan (edge-connected faces around its vertex), shape (3 m,); and the vertex of each."""
     edges = edges_of(faces)
     order = edges.grouped_sides
     # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
@@ -179,8 +173,10 @@ def _fans(faces: IntArray, n_vertices: int) -> IntArray:
             same = vertex[corner[sides]] == vertex[other[previous]]
             links_from.append(corner[sides][same])
             links_to.append(other[previous][same])
-    tails, heads = np.concatenate(links_from), np.concatenate(links_to)
-    return component_labels(tails, heads, 3 * len(faces))
+    fan = component_labels(np.concatenate(links_from), np.concatenate(links_to), 3 * len(faces))
+    owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
+    owner[fan] = vertex
+    return fan, owner
 
 
 def component_labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:

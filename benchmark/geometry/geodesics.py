@@ -24,14 +24,6 @@ def _graph_of(mesh: Mesh) -> Graph:
     return geodesic_graph(mesh)
 
 
-def _geodesic_graph(mesh: Mesh, sources: IntArray) -> FloatArray:
-    return shortest_paths(_graph_of(mesh), sources)
-
-
-def _dijkstra(mesh: Mesh, sources: IntArray) -> FloatArray:
-    return shortest_paths(edge_graph(mesh), sources)
-
-
 def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
     import potpourri3d
 
@@ -74,8 +66,8 @@ def _require_proper_manifold(mesh: Mesh) -> None:
 
 
 _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
-    "geodesic-graph": _geodesic_graph,
-    "dijkstra": _dijkstra,
+    "geodesic-graph": lambda mesh, sources: shortest_paths(_graph_of(mesh), sources),
+    "dijkstra": lambda mesh, sources: shortest_paths(edge_graph(mesh), sources),
     "heat": _heat,
     "exact": _exact,
 }
