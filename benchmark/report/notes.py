@@ -40,15 +40,12 @@ def _columns(view: TableView) -> Iterator[str]:
     if any(column.input == "as printed" for column in view.columns):
         parts.append("Complete surfaces; networks see one depth view.")
     for column in view.columns:
-        draws = [one for row in view.rows if (one := row.scored.get(column.title)) and len(one.records) > 1]
-        if column.over_draws and draws:
-            ranges = [
-                max(of) - min(of)
-                for one in draws
-                for name in MEASURES
-                for of in [[records[0].scores[name] for records in one.records.values()]]
-            ]
-            parts.append(f"{column.title}: mean of {len(draws[0].records)} draws, at most {max(ranges):.2f} apart.")
+        of_rows = [one.records.values() for row in view.rows if (one := row.scored.get(column.title))]
+        draws = max(of_rows, key=len, default=())
+        if column.over_draws and len(draws) > 1:
+            scores = [[records[0].scores[name] for records in of] for of in of_rows for name in MEASURES]
+            apart = f"{max(max(of) - min(of) for of in scores):.2f}".removeprefix("0")
+            parts.append(f"{column.title}: mean of {len(draws)} draws, whose scores are at most {apart} apart.")
     if parts:
         yield " ".join(parts)
 

@@ -49,11 +49,14 @@ class Scored:
         Names of galleries without scores, which count as 0.
     values
         Measures of all queries of all galleries, shape (N, 4); 0 where a gallery is missing.
+    labels
+        Class of each of these queries, with its gallery.
     """
 
     records: Mapping[str, Sequence[Record]]
     missing: tuple[str, ...]
     values: NDArray[np.float64]
+    labels: Sequence[str]
 
     @cached_property
     def means(self) -> dict[str, float]:
@@ -115,8 +118,6 @@ class TableView:
         Whether poses were omitted to save time.
     columns
         The columns in which some row has scores.
-    labels
-        Class of each query, by column.
     galleries
         Labels of each gallery, by column.
     rows
@@ -132,7 +133,6 @@ class TableView:
     title: str
     quick: bool
     columns: tuple[Column, ...]
-    labels: Mapping[str, Sequence[str]]
     galleries: Mapping[str, Sequence[Sequence[str]]]
     rows: tuple[Row, ...]
     shown: frozenset[str] = frozenset()
@@ -171,7 +171,7 @@ class TableView:
     def stem(self) -> str:
         """Name of its files."""
         name = f"table-{self.table.identifier}"
-        name += f"-{self.dataset}" if self.dataset != self.table.identifier else ""
+        name += f"-{self.dataset.removesuffix('[draw=0]')}" if self.dataset != self.table.identifier else ""
         safe = "".join(c if c.isascii() and (c.isalnum() or c in ".-_") else "-" for c in name)
         return f"{safe[:80].strip('-')}{'-quick' if self.quick else ''}"
 
@@ -218,7 +218,6 @@ class TableView:
 
     def _mark(self, marks: DataFrame, title: str, rivals: Sequence[Row]) -> None:
         """Mark the best rows of a block in one column, by measure."""
-        labels = self.labels[title]
         for place, measure in enumerate(MEASURES):
             means = {row.method: row.scored[title].means[measure] for row in rivals}
             best = next(row for row in rivals if means[row.method] >= max(means.values()) - _SAME)
@@ -228,7 +227,7 @@ class TableView:
             if not others:
                 continue
             leads = [(best.scored[title].values - row.scored[title].values)[:, place] for row in others]
-            ends = bootstrap_intervals(np.column_stack(leads), labels, SEPARATED)
+            ends = bootstrap_intervals(np.column_stack(leads), best.scored[title].labels, SEPARATED)
             for row, (low, _) in zip(others, ends, strict=True):
                 marks.loc[row.method, (title, measure)] = "italic" if low <= 0 else ""
 
@@ -241,7 +240,7 @@ class TableView:
         """Return the interval of each score of a row over resampled classes; empty without scores."""
         if title not in row.scored:
             return {}
-        ends = bootstrap_intervals(row.scored[title].values, self.labels[title], level)
+        ends = bootstrap_intervals(row.scored[title].values, row.scored[title].labels, level)
         return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=True)}
 
 
@@ -306,7 +305,6 @@ def _view(table: Table, dataset: str, records: Sequence[Record], named: frozense
     quick = sample.data.quick
     names = {column.title: _galleries(table, column, dataset, current, quick=quick) for column in table.columns}
     labels = {gallery: _ranked(next((r.labels for r in of if r.labels), ())) for gallery, of in current.items()}
-    used = {title: [(name, labels[name]) for name in galleries if name in labels] for title, galleries in names.items()}
     printed = PRINTED.get(table.identifier, {}) if table.has_paper and not quick else {}
     made = [
         _row(method, rows.get(method, []), table, names, labels)
@@ -318,8 +316,7 @@ def _view(table: Table, dataset: str, records: Sequence[Record], named: frozense
         return None
     return TableView(
         table, dataset, _title(sample), quick, columns or table.columns[:1],
-        {title: [f"{name} {label}" for name, of in each for label in of] for title, each in used.items()},
-        {title: [of for _, of in each] for title, each in used.items() if each},
+        {title: of for title, each in names.items() if (of := [labels[name] for name in each if name in labels])},
         tuple(sorted(made, key=lambda row: _place(row, printed))), left_out=_outdated(left_out),
     )  # fmt: skip
 
@@ -358,7 +355,8 @@ def _row(
         if having:
             values = [_values(found[name], labels.get(name, ())) for name in galleries]
             missing = tuple(name for name in galleries if name not in having)
-            scored[column.title] = Scored(having, missing, np.concatenate(values))
+            classes = [f"{name} {label}" for name in galleries for label in labels.get(name, ())]
+            scored[column.title] = Scored(having, missing, np.concatenate(values), classes)
         failed += [record for record in part if record.status != "ok"]
     return Row(method, title, kind, scored, tuple(failed))
 
@@ -397,7 +395,8 @@ def _place(row: Row, printed: Iterable[str]) -> tuple[int, int, int, str]:
 def _title(record: Record) -> str:
     """Return the title of the data of a record; it always says if they are a stand-in."""
     if official := record.data.stand_in_for:
-        return f"generated stand-in '{record.data.name}', not {OFFICIAL.get(official, official)}"
+        name = record.data.name.partition("[draw=")[0]
+        return f"generated stand-in '{name}', not {OFFICIAL.get(official, official)}"
     return brief(record.data.title)
 
 

@@ -105,13 +105,12 @@ def assess(claim: Claim, view: TableView) -> AssessedClaim:
     """Judge a claim by the test over classes, with Holm's correction; on the five subjects of Table I."""
     titles = [column.title for column in view.columns]
     title = "5 subjects" if "5 subjects" in titles else titles[0]
-    labels = view.labels[title]
     scored = {row.method: row.scored[title] for row in view.rows if title in row.scored}
     scored = {method: one for method, one in scored.items() if not one.missing}
     if missing := tuple(name for name in (claim.better, *claim.others) if name not in scored):
         return AssessedClaim(claim, "not comparable", missing=missing)
     places = [MEASURES.index(name) for name in claim.measures]
-    pairs = [_lead(scored[claim.better], scored[name], labels) for name in claim.others]
+    pairs = [_lead(scored[claim.better], scored[name]) for name in claim.others]
     leads = np.concatenate([lead[places] for lead, _ in pairs])
     certain = holm(np.concatenate([probability[places] for _, probability in pairs])) < ALPHA
     decision: Decision = "undecided"
@@ -122,11 +121,11 @@ def assess(claim: Claim, view: TableView) -> AssessedClaim:
     return AssessedClaim(claim, decision, int((leads > 0).sum()), int(certain.sum()), len(leads))
 
 
-def _lead(better: Scored, other: Scored, labels: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lead(better: Scored, other: Scored) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the total lead of a row by measure, and its largest p-value over pairs of trainings."""
     lead = (better.values - other.values).sum(axis=0)
     differences = [one - two for one, two in product(_trainings(better), _trainings(other))]
-    tests = [np.where(np.sign(d.sum(axis=0)) == np.sign(lead), class_test(d, labels), 1.0) for d in differences]
+    tests = [np.where(np.sign(d.sum(axis=0)) == np.sign(lead), class_test(d, better.labels), 1.0) for d in differences]
     return lead, np.max(tests, axis=0)
 
 

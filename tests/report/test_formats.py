@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.report.formats import as_json, duration, hundredths, latex, latex_text, markdown, markdown_text, text
 from benchmark.report.pages import html_table
 from benchmark.report.tables import table_views
@@ -101,7 +102,12 @@ def test_latex_text_is_ascii_or_accented_and_has_no_open_group(words):
 
 WIDE = [
     record(
-        name, 1.0, dataset="humans", fold=fold, stand_in_for="shrec14-synthetic", title="A rather long title of a row"
+        name,
+        1.0,
+        dataset=SYNTHETIC_HUMANS[0],
+        fold=fold,
+        stand_in_for="shrec14-synthetic",
+        title="A rather long title of a row",,
     )
     for name in ("gps", "a-method-of-mine", "skeleton")
     for fold in ("", "fold 0", "fold 1", "fold 2")

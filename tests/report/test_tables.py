@@ -4,13 +4,14 @@ import random
 
 import pytest
 
+from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, MEASURES, PRINTED
 from benchmark.report.formats import as_json, table_files
 from benchmark.report.frames import scores_frame
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, by_class, failed, record
 
-HUMANS = {"dataset": "humans", "stand_in_for": "shrec14-synthetic"}
+HUMANS = {"dataset": SYNTHETIC_HUMANS[0], "stand_in_for": "shrec14-synthetic"}
 
 
 def view(*records, **options):
@@ -27,7 +28,22 @@ def test_a_row_is_the_mean_of_its_folds_and_a_missing_fold_counts_0():
     table = view(*folds, *[record("skeleton", 0.6, fold=f"fold {k}", **HUMANS) for k in (0, 2)], tables=["I"])
     assert cell(table, "gps", "5 subjects") == pytest.approx(0.9)
     assert cell(table, "skeleton", "5 subjects") == pytest.approx(0.4)
-    assert any("Missing, and counts 0: Skeleton-based (humans fold 1)" in note for note in table.notes)
+    assert f"Missing, and counts 0: Skeleton-based ({SYNTHETIC_HUMANS[0]} fold 1)." in table.notes
+
+
+def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
+    draws = {name: round(0.1 * k, 1) for k, name in enumerate(SYNTHETIC_HUMANS, 3)}
+    forms = [
+        record(m, nn * f, dataset=name) for name, nn in draws.items() for m, f in (("gps", 1.0), ("skeleton", 0.5))
+    ]
+    networks = [record(name, nn, input_="view", dataset=SYNTHETIC_HUMANS[0], models=[])
+                for name, nn in (("learned", 0.8), ("learned-size-free", 0.6))]  # fmt: skip
+    (table,) = (each for each in table_views([*forms, *networks], ["I"]) if each.table.identifier == "I")
+    assert cell(table, "gps", "15 subjects") == pytest.approx(sum(draws.values()) / len(draws))
+    assert cell(table, "learned", "15 subjects") == 0.8
+    assert table.marks["15 subjects", "NN"][["gps", "learned"]].tolist() == ["bold", "bold"]
+    apart = f"at most .{len(draws) - 1}0 apart"
+    assert any(apart in note for note in table.notes) == (len(draws) > 1)
 
 
 def test_trainings_are_averaged_within_a_fold_before_folds_are():

@@ -2,6 +2,7 @@
 
 import pytest
 
+from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import CLASSICAL, PRINTED, Claim
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import assess, verdict_of, verdicts, verdicts_markdown
@@ -66,7 +67,7 @@ def test_with_few_classes_no_lead_is_certain():
 
 
 def test_of_several_trainings_each_must_lead():
-    humans = {"dataset": "humans", "fold": "fold 0", "input_": "view", "models": []}
+    humans = {"dataset": SYNTHETIC_HUMANS[0], "fold": "fold 0", "input_": "view", "models": []}
     labels = [name for name in "abcdefgh" for _ in range(3)]
     better = [
         record(name, nn, labels=labels, **humans) for name, nn in (("learned", 0.9), ("learned[training_seed=1]", 0.3))
