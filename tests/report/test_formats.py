@@ -107,7 +107,7 @@ WIDE = [
         dataset=SYNTHETIC_HUMANS[0],
         fold=fold,
         stand_in_for="shrec14-synthetic",
-        title="A rather long title of a row",,
+        title="A rather long title of a row",
     )
     for name in ("gps", "a-method-of-mine", "skeleton")
     for fold in ("", "fold 0", "fold 1", "fold 2")
