@@ -97,11 +97,9 @@ def observe(
     planes = background_planes(unprojected(depths[coarse], rays[coarse]), rest[coarse])
     if chosen is None:
         chosen = find_object(unprojected(depths, rays), seen, planes)
-    part = tuple(slice(max(at.min() - 1, 0), at.max() + 2) for at in np.nonzero(chosen))
-    kept = np.zeros_like(chosen)
-    kept[part] = without_flying_pixels(depths[part], chosen[part])
+    kept = without_flying_pixels(depths, chosen)
     direction, up_source = _up(planes, up)
-    surface = object_surface(depths[part], rays[part], kept[part], upright(direction), half_width)
+    surface = object_surface(depths, rays, kept, upright(direction), half_width)
     notes: dict[str, float | str] = {
         "mask": "found" if mask is None else "given",
         "up": up_source,

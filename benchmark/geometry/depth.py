@@ -186,10 +186,8 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
             "check its unit and look for stray vertices, or give the data set a half width of at least "
             f"{extent * half_width / FILL:.6g}",
         )
-    pixels = np.empty_like(points)
-    pixels[:, 0] = (1 + points[:, 0]) * (size / 2)
-    pixels[:, 1] = (1 - points[:, 1]) * (size / 2)
-    pixels[:, 2] = -points[:, 2]
+    x, y, z = points.T
+    pixels = np.stack([(1 + x) * (size / 2), (1 - y) * (size / 2), -z], axis=1)
     # The background lies on the far plane, so the same formula gives it depth 0.
     distance = depth_buffer(pixels, mesh.faces, size, 1.0)
     return np.asarray((1 - distance) / 2, dtype=np.float32)

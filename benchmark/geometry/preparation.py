@@ -64,12 +64,8 @@ class Prepared:
     @property
     def notes(self) -> dict[str, float]:
         """What a user should know: ``joined_pieces`` and the ``largest_gap`` between them, in units of the file."""
-        if not self.report["bridges"]:
-            return {}
-        return {
-            "joined_pieces": self.report["bridges"] + 1,
-            "largest_gap": self.scale * self.report["largest_gap"],
-        }
+        gap, bridges = self.scale * self.report["largest_gap"], self.report["bridges"]
+        return {"joined_pieces": bridges + 1, "largest_gap": gap} if bridges else {}
 
     def numbers_of(self, mesh: Mesh) -> NDArray[np.int64] | None:
         """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
@@ -133,7 +129,7 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         )
     growth = np.sqrt(joined.area)
     result = in_spatial_order(joined.with_vertices(joined.vertices / growth))
-    report = {
+    counts = {
         **cleaning,
         "dropped_components": dropped,
         "lost_area": lost,
@@ -143,13 +139,8 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         "faces": result.n_faces,
         "euler_characteristic": result.n_vertices - len(edges_of(result.faces).ends) + result.n_faces,
     }
-    return Prepared(
-        result,
-        parts.area * (unit * size) ** 2,
-        unit * centre,
-        float(unit * size * growth),
-        {name: float(value) for name, value in report.items()},
-    )
+    report = {name: float(value) for name, value in counts.items()}
+    return Prepared(result, parts.area * (unit * size) ** 2, unit * centre, float(unit * size * growth), report)
 
 
 def _without_debris(mesh: Mesh) -> tuple[Mesh, int]:
