@@ -69,6 +69,8 @@ def program() -> None:
     _open_streams()
     try:
         code = cli(standalone_mode=False)  # which turns KeyboardInterrupt into a code
+    except BdbQuit:  # a debugger was left
+        code = INTERRUPTED
     except TyperException as error:
         _refuse_usage(error)
     except BenchmarkError as error:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import IO, Any, Literal, NamedTuple
 
 import numpy as np
@@ -74,6 +75,8 @@ def writing(results: Path) -> Iterator[None]:
     with storing(results):
         (results / RUNS / "records").mkdir(parents=True, exist_ok=True)
         lock = os.open(results / RUNS / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        with TemporaryFile(dir=results / RUNS / "records"):
+            pass  # now rather than after the first form
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -77,6 +77,8 @@ def run(
     KeyboardInterrupt
         If the run is interrupted; finished jobs and forms are kept.
     """
+    if not any(job.to_run or job.state == "unavailable" for job in planned):
+        return
     with writing(results):
         for job in planned:
             if job.state == "unavailable":
