@@ -6,6 +6,7 @@ import io
 import os
 import signal
 import sys
+from bdb import BdbQuit
 from contextlib import suppress
 from functools import partial
 from importlib.metadata import version
