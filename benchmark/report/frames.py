@@ -6,7 +6,7 @@ All tables are pure functions of records, so they need neither data nor methods.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,14 @@ def changed(dataset: str) -> tuple[str, str, str] | None:
     if match is None or any(dataset in table.datasets for table in TABLES) or match["change"] in ("draw", "n"):
         return None
     return match["base"], match["change"], match["strength"]
+
+
+def grouped(records: Iterable[Record], key: Callable[[Record], str]) -> dict[str, list[Record]]:
+    """Return records by key, in the order of the first of each."""
+    groups: dict[str, list[Record]] = {}
+    for record in records:
+        groups.setdefault(key(record), []).append(record)
+    return groups
 
 
 def fold_of(record: Record) -> str:

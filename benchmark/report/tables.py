@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import OFFICIAL, TABLES, TITLES, Column, Kind, Table
+from benchmark.protocols.tables import OFFICIAL, TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
-from benchmark.report.frames import changed, chosen_records, fold_of, kind_of, row_of, seconds_of, tables_of
+from benchmark.report.frames import changed, chosen_records, fold_of, grouped, kind_of, row_of, seconds_of, tables_of
 from benchmark.report.notes import notes
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.text import brief
@@ -206,30 +206,13 @@ class TableView:
     def marks(self) -> DataFrame:
         """``"bold"`` for the best of a block, ``"italic"`` where it cannot be separated from it, else ``""``."""
         marks = self.scores.map(lambda _: "")
-        for column in self.columns:
+        for title in (column.title for column in self.columns):
             for kind in BLOCKS:
-                rivals = [row for row in self.rows if row.kind == kind and self._is_rival(row, column.title)]
+                of_block = [(row, row.scored[title]) for row in self.rows if row.kind == kind and title in row.scored]
+                rivals = {row.method: one for row, one in of_block if one.is_rival}
                 if len(rivals) > 1:
-                    self._mark(marks, column.title, rivals)
+                    marks.loc[[*rivals], [(title, name) for name in MEASURES]] = _marks([*rivals.values()])
         return marks
-
-    def _is_rival(self, row: Row, title: str) -> bool:
-        return title in row.scored and row.scored[title].is_rival
-
-    def _mark(self, marks: DataFrame, title: str, rivals: Sequence[Row]) -> None:
-        """Mark the best rows of a block in one column, by measure."""
-        for place, measure in enumerate(MEASURES):
-            means = {row.method: row.scored[title].means[measure] for row in rivals}
-            best = next(row for row in rivals if means[row.method] >= max(means.values()) - _SAME)
-            others = [row for row in rivals if means[row.method] < means[best.method] - _SAME]
-            for row in rivals:
-                marks.loc[row.method, (title, measure)] = "bold" if row not in others else ""
-            if not others:
-                continue
-            leads = [(best.scored[title].values - row.scored[title].values)[:, place] for row in others]
-            ends = bootstrap_intervals(np.column_stack(leads), best.scored[title].labels, SEPARATED)
-            for row, (low, _) in zip(others, ends, strict=True):
-                marks.loc[row.method, (title, measure)] = "italic" if low <= 0 else ""
 
     @cached_property
     def notes(self) -> list[str]:
@@ -264,7 +247,7 @@ def table_views(
         The runs to show.
     """
     wanted, sets, shown = set(tables), set(datasets), frozenset(methods)
-    grouped: dict[tuple[Table, str], list[Record]] = {}
+    by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in chosen_records(records, quick=quick, scorer=scorer, seed=seed):
         if changed(record.data.name) and record.data.name not in sets:
             continue  # shown by the table of robustness
@@ -272,12 +255,25 @@ def table_views(
             is_wanted = not wanted or {table.identifier, table.part_of} & wanted
             if is_wanted and (not sets or record.data.name in sets):
                 main = table.stand_ins[0] if record.data.name in table.stand_ins else record.data.name
-                grouped.setdefault((table, main), []).append(record)
+                by_table.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
-    keys = sorted(grouped, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
-    every = [_view(table, main, grouped[table, main], shown) for table, main in keys]
-    views = [replace(view, shown=shown) for view in every if view is not None]
+    keys = sorted(by_table, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
+    every = [_view(table, main, by_table[table, main], shown) for table, main in keys]
+    views = [replace(view, shown=shown) for view in every if any(row.scored or row.failed for row in view.rows)]
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
+
+
+def _marks(rivals: Sequence[Scored]) -> NDArray[np.str_]:
+    """Return the marks of the rows of a block in one column, shape (rows, measures)."""
+    means = np.array([[one.means[name] for name in MEASURES] for one in rivals])
+    values = np.stack([one.values for one in rivals])
+    is_best = means >= means.max(axis=0) - _SAME
+    marks = np.where(is_best, "bold", "").astype("U6")
+    for place, best in enumerate(is_best.argmax(axis=0)):
+        leads = (values[best] - values)[:, :, place]
+        lowest = bootstrap_intervals(leads.T, rivals[best].labels, SEPARATED)[:, 0]
+        marks[~is_best[:, place] & (lowest <= 0), place] = "italic"
+    return marks
 
 
 def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
@@ -287,37 +283,32 @@ def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
     return view in here if here else view is rivals[0]
 
 
-def _view(table: Table, dataset: str, records: Sequence[Record], named: frozenset[str]) -> TableView | None:
-    """Return one table; None if no row has scores or has failed in it."""
-    by_gallery: dict[str, list[Record]] = {}
-    for record in records:
-        by_gallery.setdefault(record.gallery, []).append(record)
+def _view(table: Table, dataset: str, records: Sequence[Record], named: frozenset[str]) -> TableView:
+    """Return one table with its rows, of which none may have scores or have failed."""
+    by_gallery = grouped(records, lambda record: record.gallery)
     current = {gallery: _of_newest_version(of) for gallery, of in by_gallery.items()}
-    left_out = [record for gallery, of in by_gallery.items() for record in of if record not in current[gallery]]
-    rows: dict[str, list[Record]] = {}
-    for record in (record for of in current.values() for record in of):
+    shown = [record for of in current.values() for record in of]
+    left_out = [f"{r.method} on {r.gallery}, {r.input}" for r in records if r not in current[r.gallery]]
+    sample = next((record for record in shown if record.data.name == dataset), shown[0])
+    labels = {gallery: next((_ranked(r.labels) for r in of if r.labels), []) for gallery, of in current.items()}
+    galleries = {
+        column: _galleries(table, column, dataset, labels, quick=sample.data.quick) for column in table.columns
+    }
+    printed = PRINTED[table.identifier] if table.has_paper and not sample.data.quick else {}
+    rows = {method: list[Record]() for method in printed}
+    for record in shown:
         base = record.method.partition("[")[0]
         if table.includes(base) or {base, record.method} & named or table not in TABLES:
             rows.setdefault(row_of(record), []).append(record)
-    if not rows:
-        return None
-    sample = next((record for of in current.values() for record in of if record.data.name == dataset), records[0])
-    quick = sample.data.quick
-    names = {column.title: _galleries(table, column, dataset, current, quick=quick) for column in table.columns}
-    labels = {gallery: _ranked(next((r.labels for r in of if r.labels), ())) for gallery, of in current.items()}
-    printed = PRINTED.get(table.identifier, {}) if table.has_paper and not quick else {}
-    made = [
-        _row(method, rows.get(method, []), table, names, labels)
-        for method in dict.fromkeys([*printed, *rows])
-    ]  # fmt: skip
+    every = [_row(method, of, galleries, labels) for method, of in rows.items()]
+    made = [row for row in every if row.scored or row.failed or row.method in printed]
+    order = {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))}
+    made.sort(key=lambda row: (list(BLOCKS).index(row.kind), order.get(row.method, len(order)), row.title))
     columns = tuple(column for column in table.columns if any(column.title in row.scored for row in made))
-    made = [row for row in made if row.scored or row.failed or row.method in printed]
-    if not columns and not any(row.failed for row in made):
-        return None
+    ranked = {column.title: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
     return TableView(
-        table, dataset, _title(sample), quick, columns or table.columns[:1],
-        {title: of for title, each in names.items() if (of := [labels[name] for name in each if name in labels])},
-        tuple(sorted(made, key=lambda row: _place(row, printed))), left_out=_outdated(left_out),
+        table, dataset, _title(sample), quick, columns or table.columns[:1], {title: of for title, of in ranked.items() if of},
+        tuple(made), left_out=tuple(dict.fromkeys(left_out)),
     )  # fmt: skip
 
 
@@ -327,46 +318,42 @@ def _of_newest_version(records: Sequence[Record]) -> list[Record]:
     return [record for record in records if record.gallery_digest == newest.gallery_digest]
 
 
-def _galleries(
-    table: Table, column: Column, dataset: str, current: Mapping[str, object], *, quick: bool
-) -> tuple[str, ...]:
+def _galleries(table: Table, column: Column, dataset: str, known: Container[str], *, quick: bool) -> list[str]:
     """Return the names of the galleries of a column; a quick run has only the first fold."""
     sets = table.stand_ins if column.over_draws and dataset in table.stand_ins else (dataset,)
-    names = tuple(f"{name} {part}".strip() + (" (quick)" if quick else "") for name in sets for part in column.parts)
-    return tuple(name for name in names if name in current) if quick else names
+    names = [gallery_name(name, part, quick=quick) for name in sets for part in column.parts]
+    return [name for name in names if name in known] if quick else names
 
 
 def _row(
-    method: str, records: Sequence[Record], table: Table, names: Mapping[str, Sequence[str]],
+    method: str, records: Sequence[Record], galleries: Mapping[Column, Sequence[str]],
     labels: Mapping[str, Sequence[str]],
 ) -> Row:  # fmt: skip
     kind: Kind = kind_of(records[0]) if records else "network" if method.startswith("learned") else "form"
     first = min(records, key=lambda record: len(record.method), default=None)
     title = TITLES.get(method) or (brief(first.title) if first else method)
     scored, failed = {}, []
-    for column in table.columns:
-        galleries = names[column.title]
-        if kind == "network" and column.over_draws:
-            galleries = galleries[:1]
-        input_ = _input(column, kind, {record.input for record in records if record.gallery in galleries})
-        part = [record for record in records if record.gallery in galleries and record.input == input_]
-        found = {name: [r for r in part if r.gallery == name and r.status == "ok"] for name in galleries}
-        having = {name: of for name, of in found.items() if of}
+    for column, every in galleries.items():
+        names = every[:1] if kind == "network" and column.over_draws else every
+        of_column = [record for record in records if record.gallery in names]
+        input_ = _input(column, kind, {record.input for record in of_column})
+        part = [record for record in of_column if record.input == input_]
+        having = grouped((record for record in part if record.status == "ok"), lambda record: record.gallery)
         if having:
-            values = [_values(found[name], labels.get(name, ())) for name in galleries]
-            missing = tuple(name for name in galleries if name not in having)
-            classes = [f"{name} {label}" for name in galleries for label in labels.get(name, ())]
+            values = [_values(having.get(name, []), labels.get(name, ())) for name in names]
+            classes = [f"{name} {label}" for name in names for label in labels.get(name, ())]
+            missing = tuple(name for name in names if name not in having)
             scored[column.title] = Scored(having, missing, np.concatenate(values), classes)
         failed += [record for record in part if record.status != "ok"]
     return Row(method, title, kind, scored, tuple(failed))
 
 
 def _input(column: Column, kind: Kind, available: set[str]) -> str:
+    """Return the input of a row; forms of other programs, and networks, may be of another one than is printed."""
     if column.input != "as printed":
         return column.input
     preferred, other = ("view", "mesh") if kind == "network" else ("mesh", "view")
-    is_bound = kind in ("form", "descriptor")
-    return preferred if is_bound or preferred in available or other not in available else other
+    return other if kind in ("network", "external") and available == {other} else preferred
 
 
 def _ranked(labels: Sequence[str]) -> list[str]:
@@ -384,23 +371,9 @@ def _values(records: Sequence[Record], labels: Sequence[str]) -> NDArray[np.floa
     return np.asarray(values[~np.isnan(values).any(axis=1)])
 
 
-def _place(row: Row, printed: Iterable[str]) -> tuple[int, int, int, str]:
-    """Return a sort key: blocks, the paper's rows in its order, networks in the order of their titles, all others."""
-    order, known = list(printed), list(TITLES)
-    of_paper = order.index(row.method) if row.method in order else len(order)
-    titled = known.index(row.method) if row.method in known else len(known)
-    return list(BLOCKS).index(row.kind), of_paper, titled, row.title
-
-
 def _title(record: Record) -> str:
     """Return the title of the data of a record; it always says if they are a stand-in."""
     if official := record.data.stand_in_for:
         name = record.data.name.partition("[draw=")[0]
         return f"generated stand-in '{name}', not {OFFICIAL.get(official, official)}"
     return brief(record.data.title)
-
-
-def _outdated(records: Iterable[Record]) -> tuple[str, ...]:
-    """Name the rows that rank another version of the data."""
-    rows = dict.fromkeys(f"{record.method} on {record.gallery}, {record.input}" for record in records)
-    return tuple(rows)
