@@ -291,10 +291,9 @@ def _view(table: Table, dataset: str, records: Sequence[Record], named: frozense
     left_out = [f"{r.method} on {r.gallery}, {r.input}" for r in records if r not in current[r.gallery]]
     sample = next((record for record in shown if record.data.name == dataset), shown[0])
     labels = {gallery: next((_ranked(r.labels) for r in of if r.labels), []) for gallery, of in current.items()}
-    galleries = {
-        column: _galleries(table, column, dataset, labels, quick=sample.data.quick) for column in table.columns
-    }
-    printed = PRINTED[table.identifier] if table.has_paper and not sample.data.quick else {}
+    quick = sample.data.quick
+    galleries = {column: _galleries(table, column, dataset, labels, quick=quick) for column in table.columns}
+    printed = PRINTED[table.identifier] if table.has_paper and not quick else {}
     rows = {method: list[Record]() for method in printed}
     for record in shown:
         base = record.method.partition("[")[0]
@@ -307,8 +306,8 @@ def _view(table: Table, dataset: str, records: Sequence[Record], named: frozense
     columns = tuple(column for column in table.columns if any(column.title in row.scored for row in made))
     ranked = {column.title: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
     return TableView(
-        table, dataset, _title(sample), quick, columns or table.columns[:1], {title: of for title, of in ranked.items() if of},
-        tuple(made), left_out=tuple(dict.fromkeys(left_out)),
+        table, dataset, _title(sample), quick, columns or table.columns[:1],
+        {title: of for title, of in ranked.items() if of}, tuple(made), left_out=tuple(dict.fromkeys(left_out)),
     )  # fmt: skip
 
 
