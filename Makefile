@@ -21,7 +21,7 @@ BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 OF_HUMANS := -d humans --input mesh
 OF_VIEWS := -t I-view -d humans --quick
 NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
-DRAW := $(BIN)/python -m benchmark report --force --figure results/figures
+DRAW := $(BIN)/python -m benchmark report --force --figure effect -o results/figures
 methods = $(addprefix -m ,$(1))
 
 .PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean golden reference
@@ -97,7 +97,8 @@ tables: setup
 
 # Whether the committed tables are those that the records make.
 check-tables: setup
-	$(BIN)/python -m benchmark tables --published --check -o results/tables
+	rm -rf build/tables && $(BIN)/python -m benchmark tables --published -o build/tables
+	diff -r build/tables results/tables
 
 # Brings the records of jobs done here into results/records, which is committed, and makes the tables from them.
 publish: setup
@@ -121,7 +122,7 @@ figures: setup
 	$(BIN)/python -m benchmark run $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/learned-forms.png $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/effect.png -t III -d tosca -m least-squares-mds $(BODIES)
-	$(DRAW)/two-scorers.png --of scorers
+	$(BIN)/python -m benchmark report --force --figure scorers -o results/figures/two-scorers.png
 	for name in animals humans humans-scanlike tosca; do \
 	    $(BIN)/python -m benchmark data sheet $$name -o results/figures/sheet-$$name.png || exit 1; done
 	mkdir -p build

@@ -10,7 +10,12 @@ from benchmark.cli.progress import counting
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.checking import check_source
 from benchmark.datasets.export import export as export_shapes
+from benchmark.report.drawing import save_png
+from benchmark.report.sheets import contact_sheet
 from benchmark.text import say
+
+#: Most subjects on a sheet.
+_SUBJECTS = 40
 
 
 def check(name: str, options: Selection) -> bool:
@@ -21,20 +26,20 @@ def check(name: str, options: Selection) -> bool:
     return report.usable
 
 
-def export(name: str, options: Selection, output: Path, *, force: bool) -> None:
-    """Write the files of a data set."""
+def export(name: str, options: Selection, output: Path, *, force: bool) -> bool:
+    """Write the files of a data set; return whether all shapes could be read."""
     dataset = open_dataset(_source(name, options), options.data_root)
-    written = export_shapes(dataset, output, force=force, watched=partial(counting, f"writing {name}"))
+    written, problems = export_shapes(dataset, output, force=force, watched=partial(counting, f"writing {name}"))
+    for problem in problems:
+        say(f"not written: {problem}", err=True)
     say(f"wrote {len(written)} files to {output}; use them with -d {output}")
+    return not problems
 
 
-def sheet(name: str, options: Selection, output: Path | None, subjects: int | None, poses: int) -> None:
+def sheet(name: str, options: Selection, output: Path | None) -> None:
     """Draw a contact sheet."""
-    from benchmark.report.drawing import save_png
-    from benchmark.report.sheets import contact_sheet
-
     dataset = open_dataset(_source(name, options), options.data_root)
-    drawing = contact_sheet(dataset, subjects, poses)
+    drawing = contact_sheet(dataset, _SUBJECTS)
     for problem in drawing.problems:
         say(f"not drawn: {problem}", err=True)
     target = output or Path(f"sheet-{dataset.name}.png")

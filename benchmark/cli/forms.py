@@ -7,10 +7,9 @@ import os
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
@@ -66,45 +65,44 @@ class Camera:
 
 @dataclass(frozen=True)
 class Request:
-    """A method, the plugin files that may define it, seed, and the camera of depth images."""
+    """A method, with the plugins that may define it and the seed, and the camera of depth images."""
 
     method: str
-    plugins: tuple[Path, ...] = ()
-    seed: int = 0
+    selection: Selection = field(default_factory=Selection)
     camera: Camera = Camera()
 
 
 def canonicalise(
-    paths: Sequence[Path],
-    request: Request,
-    output: Path | None,
-    picture: Path | None = None,
-    *,
+    paths: Sequence[Path], request: Request, output: Path | None, picture: Path | None = None, *,
     all_vertices: bool = False,
 ) -> bool:  # fmt: skip
-    """Write the form of a mesh, or the forms of depth images."""
-    method = request.method
-    may_miss = len(paths) > 1 or _is_pattern(paths[0])  # a missing frame costs only itself
+    """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
+    source, *others = paths
+    may_miss = bool(others) or _is_pattern(source)  # a missing frame costs only itself
     if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
-    if picture is not None and len(paths) == 1 and paths[0].is_file():
+    if picture is not None and not others and source.is_file():
         require_png(picture)
-    component = select_one(method, request.plugins)
-    if warning := trained_on_people(component):
-        say(f"{method}: {warning}", err=True)
-    if may_miss or paths[0].suffix.lower() in EXTENSIONS or paths[0].is_dir():
+    if warning := trained_on_people(select_one(request.method, request.selection.plugins)):
+        say(f"{request.method}: {warning}", err=True)
+    if may_miss or source.suffix.lower() in EXTENSIONS or source.is_dir():
         if all_vertices:
             raise ConfigurationError("a depth image has no vertices", "omit --all-vertices")
         return _canonicalise_frames(_frame_jobs(paths, request, output, picture), request)
     if request.camera != Camera():
-        raise ConfigurationError(f"{paths[0]} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
-    target = _mesh_target(output, paths[0], method)
-    if target.exists() and paths[0].exists() and target.samefile(paths[0]):
+        raise ConfigurationError(f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
+    target = _mesh_target(output, source, request.method)
+    if target.exists() and target.samefile(source):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
-    form = form_of_mesh(paths[0], request, all_vertices=all_vertices)
+    try:
+        form = form_of_mesh(source, request, all_vertices=all_vertices)
+    except ShapeError as error:
+        if str(source) in error.problem:
+            raise
+        raise ShapeError(f"{source}: {error.problem}", error.hint) from error
     write_form(target, form.mesh)
     if picture is not None:
-        save_png(mesh_picture(read_mesh(paths[0]), form.mesh), picture)
+        save_png(mesh_picture(read_mesh(source), form.mesh), picture)
     say(", ".join([f"{target}: {len(form.vertices)} vertices", *_facts(form.notes)]))
     return True
 
@@ -135,16 +133,15 @@ def write_form(target: Path, mesh: Mesh) -> None:
     ConfigurationError
         If it cannot be written.
     """
-    place = target.resolve()
+    path = target.resolve()
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=place.parent, prefix=".form-") as folder:
-            file = Path(folder, place.name)
-            try:
-                write_mesh(file, mesh)
-            except ConfigurationError as error:
-                raise ConfigurationError(error.problem.replace(str(file), str(target)), error.hint) from error
-            file.replace(place)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=path.parent, prefix=".form-") as folder:
+            file = Path(folder, path.name)
+            write_mesh(file, mesh)
+            file.replace(path)
+    except ConfigurationError as error:
+        raise ConfigurationError(error.problem.replace(str(file), str(target)), error.hint) from error
     except OSError as error:
         raise ConfigurationError(f"{target}: {error.strerror}", "choose a file in a writable folder") from error
 
@@ -177,7 +174,7 @@ def form_of_mesh(source: Path, request: Request, *, all_vertices: bool = False) 
     ShapeError
         If the mesh cannot be read or processed.
     """
-    spec = select_one(request.method, request.plugins)
+    spec = select_one(request.method, request.selection.plugins)
     maker = form_maker(spec)
     reads_meshes = "mesh" in spec.info.inputs
     if all_vertices and not reads_meshes:
@@ -185,9 +182,11 @@ def form_of_mesh(source: Path, request: Request, *, all_vertices: bool = False) 
     mesh = read_mesh(source)
     if not reads_meshes:
         arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
-        return form_with_fit(maker, shape_of(arrays, source.stem, request.seed), {})
+        return form_with_fit(maker, shape_of(arrays, source.stem, request.selection.seed), {})
     prepared = prepare(mesh, N_VERTICES)
-    shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.seed)
+    shape = Shape(
+        identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.selection.seed
+    )
     form = form_with_fit(maker, shape, prepared.notes)
     numbers = prepared.numbers_of(mesh)
     if numbers is not None and np.array_equal(form.faces, prepared.mesh.faces):
@@ -248,26 +247,26 @@ def _frame_jobs(paths: Sequence[Path], request: Request, output: Path | None, pi
 
 def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
     """Write and report the form and picture of each frame; return whether all have a form."""
-    maker = method_of_depth(request.method, request.plugins)
+    maker = method_of_depth(request.method, tuple(request.selection.plugins))
     failures = 0
     for number, (files, target, picture) in enumerate(jobs, 1):
         start = time.perf_counter()
-        place = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
+        count = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
         try:
             observed = files.observe()
-            form = form_of_object(observed, maker, files.image.stem, seed=request.seed)
+            form = form_of_object(observed, maker, files.image.stem, seed=request.selection.seed)
         except ShapeError as error:
             if len(jobs) == 1:
                 raise
             failures += 1
-            say(f"{place}{files.image}: {error}")
+            say(f"{count}{files.image}: {error}")
             continue
         seconds = time.perf_counter() - start
         write_form(target, form.mesh)
         if picture:
             save_png(frame_picture(observed.depths, observed.mask, form.mesh), picture)
         facts = [fact for fact in _facts(form.notes) if len(jobs) == 1 or fact.startswith("doubt")]
-        say(", ".join([f"{place}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
+        say(", ".join([f"{count}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
     if failures:
         say(f"{failures} of {len(jobs)} images have no form", err=True)
     return not failures
@@ -276,20 +275,23 @@ def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
 # Retrieval -----------------------------------------------------------------------------------------------------------
 
 
-def retrieve(query: Path, name: str, request: Request, options: Selection, k: int, picture: Path | None = None) -> None:
+def retrieve(query: Path, name: str, request: Request, k: int, picture: Path | None = None) -> None:
     """Print the shapes of a gallery that are nearest to a query."""
     if picture is not None:
         require_png(picture)
-    start, component = time.perf_counter(), select_one(request.method, request.plugins)
+    start, options = time.perf_counter(), request.selection
+    component = select_one(request.method, options.plugins)
     (source,) = sources([name], options.plugins)
     shapes = open_dataset(source, options.require_data_root())
     input_ = _input(query, shapes, component)
     record = _record(options, shapes.name, input_, component)
-    shape = query_shape(query, Preparation(shapes, input_, Cache(options.results)), request)
+    shape = _query_shape(query, Preparation(shapes, input_, Cache(options.results)), request)
     gallery = Gallery(own_table(shapes.name), source, shapes, shapes.shapes, data_root=options.data_root)
-    method, scorer = _method(component, gallery, options.results), select_one(options.scorer, options.plugins, "scorer")
+    models = find_models(component, gallery, options.results / "models").values()
+    method = next((component.create().load(model.folder) for model in models), component.create())
+    scorer = select_one(options.scorer, options.plugins, "scorer").create()
     itself = [e.identifier for e in shapes.shapes if e.path and e.path.exists() and e.path.samefile(query)]
-    nearest = search(options.results, record, shape, method, scorer.create(), itself)
+    nearest = search(options.results, record, shape, method, scorer, itself)
     hits = nearest.hits[:k]
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
     for line in aligned([("rank", "name", "class", "distance"), *rows]):
@@ -308,26 +310,23 @@ def _input(query: Path, shapes: ShapeSet, component: Component) -> Input:
     is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in shapes.inputs
     input_: Input = "view" if is_view or "mesh" not in component.info.inputs else "mesh"
     if input_ not in component.info.inputs:
-        raise ConfigurationError(
-            f"method '{component.name}' needs complete surfaces, and {query} is compared with views",
-            "choose a method that accepts views",
-        )
+        problem = f"method '{component.name}' needs complete surfaces, and {query} is compared with views"
+        raise ConfigurationError(problem, "choose a method that accepts views")
     return input_
 
 
 def _record(options: Selection, name: str, input_: Input, component: Component) -> Record:
     wanted = (name, input_, component.name, options.seed)
     for record in read_records(options.results, published=False):
-        place = (record.gallery, record.input, record.method, record.seed)
-        if place == wanted and record.scorer in ("", options.scorer):
+        scored = (record.gallery, record.input, record.method, record.seed)
+        if scored == wanted and record.scorer in ("", options.scorer):
             return record
-    raise ConfigurationError(
-        f"no form of {name} by {component.name} is kept in {options.results}",
-        f"run `python -m benchmark run -m {component.name} -d {name} --input {input_}` first",
-    )
+    command = f"python -m benchmark run -m {component.name} -d {name} --input {input_}"
+    problem = f"no form of {name} by {component.name} is kept in {options.results}"
+    raise ConfigurationError(problem, f"run `{command}` first")
 
 
-def query_shape(query: Path, preparation: Preparation, request: Request) -> Shape:
+def _query_shape(query: Path, preparation: Preparation, request: Request) -> Shape:
     """Return a mesh or depth image as it is passed to the method, in the frame of the gallery."""
     if query.suffix.lower() in EXTENSIONS:
         width = preparation.shapes.half_width or HALF_WIDTH
@@ -336,11 +335,4 @@ def query_shape(query: Path, preparation: Preparation, request: Request) -> Shap
         arrays = prepare_mesh(read_mesh(query))
     else:
         arrays = prepare_view(read_mesh(query), FRONT, preparation.half_width)
-    return shape_of(arrays, query.stem, request.seed)
-
-
-def _method(component: Component, gallery: Gallery, results: Path) -> Any:
-    """Return a method, a learner with its model for the first shape of a gallery."""
-    models = find_models(component, gallery, results / "models")
-    created = component.create()
-    return next((created.load(model.folder) for model in models.values()), created)
+    return shape_of(arrays, query.stem, request.selection.seed)

@@ -78,8 +78,8 @@ def program() -> None:
         _end(f"error: {error}", USAGE)
     except OSError as error:
         hint = "change its permissions" if isinstance(error, PermissionError) else "free some space"
-        place = error.filename or "writing the output"
-        _end(f"error: {str(place)[:200]}: {error.strerror}; {hint} or choose another place", USAGE)
+        where = str(error.filename or "writing the output")[:200]
+        _end(f"error: {where}: {error.strerror}; {hint} or choose another place", USAGE)
     if code == INTERRUPTED:
         _end(f"interrupted{_REMAINS.get(next(iter(sys.argv[1:]), ''), '')}", INTERRUPTED)
     sys.exit(code)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import shutil
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
-from benchmark.api.learning import CARD, Learner, read_card
+from benchmark.api.learning import CARD, read_card
 from benchmark.api.parameters import format_value
 from benchmark.cli.options import Selection
 from benchmark.datasets.catalogue import CATALOGUE, is_present
@@ -31,7 +30,7 @@ _COLUMNS = ("name", "state", "shapes", "classes", "source")
 #: Sets whose trainings contain people only.
 _PEOPLE = ("humans", "people", "shrec14-synthetic")
 
-_KINDS = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
+_FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
 
 def list_(what: str, selection: Selection, *, as_json: bool) -> None:
@@ -48,31 +47,26 @@ def list_(what: str, selection: Selection, *, as_json: bool) -> None:
         say(line)
 
 
-def _state(component: Component) -> str:
-    missing = component.missing_packages()
-    return f"needs {', '.join(missing)}" if missing else "available"
-
-
 def _methods(selection: Selection) -> Rows:
     """Return all methods; one that cannot be imported has the reason."""
     rows: Rows = []
     for name, component in methods(selection.plugins).items():
-        row = {"name": name, "title": name, "family": "", "state": "broken"}
         try:
-            info = component.info
-            row |= {"title": info.title, "family": info.family, "state": _state(component)}
-            rows.append({**row, "summary": component.summary})
+            rows.append(
+                {"name": name, "title": component.info.title, "family": component.info.family, **_state(component)}
+            )
         except ConfigurationError as error:
-            rows.append({**row, "summary": str(error)})
+            rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
     return rows
 
 
 def _scorers(selection: Selection) -> Rows:
-    found = scorers(selection.plugins).items()
-    return [
-        {"name": name, "title": component.title, "state": _state(component), "summary": component.summary}
-        for name, component in found
-    ]
+    return [{"name": name, "title": one.title, **_state(one)} for name, one in scorers(selection.plugins).items()]
+
+
+def _state(component: Component) -> dict[str, str]:
+    missing = component.missing_packages()
+    return {"state": f"needs {', '.join(missing)}" if missing else "available", "summary": component.summary}
 
 
 def _datasets(selection: Selection) -> Rows:
@@ -94,16 +88,15 @@ def _datasets(selection: Selection) -> Rows:
         for name, known in CATALOGUE.items()
     ]
     for name, component in data_sets(selection.plugins).items():
-        own = component.create()
-        facts = {"name": name, "kind": "plugin", "state": "present", "shapes": str(len(own.shapes))}
-        facts |= {"classes": str(len({entry.subject for entry in own.shapes})), "source": component.target}
-        rows.append({**facts, "summary": own.summary, "url": "", "terms": "", "use": "retrieval"})
+        shapes = component.create().shapes
+        facts = {"name": name, "kind": "plugin", "state": "present", "shapes": str(len(shapes))}
+        facts |= {"classes": str(len({entry.subject for entry in shapes})), "source": component.target}
+        rows.append({**facts, "summary": component.summary, "url": "", "terms": "", "use": "retrieval"})
     return rows
 
 
 def _tables(selection: Selection) -> Rows:
-    root = selection.require_data_root()
-    rows = []
+    root, rows = selection.require_data_root(), []
     for table in TABLES:
         stand_in = f"{', '.join(table.stand_ins)} (stand-in for {table.dataset})" if table.stand_ins else "not here"
         data = table.dataset if is_present(table.dataset, root) else stand_in
@@ -115,9 +108,8 @@ def _models(selection: Selection) -> Rows:
     """Return finished models with their training; those trained here precede the shipped ones."""
     folders = {selection.results / "models": "trained here"}
     for learner in (component.create() for component in methods().values() if component.learns):
-        if isinstance(learner, Learner):
-            for folder in model_places(learner):
-                folders.setdefault(folder, "shipped" if folder == learner.shipped_models else MODELS_VARIABLE)
+        for folder in model_places(learner):
+            folders.setdefault(folder, "shipped" if folder == learner.shipped_models else MODELS_VARIABLE)
     return [
         {"training": path.parent.parent.name, "model": path.parent.name, "origin": origin, **_model(path.parent)}
         for folder, origin in folders.items()
@@ -133,16 +125,6 @@ def _model(folder: Path) -> dict[str, str]:
     return {"digest": card.digest[:12], "schedule": card.schedule_in_words}
 
 
-def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
-    """Print the details of a method."""
-    facts = _facts(select_one(name, plugins))
-    if as_json:
-        say_lines(json.dumps(facts, indent=1))
-        return
-    for line in _fact_lines(facts, shutil.get_terminal_size((100, 24)).columns):
-        say(line)
-
-
 def trained_on_people(component: Component) -> str:
     """Return a warning if a model was trained on people only; "" otherwise, or if the table determines the model."""
     if component.plugin or component.missing_packages() or not component.learns:
@@ -154,66 +136,57 @@ def trained_on_people(component: Component) -> str:
     return f"its model of training '{training.name}' was shown people alone: it turns any other shape into a person"
 
 
-def _facts(component: Component) -> dict[str, Any]:
-    """Return the details of a method in JSON types."""
-    info = component.info
-    chosen = {name: format_value(value) for name, value in component.parameters.items()}
-    parameters = [{**text, "chosen": chosen.get(text["name"])} for text in described(component.load())]
-    return {
-        "name": component.name,
-        "title": info.title,
-        "family": info.family,
-        "kind": "learner" if component.learns else "descriptor" if component.describes else "method",
-        "summary": clean(component.summary),
-        "source": source_of(info.cite),
-        "departs": info.departs,
-        "inputs": list(info.inputs),
-        "scale": info.scale,
-        "deterministic": info.deterministic,
-        "warning": trained_on_people(component),
-        "requires": list(info.requires),
-        "missing": list(component.missing_packages()),
-        "defined_in": component.target,
-        "parameters": parameters,
-    }
-
-
-def _fact_lines(facts: Mapping[str, Any], width: int) -> list[str]:
-    """Return the details as lines: one for each fact, two or more for each parameter."""
-    needs = ", ".join(facts["requires"]) or "nothing beyond the core"
-    if facts["missing"]:
-        needs += f" (not installed: {', '.join(facts['missing'])})"
-    rows = {
-        "": facts["summary"],
-        "kind": f"{facts['kind']}, {_KINDS.get(facts['family'], facts['family'])}",
-        "source": facts["source"] or "none",
-        "departs": facts["departs"],
-        "inputs": " and ".join(facts["inputs"]),
-        "scale": facts["scale"],
-        "random": "no" if facts["deterministic"] else "yes: the form depends on --seed",
-        "warning": facts["warning"],
-        "needs": needs,
-        "defined in": facts["defined_in"],
-    }
-    lines = [f"{facts['name']}: {facts['title']}"]
-    for name, text in rows.items():
-        if text or name not in ("departs", "warning"):
-            lines += _wrapped(f"  {name:<12}" if name else "  ", text, width)
-    lines.append("  parameters" + ("" if facts["parameters"] else "  none"))
-    for parameter in facts["parameters"]:
-        chosen = "" if parameter["chosen"] is None else f", here {parameter['chosen']}"
+def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
+    """Print the details of a method."""
+    component = select_one(name, plugins)
+    facts, parameters = _facts(component), described(component.load())
+    for parameter in parameters:
+        if parameter["name"] in component.parameters:
+            parameter["chosen"] = format_value(component.parameters[parameter["name"]])
+    if as_json:
+        say_lines(json.dumps({**facts, "parameters": parameters}, indent=1))
+        return
+    width = shutil.get_terminal_size((100, 24)).columns
+    lines = [f"{component.name}: {component.info.title}"]
+    for fact, value in list(facts.items())[2:]:
+        text = value if isinstance(value, str) else " and ".join(value)
+        lines += _wrapped(f"  {fact:<12}", text, width) if text else []
+    lines.append("  parameters" + ("" if parameters else "  none"))
+    for parameter in parameters:
+        chosen = f", here {parameter['chosen']}" if "chosen" in parameter else ""
         values = f"{parameter['values']}; default {parameter['default'] or repr('')}{chosen}"
         lines += _wrapped(f"    {parameter['name']:<16}", values, width)
         lines += _wrapped(" " * 20, parameter["meaning"], width) if parameter["meaning"] else []
-    return lines
+    for line in lines:
+        say(line)
+
+
+def _facts(component: Component) -> dict[str, str | list[str]]:
+    """Return the details of a method by name."""
+    info = component.info
+    return {
+        "name": component.name,
+        "title": info.title,
+        "summary": clean(component.summary),
+        "kind": "learner" if component.learns else "descriptor" if component.describes else "method",
+        "family": _FAMILIES.get(info.family, info.family),
+        "source": source_of(info.cite) or "none",
+        "departs": info.departs,
+        "inputs": list(info.inputs),
+        "scale": info.scale,
+        "random": "" if info.deterministic else "the form depends on --seed",
+        "warning": trained_on_people(component),
+        "requires": list(info.requires),
+        "missing": list(component.missing_packages()),
+        "defined in": component.target,
+    }
 
 
 def _wrapped(head: str, text: str, width: int) -> list[str]:
     blank = " " * len(head)
-    lines = textwrap.wrap(
+    return textwrap.wrap(
         clean(text), max(20 + len(head), width), initial_indent=head, subsequent_indent=blank, break_on_hyphens=False
     )
-    return lines or [head]
 
 
 def new(kind: str, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Options that several verbs share, and the selection that they make.
+"""Options of the verbs: those that several share, and the selection that they make.
 
 Every ``--help`` imports this module, so it imports nothing heavy.
 """
@@ -6,10 +6,12 @@ Every ``--help`` imports this module, so it imports nothing heavy.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field, fields
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
 from typer import Argument, Option
 
@@ -27,26 +29,12 @@ def duration(text: str | float) -> float:
     return float(match[1]) * _UNITS[match[2]]
 
 
-Tables = Annotated[list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")]
-Methods = Annotated[list[str], Option("-m", "--method", metavar="METHOD", help="Method, or all; see 'list methods'.")]
 Method = Annotated[str, Option("-m", "--method", metavar="METHOD", help="Method; see 'list methods'.")]
-Datasets = Annotated[list[str], Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder.")]
-Dataset = Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")]
-Input = Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")]
-Scorer = Annotated[str, Option("--scorer", metavar="SCORER", help="What compares forms; see 'list scorers'.")]
-Plugins = Annotated[list[Path], Option("--plugin", metavar="FILE", help="File with methods, scorers or data sets.")]
-Results = Annotated[Path, Option("--results", metavar="DIR", help="Results folder.")]
-DataRoot = Annotated[
-    Path | None, Option("--data-root", metavar="DIR", envvar=DATA_VARIABLE, help="Folder of the official data sets.")
-]
-Seed = Annotated[int, Option("--seed", metavar="N", help="Base seed of all methods.")]
-Quick = Annotated[bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")]
-Everything = Annotated[bool, Option("--all", help="All tables but robustness (default of 'plan').")]
-Published = Annotated[bool, Option("--published", help="Only published records.")]
 Force = Annotated[bool, Option("--force", help="Replace files that this verb did not write.")]
-Json = Annotated[bool, Option("--json", help="Print JSON.")]
+Format = Annotated[Literal["text", "json"], Option("--format")]
 Timeout = Annotated[float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")]
 Assigned = Annotated[list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")]
+Traceback = Annotated[bool, Option("--traceback", help="Print errors in full.")]
 Picture = Annotated[Path | None, Option("--picture", metavar="FILE", help="Draw the forms; a folder for several.")]
 Intrinsics = Annotated[
     str, Option("--intrinsics", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]")
@@ -61,28 +49,34 @@ SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """What the shared options select."""
+    """What the shared options select; see :func:`verb`."""
 
-    tables: tuple[str, ...] = ()
-    methods: tuple[str, ...] = ()
-    datasets: tuple[str, ...] = ()
-    input: Literal["mesh", "view"] | None = None
-    scorer: str = "cm-bof"
-    plugins: tuple[Path, ...] = ()
-    results: Path = Path("results")
-    data_root: Path | None = None
-    subjects: str = ""
-    seed: int = 0
-    quick: bool = False
-    everything: bool = False
-    published: bool = False
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Selection:
-        """Return what the arguments of a verb select; other arguments are passed over."""
-        given: dict[str, Any] = {field.name: values[field.name] for field in fields(cls) if field.name in values}
-        given |= {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
-        return cls(**given)
+    everything: Annotated[bool, Option("--all", help="All tables but robustness (default of 'plan').")] = False
+    tables: Annotated[list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")] = field(
+        default_factory=list
+    )
+    methods: Annotated[
+        list[str], Option("-m", "--method", metavar="METHOD", help="Method, or all; see 'list methods'.")
+    ] = field(default_factory=list)
+    datasets: Annotated[
+        list[str], Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder.")
+    ] = field(default_factory=list)
+    input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")] = None
+    scorer: Annotated[str, Option("--scorer", metavar="SCORER", help="What compares forms; see 'list scorers'.")] = (
+        "cm-bof"
+    )
+    plugins: Annotated[
+        list[Path], Option("--plugin", metavar="FILE", help="File with methods, scorers or data sets.")
+    ] = field(default_factory=list)
+    results: Annotated[Path, Option("--results", metavar="DIR", help="Results folder.")] = Path("results")
+    data_root: Annotated[
+        Path | None,
+        Option("--data-root", metavar="DIR", envvar=DATA_VARIABLE, help="Folder of the official data sets."),
+    ] = None
+    seed: Annotated[int, Option("--seed", metavar="N", help="Base seed of all methods.")] = 0
+    quick: Annotated[bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")] = False
+    subjects: Annotated[str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")] = ""
+    published: Annotated[bool, Option("--published", help="Only published records.")] = False
 
     @property
     def is_narrow(self) -> bool:
@@ -90,27 +84,49 @@ class Selection:
         return bool(self.methods) and EVERY not in self.methods
 
     def require_data_root(self) -> Path | None:
-        """Return the folder of the official data sets, for a verb that reads data."""
-        return require_data_root(self.data_root)
+        """Return the folder of official data sets; raise ``ConfigurationError`` if it is missing or the wrong level.
 
+        A folder without sets is valid: a run announces its stand-ins.
+        """
+        root = self.data_root
+        if root is None:
+            return None
+        if not root.is_dir():
+            problem = f"data root {root} is not a readable folder"
+            raise ConfigurationError(problem, f"correct --data-root or {DATA_VARIABLE}")
+        from benchmark.datasets.catalogue import has_official_sets
 
-def require_data_root(root: Path | None) -> Path | None:
-    """Return a folder of official data sets; raise ``ConfigurationError`` if it is missing or the wrong level.
-
-    A folder without sets is valid: a run announces its stand-ins.
-    """
-    if root is None:
-        return None
-    if not root.is_dir():
-        raise ConfigurationError(
-            f"data root {root} is not a readable folder", f"correct --data-root or {DATA_VARIABLE}"
-        )
-    from benchmark.datasets.catalogue import has_official_sets
-
-    if has_official_sets(root):
+        absolute = root.absolute()
+        near = [*absolute.parents[:2], *sorted(path for path in absolute.iterdir() if path.is_dir())]
+        if not has_official_sets(root) and (right := next(filter(has_official_sets, near), None)):
+            raise ConfigurationError(f"data root {root} holds no official data set", f"pass --data-root {right}")
         return root
-    absolute = root.absolute()
-    near = [*absolute.parents[:2], *sorted(path for path in absolute.iterdir() if path.is_dir())]
-    if right := next(filter(has_official_sets, near), None):
-        raise ConfigurationError(f"data root {root} holds no official data set", f"pass --data-root {right}")
-    return root
+
+
+def verb(*shared: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that gives a verb options of :class:`Selection`; its first argument is what they select."""
+    types = get_type_hints(Selection, include_extras=True)
+    options = [
+        Parameter(
+            option.name,
+            Parameter.KEYWORD_ONLY,
+            default=[] if option.default is MISSING else option.default,
+            annotation=types[option.name],
+        )
+        for option in fields(Selection)
+        if option.name in shared
+    ]
+
+    def decorate(function: Callable[..., None]) -> Callable[..., None]:
+        _, *own = signature(function, eval_str=True).parameters.values()
+
+        @wraps(function)
+        def run(**values: Any) -> None:
+            function(Selection(**{name: values.pop(name) for name in shared}), **values)
+
+        parameters = [*options, *(parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own)]
+        run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return run
+
+    return decorate

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from benchmark.runs.planning import Again, Planned
 from benchmark.runs.planning import plan as make_plan
 from benchmark.runs.runner import run as run_jobs
 from benchmark.scoring.rows import score_forms as score_folder
-from benchmark.text import EVERY, brief, clean, say, say_lines
+from benchmark.text import EVERY, aligned, brief, clean, say, say_lines
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
 _SCREEN, _REASONS = 18, 5
@@ -68,11 +68,12 @@ def planned_jobs(selection: Selection, again: Again = "") -> list[Planned]:
 def plan(selection: Selection, *, traceback: bool = False) -> None:
     """Print the jobs, the reasons to run them, and an estimate of the time."""
     jobs = planned_jobs(selection)
-    lines = _job_lines(jobs) if len(jobs) <= _SCREEN else _summary(jobs)
-    for line in [*lines, *_estimate(jobs, selection.results)]:
+    for line in [*(_job_lines(jobs) if len(jobs) <= _SCREEN else _summary(jobs)), *_estimate(jobs, selection.results)]:
         say(line)
-    if traceback:
-        _print_tracebacks(jobs, selection.results)
+    for record in _records_of(jobs, selection.results) if traceback else ():
+        if record.traceback:
+            say(f"{record.row}: {record.reason}")
+            say_lines("  " + record.traceback.rstrip().replace("\n", "\n  "))
 
 
 def run(
@@ -95,10 +96,8 @@ def run(
         say("-j 0: in this process, by one thread, without time limits", err=True)
     size = available_cores() if size is None else size
     passed_over = ("unsupported",) if selection.is_narrow else ("unsupported", "unavailable")
-    fine = all(job.to_run or job.state in ("finished", *passed_over) for job in jobs)
-    expected = estimate(to_run, selection.results).seconds / max(1, size)
-    traced = False
-    with Bar(len(to_run), expected) as bar:
+    fine, traced = all(job.to_run or job.state in ("finished", *passed_over) for job in jobs), False
+    with Bar(len(to_run), estimate(to_run, selection.results).seconds / max(1, size)) as bar:
         ended = run_jobs(jobs, selection.results, size=size, timeout=timeout, dask=dask, watch=bar.watch)
         for job, record in ended:
             bar.ended(f"{record.status:<11}  {job.name}  {outcome(record)}")
@@ -110,19 +109,16 @@ def run(
         for record in _records_of(jobs, selection.results):
             say(f"{record.row}  {outcome(record)}")
         return fine
-    print_tables(selection, [job.gallery for job in jobs], _names(jobs) if selection.is_narrow else ())
+    methods = [job.job.method.name for job in jobs] if selection.is_narrow else ()
+    print_tables(selection, [job.gallery for job in jobs], methods)
     if any("|" in name for name in selection.methods):
         say("- The best of several values is tuned on these shapes; choose it on others: --subjects A,B.")
     return fine
 
 
-def _records_of(jobs: Iterable[Planned], results: Path) -> list[Record]:
+def _records_of(jobs: Sequence[Planned], results: Path) -> list[Record]:
     keys = {job.job.key for job in jobs}
     return [record for record in read_records(results, published=False) if record.key in keys]
-
-
-def _names(jobs: Iterable[Planned]) -> list[str]:
-    return [job.job.method.name for job in jobs]
 
 
 def outcome(record: Record) -> str:
@@ -138,9 +134,8 @@ def score_forms(selection: Selection, forms: Sequence[str]) -> None:
     """Score forms of other programs, ``NAME=DIR`` each, beside the rows of a data set, and print its tables."""
     folders = {title: Path(folder) for title, _, folder in (form.partition("=") for form in forms)}
     if len(folders) < len(forms) or not all(map(str, folders)) or not selection.datasets or selection.methods:
-        raise ConfigurationError(
-            "--forms scores the meshes of folders as forms of a data set", "pass -d FOLDER --forms NAME=DIR, without -m"
-        )
+        problem = "--forms scores the meshes of folders as forms of a data set"
+        raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
     scorer = select_one(selection.scorer, selection.plugins, "scorer")
     chosen = _galleries(selection)
     for gallery in chosen:
@@ -151,23 +146,21 @@ def score_forms(selection: Selection, forms: Sequence[str]) -> None:
     print_tables(selection, chosen)
 
 
-def print_tables(selection: Selection, shown: Iterable[Gallery], methods: Iterable[str] = ()) -> None:
+def print_tables(selection: Selection, shown: Sequence[Gallery], methods: Sequence[str] = ()) -> None:
     """Print the tables of galleries, with all rows or those of some methods."""
-    records = read_records(selection.results)
-    for line in records.skipped:
+    every = read_records(selection.results)
+    for line in every.skipped:
         say(line, err=True)
-    names = dict.fromkeys(gallery.dataset.name for gallery in shown)
-    places = {(gallery.name, input_) for gallery in shown for input_ in gallery.inputs}
-    of_galleries = [record for record in records if (record.gallery, record.input) in places]
+    pairs = {(gallery.name, input_) for gallery in shown for input_ in gallery.inputs}
+    records = [record for record in every if (record.gallery, record.input) in pairs]
     tables = {gallery.table.identifier for gallery in shown}
     views = table_views(
-        of_galleries, tables, methods,
-        {gallery.dataset.name for gallery in shown if not gallery.table.is_robustness},
+        records, tables, methods, {gallery.dataset.name for gallery in shown if not gallery.table.is_robustness},
         quick=selection.quick, scorer=selection.scorer, seed=selection.seed,
     )  # fmt: skip
     print_views(view for view in views if view.table.identifier in tables)
-    if any(map(changed, names)):
-        say_lines("\n" + robustness_markdown(of_galleries))
+    if any(changed(gallery.dataset.name) for gallery in shown):
+        say_lines("\n" + robustness_markdown(records))
 
 
 def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
@@ -190,17 +183,13 @@ def _job_lines(jobs: Sequence[Planned]) -> list[str]:
 
 def _summary(jobs: Sequence[Planned]) -> list[str]:
     """Count the jobs of each table and input by state, and the most frequent reasons."""
-    states: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    states = defaultdict[str, Counter[str]](Counter)
     for job in jobs:
-        states[clean(f"{job.gallery.table.identifier} {job.job.input}")][job.state] += 1
-    width = max(map(len, states))
-    lines = [
-        f"{name:<{width}}  {', '.join(f'{count} {state}' for state, count in counts.most_common())}"
-        for name, counts in states.items()
-    ]
+        states[f"{job.gallery.table.identifier} {job.job.input}"][job.state] += 1
+    rows = [(name, ", ".join(f"{n} {state}" for state, n in counts.most_common())) for name, counts in states.items()]
     reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.state != "finished")
-    lines += [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]
-    return [*lines, "select fewer with -t, -d, -m and --input to see each job"]
+    frequent = [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]
+    return [*aligned(rows), *frequent, "select fewer with -t, -d, -m and --input to see each job"]
 
 
 def _estimate(jobs: Sequence[Planned], results: Path) -> list[str]:
@@ -213,10 +202,3 @@ def _estimate(jobs: Sequence[Planned], results: Path) -> list[str]:
     if expected.unknown:
         lines += [f"{expected.unknown} of them cannot be estimated: no job of their method has finished"]
     return lines
-
-
-def _print_tracebacks(jobs: Sequence[Planned], results: Path) -> None:
-    for record in _records_of(jobs, results):
-        if record.traceback:
-            say(f"{record.row}: {record.reason}")
-            say_lines("  " + record.traceback.rstrip().replace("\n", "\n  "))

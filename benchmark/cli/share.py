@@ -29,7 +29,7 @@ def merge(folders: Sequence[Path], results: Path, *, published: bool) -> bool:
         say(line, err=True)
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
-    say(f"{len(public.added)} records added, {public.known} known, {len(merged.conflicts)} conflicts")
+    say(f"records: {len(public.added)} added, {public.known} known, {len(merged.conflicts)} in conflict")
     return not merged.conflicts
 
 
@@ -41,20 +41,23 @@ def is_public(record: Record) -> bool:
 
 
 def forget(selection: Selection) -> None:
-    """Delete the records of methods or data sets made here."""
+    """Delete the records of methods or data sets made here, and list them."""
     if not (selection.methods or selection.datasets):
         raise ConfigurationError("nothing is selected", "name methods with -m, or data sets with -d")
+    wanted = {*selection.datasets, *map(os.path.realpath, selection.datasets)}
 
     def is_meant(record: Record) -> bool:
         names = {record.data.name, record.data.source, os.path.realpath(record.data.source)}
-        wanted = {*selection.datasets, *map(os.path.realpath, selection.datasets)}
         is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
-        return bool(not selection.methods or is_of_method) and bool(not selection.datasets or names & wanted)
+        return bool((is_of_method or not selection.methods) and (names & wanted or not wanted))
 
     with writing(selection.results):
+        records = list(read_records(selection.results, published=False))
+        for record in filter(is_meant, records):
+            say(f"{record.gallery} {record.input} {record.method}  {outcome(record)}")
         count = forget_records(selection.results, is_meant)
-    known = sorted({record.method for record in read_records(selection.results, published=False)})
     if not count:
-        hint = f"there are {', '.join(known)}" if known else "run some first"
-        raise ConfigurationError(f"no record under {selection.results} fits the selection", hint)
-    say(f"{count} records deleted, with their forms")
+        known = ", ".join(sorted({record.method for record in records}))
+        problem = f"no record under {selection.results} fits the selection"
+        raise ConfigurationError(problem, f"there are {known}" if known else "run some first")
+    say(f"records: {count} deleted, with their forms")

@@ -15,13 +15,13 @@ from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES
 from benchmark.report.comparison import compare as compare_records
 from benchmark.report.formats import as_json, latex, markdown, scores_csv, table_files, text
-from benchmark.report.output import stale_files, write_files
+from benchmark.report.output import write_files
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import say, say_lines
 
 
-def recorded(options: Selection, *, published: bool = False) -> list[Record]:
+def recorded(options: Selection) -> list[Record]:
     """Return the records of a selection of data and input.
 
     Raises
@@ -29,17 +29,17 @@ def recorded(options: Selection, *, published: bool = False) -> list[Record]:
     ConfigurationError
         If there is none, or no record knows a table or data set.
     """
-    found = read_records(options.results, local=not (options.published or published))
-    for line in found.skipped:
+    every = read_records(options.results, local=not options.published)
+    for line in every.skipped:
         say(line, err=True)
-    known = {table.identifier for table in TABLES} | {record.data.name for record in found} | {"extended"}
+    known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}
     for name in options.tables:
         if name not in known:
             raise did_you_mean("table", name, known)
     names = {*options.datasets, *map(os.path.realpath, options.datasets)}
     records = [
         record
-        for record in found
+        for record in every
         if (not names or {record.data.name, record.data.source, os.path.realpath(record.data.source)} & names)
         and options.input in (None, record.input)
     ]
@@ -58,43 +58,29 @@ def selected_tables(options: Selection, records: Iterable[Record]) -> list[Table
     )
     if not views and "robustness" not in options.tables:
         what = f"table {', '.join(options.tables)}" if options.tables else "any table"
-        raise ConfigurationError(
-            f"no finished job under {options.results} belongs to {what}", "run it first, or select less"
-        )
+        problem = f"no finished job under {options.results} belongs to {what}"
+        raise ConfigurationError(problem, "run it first, or select less")
     return views
 
 
-def tables(options: Selection, format: str | None, output: Path | None, *, check: bool, force: bool) -> bool:
-    """Print or write tables, or compare them with existing files."""
-    if check and output is None:
-        raise ConfigurationError("--check has nothing to compare with", "name the folder of the tables with -o DIR")
-    # RESULTS/tables holds the tables of the published records.
-    is_of_suite = output is not None and output.resolve() == (options.results / "tables").resolve()
-    records = recorded(options, published=is_of_suite)
+def tables(options: Selection, format: str | None, output: Path | None, *, force: bool) -> None:
+    """Print or write tables."""
+    records = recorded(options)
     views = selected_tables(options, records)
     is_whole = not (options.tables or options.methods or options.datasets or options.input or options.quick)
-    if output is None:
-        _print(views, records, format, is_whole=is_whole or "robustness" in options.tables)
-        return True
-    files = table_files(views, records, [format] if format else (), is_whole=is_whole)
-    if check:
-        stale = stale_files(output, files)
-        say(f"stale: {', '.join(stale)}" if stale else f"{len(files)} files are up to date")
-        return not stale
-    write_files(output, files, force=force)
-    say(f"wrote {len(files)} files to {output}")
-    return True
-
-
-def _print(views: list[TableView], records: list[Record], format: str | None, *, is_whole: bool) -> None:
-    if format == "json":
+    if output is not None:
+        files = table_files(views, records, [format] if format else (), is_whole=is_whole)
+        write_files(output, files, force=force)
+        say(f"wrote {len(files)} files to {output}")
+    elif format == "json":
         say_lines(json.dumps(as_json(views), indent=1))
     elif format == "csv":
         say_lines(scores_csv(records))
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
     elif format == "markdown" or not sys.stdout.isatty():
-        say_lines("\n".join([*map(markdown, views), *([robustness_markdown(records)] if is_whole else [])]))
+        pivot = [robustness_markdown(records)] if is_whole or "robustness" in options.tables else []
+        say_lines("\n".join([*map(markdown, views), *pivot]))
     else:
         print_tables(views)
 

@@ -10,9 +10,14 @@ import typer
 from typer import Argument, Option
 
 from benchmark.cli import options as shared
-from benchmark.cli.options import Selection
+from benchmark.cli.options import Selection, verb
 
-RESULTS, SCORER = Path("results"), "cm-bof"
+_JOBS = (
+    "everything", "tables", "methods", "datasets", "input", "scorer", "plugins", "results", "data_root", "seed",
+    "quick", "subjects",
+)  # fmt: skip
+_RECORDS = ("tables", "methods", "datasets", "input", "scorer", "results", "seed", "quick", "published")
+_DATA = ("plugins", "data_root")
 
 
 def _end(ok: bool) -> None:
@@ -21,19 +26,9 @@ def _end(ok: bool) -> None:
         raise typer.Exit(1)
 
 
+@verb(*_JOBS)
 def run(
-    everything: shared.Everything = False,
-    tables: shared.Tables = [],
-    methods: shared.Methods = [],
-    datasets: shared.Datasets = [],
-    input: shared.Input = None,
-    scorer: shared.Scorer = SCORER,
-    plugins: shared.Plugins = [],
-    results: shared.Results = RESULTS,
-    data_root: shared.DataRoot = None,
-    seed: shared.Seed = 0,
-    quick: shared.Quick = False,
-    subjects: Annotated[str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")] = "",
+    selection: Selection,
     jobs: Annotated[
         int | None, Option("-j", "--jobs", min=0, metavar="N", help="Processes; 0 runs in this one. [all cores]")
     ] = None,
@@ -46,81 +41,51 @@ def run(
     ] = [],
 ) -> None:
     """Run the missing jobs of a selection, then print its tables."""
-    from benchmark.cli.run import Again, run, score_forms
+    from benchmark.cli.run import run, score_forms
 
-    selection = Selection.of(locals())
     if forms:
         score_forms(selection, forms)
-        return
-    again: Again = "all" if force else "failed" if retry else ""
-    _end(run(selection, size=jobs, dask=dask, timeout=timeout, again=again))
+    else:
+        again: Literal["", "failed", "all"] = "all" if force else "failed" if retry else ""
+        _end(run(selection, size=jobs, dask=dask, timeout=timeout, again=again))
 
 
-def plan(
-    everything: shared.Everything = False,
-    tables: shared.Tables = [],
-    methods: shared.Methods = [],
-    datasets: shared.Datasets = [],
-    input: shared.Input = None,
-    scorer: shared.Scorer = SCORER,
-    plugins: shared.Plugins = [],
-    results: shared.Results = RESULTS,
-    data_root: shared.DataRoot = None,
-    seed: shared.Seed = 0,
-    quick: shared.Quick = False,
-    traceback: Annotated[bool, Option("--traceback", help="Print the error of each failed job in full.")] = False,
-) -> None:
+@verb(*_JOBS)
+def plan(selection: Selection, traceback: shared.Traceback = False) -> None:
     """Show what would run, why, and how long it would take."""
     from benchmark.cli.run import plan
 
-    selection = Selection.of(locals())
     plan(selection, traceback=traceback)
 
 
+@verb(*_RECORDS)
 def tables(
-    tables: shared.Tables = [],
-    methods: shared.Methods = [],
-    datasets: shared.Datasets = [],
-    input: shared.Input = None,
-    scorer: shared.Scorer = SCORER,
-    results: shared.Results = RESULTS,
-    seed: shared.Seed = 0,
-    quick: shared.Quick = False,
-    published: shared.Published = False,
+    selection: Selection,
     format: Annotated[
         Literal["latex", "markdown", "csv", "json"] | None, Option("--format", help="[markdown; with -o, all]")
     ] = None,
     output: Annotated[Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")] = None,
-    check: Annotated[bool, Option("--check", help="Compare with the files in -o DIR; exit 1 if they differ.")] = False,
     force: shared.Force = False,
 ) -> None:
     """Print or write the tables of finished jobs.
 
     It needs no data.
     """
-    from benchmark.cli import tables as body
+    from benchmark.cli.tables import tables
 
-    selection = Selection.of(locals())
-    _end(body.tables(selection, format, output, check=check, force=force))
+    tables(selection, format, output, force=force)
 
 
+@verb(*_RECORDS, "data_root")
 def report(
-    tables: shared.Tables = [],
-    methods: shared.Methods = [],
-    datasets: shared.Datasets = [],
-    input: shared.Input = None,
-    scorer: shared.Scorer = SCORER,
-    results: shared.Results = RESULTS,
-    data_root: shared.DataRoot = None,
-    seed: shared.Seed = 0,
-    quick: shared.Quick = False,
-    published: shared.Published = False,
-    output: Annotated[Path, Option("-o", "--output", metavar="DIR")] = Path("results/report"),
-    figure: Annotated[Path | None, Option("--figure", metavar="FILE", help="Draw a .pdf, .png or .svg.")] = None,
-    of: Annotated[
-        Literal["effect", "scores", "cost", "precision-recall", "scorers"],
-        Option("--of", help="Shapes and forms; scores with intervals; score against cost; precision over recall."),
-    ] = "effect",
+    selection: Selection,
+    output: Annotated[
+        Path | None, Option("-o", "--output", metavar="OUT", help="Folder [results/report], or figure [KIND.pdf].")
+    ] = None,
+    figure: Annotated[
+        Literal["effect", "scores", "cost", "precision-recall", "scorers"] | None,
+        Option("--figure", help="Draw a .pdf, .png or .svg instead; effect shows shapes and forms."),
+    ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
     force: shared.Force = False,
 ) -> None:
@@ -128,61 +93,55 @@ def report(
 
     Pages show tables, charts, and canonical forms in 3D.
     """
-    from benchmark.cli import report as body
+    from benchmark.cli.report import draw, write_pages
 
-    selection = Selection.of(locals())
     if figure is None:
-        body.write_pages(selection, output, force=force)
+        write_pages(selection, output or Path("results/report"), force=force)
     else:
-        body.draw(selection, figure, of, tuple(shapes), force=force)
+        draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
 
 
+@verb("datasets", "input", "scorer", "results", "quick", "published")
 def compare(
+    selection: Selection,
     first: Annotated[str, Argument(metavar="A")],
     second: Annotated[str, Argument(metavar="B")],
-    datasets: shared.Datasets = [],
-    input: shared.Input = None,
-    scorer: shared.Scorer = SCORER,
-    results: shared.Results = RESULTS,
-    quick: shared.Quick = False,
-    published: shared.Published = False,
 ) -> None:
     """Compare two methods."""
     from benchmark.cli.tables import compare
 
-    selection = Selection.of(locals())
     compare(selection, first, second)
 
 
+@verb("plugins", "results", "data_root")
 def list_(
+    selection: Selection,
     what: Annotated[Literal["methods", "scorers", "datasets", "tables", "models"], Argument(metavar="WHAT")],
-    as_json: shared.Json = False,
-    plugins: shared.Plugins = [],
-    results: shared.Results = RESULTS,
-    data_root: shared.DataRoot = None,
+    format: shared.Format = "text",
 ) -> None:
     """List methods, scorers, datasets, tables or models."""
     from benchmark.cli.methods import list_
 
-    list_(what, Selection.of(locals()), as_json=as_json)
+    list_(what, selection, as_json=format == "json")
 
 
-def describe(method: shared.MethodName, as_json: shared.Json = False, plugins: shared.Plugins = []) -> None:
+@verb("plugins")
+def describe(selection: Selection, method: shared.MethodName, format: shared.Format = "text") -> None:
     """Describe a method: parameters, source, inputs."""
     from benchmark.cli.methods import describe
 
-    describe(method, tuple(plugins), as_json=as_json)
+    describe(method, selection.plugins, as_json=format == "json")
 
 
+@verb("plugins", "seed")
 def canonicalise(
+    selection: Selection,
     method: shared.Method,
     paths: Annotated[list[Path], Argument(metavar="IN...")],
     output: Annotated[
         Path | None,
         Option("-o", "--output", metavar="OUT", help="Mesh file [IN-METHOD.off], or folder for several [forms]."),
     ] = None,
-    plugins: shared.Plugins = [],
-    seed: shared.Seed = 0,
     all_vertices: Annotated[bool, Option("--all-vertices", help="Keep the vertices of a large mesh.")] = False,
     intrinsics: shared.Intrinsics = "",
     mask: shared.Mask = None,
@@ -193,34 +152,28 @@ def canonicalise(
 
     A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
     """
-    from benchmark.cli import forms as body
+    from benchmark.cli.forms import Camera, Request, canonicalise
 
-    camera = body.Camera(intrinsics, mask, depth_scale)
-    request = body.Request(method, tuple(plugins), seed, camera)
-    _end(body.canonicalise(paths, request, output, picture, all_vertices=all_vertices))
+    request = Request(method, selection, Camera(intrinsics, mask, depth_scale))
+    _end(canonicalise(paths, request, output, picture, all_vertices=all_vertices))
 
 
+@verb("scorer", "plugins", "results", "data_root", "seed")
 def retrieve(
+    selection: Selection,
     method: shared.Method,
-    dataset: shared.Dataset,
+    dataset: Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")],
     query: Annotated[Path, Argument(metavar="QUERY")],
     k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
-    scorer: shared.Scorer = SCORER,
-    plugins: shared.Plugins = [],
-    results: shared.Results = RESULTS,
-    data_root: shared.DataRoot = None,
-    seed: shared.Seed = 0,
     intrinsics: shared.Intrinsics = "",
     mask: shared.Mask = None,
     depth_scale: shared.DepthScale = None,
     picture: shared.Picture = None,
 ) -> None:
     """Show the shapes that are nearest to a mesh or a depth image."""
-    from benchmark.cli import forms as body
+    from benchmark.cli.forms import Camera, Request, retrieve
 
-    selection = Selection.of(locals())
-    camera = body.Camera(intrinsics, mask, depth_scale)
-    body.retrieve(query, dataset, body.Request(method, tuple(plugins), seed, camera), selection, k, picture)
+    retrieve(query, dataset, Request(method, selection, Camera(intrinsics, mask, depth_scale)), k, picture)
 
 
 def new(
@@ -236,13 +189,14 @@ def new(
     new(kind, name)
 
 
+@verb("plugins")
 def check(
+    selection: Selection,
     target: Annotated[str, Argument(metavar="METHOD|FILE")],
     methods: Annotated[list[str], Option("-m", "--method", metavar="METHOD", help="Only this method of a file.")] = [],
     assigned: shared.Assigned = [],
-    plugins: shared.Plugins = [],
     timeout: shared.Timeout = "60s",  # type: ignore[assignment]
-    traceback: Annotated[bool, Option("--traceback", help="Print the error of each failed check in full.")] = False,
+    traceback: shared.Traceback = False,
 ) -> None:
     """Test the contract of a plugin file, or of a method.
 
@@ -250,20 +204,18 @@ def check(
     """
     from benchmark.cli.train import check
 
-    _end(check(target, methods, assigned, plugins, timeout, traceback=traceback))
+    _end(check(target, methods, assigned, selection.plugins, timeout, traceback=traceback))
 
 
+@verb("plugins", "results", "data_root")
 def train(
+    selection: Selection,
     method: shared.MethodName,
-    table: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table that the model is for.")] = "I",
-    only: Annotated[str, Option("--only", metavar="TRAINING", help="Train only on this.")] = "",
+    target: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")] = "I",
     assigned: shared.Assigned = [],
     data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
     hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
     init: Annotated[Path | None, Option("--init", metavar="MODEL", help="Folder of a model to begin with.")] = None,
-    plugins: shared.Plugins = [],
-    results: shared.Results = RESULTS,
-    data_root: shared.DataRoot = None,
 ) -> None:
     """Train the models of a learner.
 
@@ -271,28 +223,25 @@ def train(
     """
     from benchmark.cli.train import train
 
-    selection = Selection.of(locals())
-    own = data, tuple(filter(None, hold_out.split(","))), init
-    train(method, selection, table, only, own, assigned)
+    train(method, selection, target, [*assigned, *([f"init={init}"] if init else [])], data, hold_out)
 
 
-def check_data(name: shared.SetName, plugins: shared.Plugins = [], data_root: shared.DataRoot = None) -> None:
+@verb(*_DATA)
+def check_data(selection: Selection, name: shared.SetName) -> None:
     """Check a data set.
 
     The exit code is 1 if it cannot be used.
     """
     from benchmark.cli.data import check
 
-    _end(check(name, Selection.of(locals())))
+    _end(check(name, selection))
 
 
+@verb(*_DATA)
 def sheet(
+    selection: Selection,
     name: shared.SetName,
     output: Annotated[Path | None, Option("-o", "--output", metavar="FILE.png", help="[sheet-NAME.png]")] = None,
-    subjects: Annotated[int | None, Option("--subjects", min=1, metavar="N", help="Rows. [all subjects]")] = None,
-    poses: Annotated[int, Option("--poses", min=1, metavar="N", help="Columns.")] = 8,
-    plugins: shared.Plugins = [],
-    data_root: shared.DataRoot = None,
 ) -> None:
     """Draw a data set at a glance.
 
@@ -300,28 +249,29 @@ def sheet(
     """
     from benchmark.cli.data import sheet
 
-    sheet(name, Selection.of(locals()), output, subjects, poses)
+    sheet(name, selection, output)
 
 
+@verb(*_DATA)
 def export(
+    selection: Selection,
     name: shared.SetName,
     output: Annotated[Path, Option("-o", "--output", metavar="DIR", help="New or empty folder.")],
     force: shared.Force = False,
-    plugins: shared.Plugins = [],
-    data_root: shared.DataRoot = None,
 ) -> None:
     """Write a data set as files.
 
-    '-d DIR' reads them with the same shapes, classes and cameras.
+    '-d DIR' reads them with the same shapes, classes and cameras. The exit code is 1 if a shape cannot be written.
     """
     from benchmark.cli.data import export
 
-    export(name, Selection.of(locals()), output, force=force)
+    _end(export(name, selection, output, force=force))
 
 
+@verb("results")
 def merge(
+    selection: Selection,
     folders: Annotated[list[Path], Argument(metavar="DIR...")],
-    results: shared.Results = RESULTS,
     published: Annotated[
         bool, Option("--published", help="Merge into RESULTS/records, without quick runs and own data.")
     ] = False,
@@ -332,14 +282,15 @@ def merge(
     """
     from benchmark.cli.share import merge
 
-    _end(merge(folders, results, published=published))
+    _end(merge(folders, selection.results, published=published))
 
 
-def forget(methods: shared.Methods = [], datasets: shared.Datasets = [], results: shared.Results = RESULTS) -> None:
+@verb("methods", "datasets", "results")
+def forget(selection: Selection) -> None:
     """Delete the results of methods or data sets."""
     from benchmark.cli.share import forget
 
-    forget(Selection.of(locals()))
+    forget(selection)
 
 
 def score(

@@ -8,18 +8,21 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, by_subject, canonical_shapes
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, DatasetError, ShapeError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
 
 
-def export(dataset: ShapeSet, folder: Path, *, force: bool = False, watched: Watched = iter) -> tuple[str, ...]:
-    """Write all shapes as ``CLASS/POSE.off``, with cameras, depth noise and canonical poses in ``dataset.toml``.
+def export(
+    dataset: ShapeSet, folder: Path, *, force: bool = False, watched: Watched = iter
+) -> tuple[tuple[str, ...], list[str]]:
+    """Write the readable shapes as ``CLASS/POSE.off``; cameras, depth noise, canonical poses in ``dataset.toml``.
 
     Coordinates are exact. Files are written to a temporary sibling folder and moved at the end, so a failure while
     writing leaves the folder unchanged.
@@ -37,27 +40,35 @@ def export(dataset: ShapeSet, folder: Path, *, force: bool = False, watched: Wat
 
     Returns
     -------
-    tuple of str
-        Names of the files, meshes first.
+    tuple of str, list of str
+        Names of the files, meshes first; and a line for each shape that cannot be read and is left out.
 
     Raises
     ------
     ConfigurationError
         If the folder is nonempty or contains the data set itself, or a class or pose cannot be the name of a file.
-    ShapeError
-        If a mesh is unreadable.
+    DatasetError
+        If no mesh is readable.
     """
     names = _file_names(dataset.shapes)
-    settings = _settings(dataset, names)
     _check_target(dataset, folder, force)
-    written = (*names.values(), SETTINGS_FILE)
+    written, problems = list[str](), list[str]()
     with _filled(folder, written) as target:
         for entry in watched(dataset.shapes):
             path = target / names[entry.identifier]
             path.parent.mkdir(exist_ok=True)
-            write_mesh(path, dataset.load(entry))
+            try:
+                write_mesh(path, dataset.load(entry))
+                written.append(names[entry.identifier])
+            except ShapeError as error:
+                problems.append(f"{entry.identifier}: {error}")
+        if not written:
+            raise DatasetError(f"no mesh of '{dataset.name}' is readable: {problems[0]}", "correct the files")
+        readable = [entry for entry in dataset.shapes if names[entry.identifier] in written]
+        settings = _settings(replace(dataset, shapes=tuple(readable)), names)
         (target / SETTINGS_FILE).write_bytes(settings.encode())
-    return written
+        written.append(SETTINGS_FILE)
+    return tuple(written), problems
 
 
 def _file_names(entries: Sequence[Entry]) -> dict[str, str]:

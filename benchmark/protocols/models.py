@@ -211,7 +211,7 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     """Return an error with the missing models, the command that trains them, and where to get them."""
     words = ["python", "-m", "benchmark", "train", spec.name]
     if len(names) == 1:
-        words += ["--only", names[0]]
+        words += ["--table", names[0]]
     if spec.plugin:
         words += ["--plugin", str(spec.plugin)]
     hint, package, shipped = f"run `{shlex.join(words)}`", Path(__file__).parents[2], learner.shipped_models

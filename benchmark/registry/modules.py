@@ -38,7 +38,7 @@ def load_module(target: str) -> ModuleType:
             return importlib.import_module(name) if path is None else _execute(name, path.resolve())
     except (Exception, SystemExit) as error:
         sys.modules.pop(name, None)
-        hint = error.hint if isinstance(error, BenchmarkError) else "correct it"
+        hint = "" if isinstance(error, BenchmarkError) else "correct it"  # which has a hint of its own
         if isinstance(error, ModuleNotFoundError) and error.name:
             hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
         raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error

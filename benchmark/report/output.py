@@ -56,14 +56,6 @@ def write_files(folder: Path, files: Files, *, force: bool = False) -> None:
         raise BenchmarkError(f"cannot write to {folder}: {error.strerror}", "choose another folder with -o") from error
 
 
-def stale_files(folder: Path, files: Files) -> list[str]:
-    """Return the names of files that are missing, differ, or would not be written any more."""
-    left = [name for name in _earlier(folder) if name not in files and (folder / name).exists()]
-    texts = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
-    differing = [n for n, data in texts.items() if _digest(folder / n) != hashlib.sha256(data).hexdigest()]
-    return [*differing, *left]
-
-
 def _earlier(folder: Path) -> dict[str, str]:
     """Return the digests of the files of the last command, without names outside the folder."""
     try:

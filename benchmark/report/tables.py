@@ -165,7 +165,8 @@ class TableView:
     def caption(self) -> str:
         """Caption with the data; it says if they are a stand-in."""
         quick = ", quick run with some of the poses" if self.quick else ""
-        return f"{self.table.caption}: {self.title} ({self.size}{quick})"
+        named = "" if self.table.caption.endswith(f" {self.title}") else f": {self.title}"  # a folder is its own table
+        return f"{self.table.caption}{named} ({self.size}{quick})"
 
     @property
     def stem(self) -> str:

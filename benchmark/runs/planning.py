@@ -292,5 +292,5 @@ def _in_words(name: str, before: str, now: str) -> str:
     if name.startswith(("its ", "the ")):
         return f"{name} changed"
     if re.fullmatch("[0-9a-f]{16}", now or before):  # the digest of a file
-        return f"{Path(name).name} changed"
+        return f"{Path(name).name} {'changed' if before and now else 'is new' if now else 'is no longer used'}"
     return f"{name} {before or 'none'} -> {now or 'none'}"

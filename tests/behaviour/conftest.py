@@ -34,6 +34,11 @@ def material(tmp_path_factory) -> Path:
     write_off(folder / "bad" / "dog0.off", *triangle)
     for number in range(2):
         write_off(folder / "one" / f"cat{number}.off", *triangle)
+    tetrahedron = np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    write_off(folder / "four.off", *tetrahedron)
+    for name in ("a0", "a1", "b0"):
+        write_off(folder / "damaged" / f"{name}.off", *tetrahedron)
+    (folder / "damaged" / "b1.off").write_text("OFF 1")
     for name in ("empty", "full", "strange", "forced", "plugins"):
         (folder / name).mkdir()
     (folder / "full" / "mine.txt").write_text("mine")

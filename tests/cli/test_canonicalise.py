@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from benchmark.cli.forms import Request, form_of_mesh, write_form
 from benchmark.cli.main import cli
+from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
@@ -98,7 +99,7 @@ def sheared(tmp_path):
     write_off(tmp_path / "in.off", mesh)
 
     def make(method="sheared", plugins=("sheared.py",)):
-        request = Request(method, tuple(tmp_path / name for name in plugins))
+        request = Request(method, Selection(plugins=[tmp_path / name for name in plugins]))
         form = form_of_mesh(tmp_path / "in.off", request, all_vertices=True)
         return form.notes, form.mesh
 

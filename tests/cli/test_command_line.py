@@ -3,6 +3,7 @@
 import importlib.metadata
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from tests.toy import write_rods
+from tests.verbs import call
 
 ROOT = Path(__file__).parents[2]
 VERBS = typer.main.get_command(cli).commands
@@ -119,10 +121,24 @@ def test_an_edited_table_is_not_overwritten(finished, tmp_path):
 
 
 def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):
-    words = ("report", "--results", finished[1], "--of", "cost", "--figure", tmp_path / "cost.png")
+    words = ("report", "--results", finished[1], "--figure", "cost", "-o", tmp_path / "cost.png")
     (tmp_path / "cost.png").write_text("mine")
     assert "pass --force" in refusal(*words)
     assert (tmp_path / "cost.png").read_text() == "mine"
+
+
+def test_forget_lists_what_it_deletes(finished, tmp_path):
+    results = shutil.copytree(finished[1], tmp_path / "results")
+    lines = call("forget", "-m", "identity", "--results", results).splitlines()
+    assert [line.partition("  ")[0] for line in lines[:2]] == ["rods mesh identity", "rods view identity"]
+    assert lines[2:] == ["records: 2 deleted, with their forms"]
+    assert "rods mesh surface-area" in call("plan", *finished[0], "--results", results)
+
+
+def test_only_a_terminal_gets_the_note_on_bold(finished):
+    shown = call("run", *finished[0], "--results", finished[1])
+    assert "Table rods. Retrieval on rods (" in shown
+    assert "Bold" not in shown
 
 
 # Runs ----------------------------------------------------------------------------------------------------------------

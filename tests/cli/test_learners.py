@@ -62,7 +62,7 @@ def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_pat
     told = call("plan", *arguments)
     assert "unavailable  tosca view mean-target[training_seed=1]" in told
     command = shlex.split(told.split("`")[1])
-    assert command[3:7] == ["train", "mean-target[training_seed=1]", "--only", "tosca-III"]
+    assert command[3:7] == ["train", "mean-target[training_seed=1]", "--table", "tosca-III"]
     call("run", *arguments, "-j", "0", code=1)
     call(*command[3:-2], "--results", tmp_path, "--data-root", root)
     assert "2 of 2 jobs to run" in call("plan", *arguments)
@@ -100,8 +100,8 @@ def test_other_weights_are_another_model(root, tmp_path):
     ("arguments", "message"),
     [
         (("mean-targt",), "unknown method 'mean-targt'; did you mean mean-target"),
-        (("mean-target", "--table", "VI"), "unknown table 'VI'"),
-        (("mean-target", "--only", "humans-strict-4-0"), "unknown training 'humans-strict-4-0'"),
+        (("mean-target", "--table", "VI"), "unknown table or training 'VI'"),
+        (("mean-target", "-t", "humans-strict-4-0"), "unknown table or training 'humans-strict-4-0'"),
         (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("gps",), "method 'gps' is not a learner"),
     ],

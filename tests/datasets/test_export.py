@@ -1,3 +1,4 @@
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -41,10 +42,10 @@ def facts(dataset):
 
 def test_the_same_shapes_come_back(tmp_path):
     source = beasts()
-    written = export(source, tmp_path / "out")
+    written, problems = export(source, tmp_path / "out")
     back = folder_set(tmp_path / "out")
     names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
-    assert sorted(written) == sorted(names)
+    assert (sorted(written), problems) == (sorted(names), [])
     assert sorted(facts(back), key=str) == sorted(facts(source), key=str)
     assert (back.half_width, back.stand_in_for) == (1.3, "tosca")
     exported = {(entry.subject, entry.pose): entry for entry in back.shapes}
@@ -88,6 +89,22 @@ def test_the_canonical_pose_and_a_camera_of_its_own_are_kept(tmp_path):
     assert camera.direction == pytest.approx(Camera((1, 2, 3)).direction, abs=1e-15)
     values = tomllib.loads((tmp_path / "out" / "dataset.toml").read_text())
     assert values["canonical_pose"] == {"thick": "2"}
+
+
+def test_a_damaged_file_is_left_out_and_named(tmp_path):
+    write_rods(tmp_path / "in")
+    (tmp_path / "in" / "thin1.off").write_text("OFF 1")
+    written, problems = export(folder_set(tmp_path / "in"), tmp_path / "out")
+    assert len(written) == 6
+    assert len(problems) == 1
+    assert re.match("thin1: .*in/thin1.off", problems[0])
+    names = [entry.identifier for entry in folder_set(tmp_path / "out").shapes]
+    assert names == ["thick/0", "thick/1", "thick/2", "thin/0", "thin/2"]
+    for path in (tmp_path / "in").glob("*.off"):
+        path.write_text("OFF 1")
+    with pytest.raises(DatasetError, match="no mesh of 'in' is readable: thick0: "):
+        export(folder_set(tmp_path / "in"), tmp_path / "none")
+    assert not (tmp_path / "none").exists()
 
 
 def test_a_folder_with_files_is_left_alone_unless_forced(tmp_path):

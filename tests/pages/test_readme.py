@@ -18,9 +18,11 @@ from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims, verdicts
 from tests.baselines.embedding import limbed
 from tests.toy import write_rods
+from tests.verbs import call
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+TABLES = ROOT / "results" / "tables"
 REPRODUCTION = (ROOT / "docs" / "explanation" / "reproduction.md").read_text(encoding="utf-8")
 
 
@@ -96,11 +98,11 @@ def test_of_the_galleries_that_the_text_allows_only_all_80_shapes_fit_table_thre
     assert [all(fits(value, n) for value in values) for n in (19, 41, 80)] == [False, False, True]
 
 
-def test_committed_tables_are_those_of_the_published_records():
-    command = [sys.executable, "-m", "benchmark", "tables", "--check", "-o", "results/tables"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert json.loads((ROOT / "results" / "tables" / "tables.json").read_text())
+def test_committed_tables_are_those_of_the_published_records(tmp_path):
+    call("tables", "--published", "--results", ROOT / "results", "-o", tmp_path)
+    made, committed = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in (tmp_path, TABLES))
+    assert made == committed
+    assert json.loads(made["tables.json"])
 
 
 @pytest.mark.slow

@@ -175,6 +175,7 @@ def test_changes_are_named():
     assert describe_change(before, before | {"numpy": "2.4"}) == "numpy 2.3 -> 2.4"
     everything = {"baselines/gps.py": "1" * 16, "numpy": "2.4", "its parameters": "{2}", "the data": "2"}
     assert describe_change(before, everything) == "gps.py changed; its parameters changed; numpy 2.3 -> 2.4; and 1 more"
+    assert describe_change({"a.py": "0" * 16}, {"b.py": "0" * 16}) == "a.py is no longer used; b.py is new"
 
 
 def test_the_published_records_of_the_suite_are_records():

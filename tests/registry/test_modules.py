@@ -35,7 +35,7 @@ def _path(monkeypatch):
         ("def (", r"smooth.py cannot be imported: smooth.py:8: SyntaxError: "),
         (
             "MethodInfo(name='A', title='B')",
-            r"imported: smooth.py:8: .A. does not fit name of MethodInfo; write lower-case words joined",
+            r"imported: smooth.py:8: .A. does not fit name of MethodInfo; write lower-case words joined by hyphens$",
         ),
         ("raise SystemExit(3)", r"smooth.py:8: SystemExit: 3"),
         ("import helper", r"smooth.py cannot be imported: helper.py:2: NameError: name 'x' is not defined"),

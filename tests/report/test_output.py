@@ -5,7 +5,7 @@ import json
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.report.output import LIST, stale_files, write_files
+from benchmark.report.output import LIST, write_files
 
 
 def test_own_files_are_replaced_and_removed_and_no_others(tmp_path):
@@ -38,9 +38,3 @@ def test_a_list_that_names_files_elsewhere_or_is_damaged_harms_nothing(tmp_path)
         (folder / LIST).write_text(text)
         write_files(folder, {"a.md": "1"})
     assert outside.read_text() == "kept"
-
-
-def test_stale_files_are_named(tmp_path):
-    write_files(tmp_path, {"a.md": "1", "b.md": "1", "c.md": "1"})
-    (tmp_path / "a.md").write_text("edited")
-    assert stale_files(tmp_path, {"a.md": "1", "b.md": "1"}) == ["a.md", "c.md"]
