@@ -142,13 +142,6 @@ def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
     ]  # fmt: skip
 
 
-def test_one_name_in_two_formats_is_named(rods):
-    (rods / "thin1.obj").write_text("v 0 0 0\n")
-    assert only(rods) == (
-        "warning  thin1.obj  the same name as thin1.off in another format; keep one of the two; this one is not read"
-    )
-
-
 def test_meshes_that_are_passed_over_are_named(rods):
     write_off(rods / "more" / "extra0.off", rod(0.3, 1.0))
     assert only(rods).startswith("warning  more/extra0.off  is none of the shapes of this data set; ")
@@ -204,14 +197,6 @@ def test_the_verb_exits_with_1_on_errors_alone(rods):
     failed = CliRunner().invoke(data, ["check", str(rods)])
     assert (failed.exit_code, failed.output.splitlines()[-1]) == (1, "1 errors, 1 warnings")
     assert CliRunner().invoke(data, ["check"]).exit_code == 2
-
-
-def test_the_count_goes_to_stderr_from_the_start_on(rods, monkeypatch):
-    checked = CliRunner().invoke(data, ["check", str(rods)])
-    assert checked.stderr.splitlines() == [f"checking {rods}: 0 of 6", "6 of 6"]
-    monkeypatch.setattr("benchmark.cli.progress.INTERVAL", 0.0)
-    progress = CliRunner().invoke(data, ["check", str(rods)]).stderr.splitlines()
-    assert [line.partition(",")[0] for line in progress[1:]] == [f"{n} of 6" for n in (1, 2, 3, 4, 5, 6)]
 
 
 @pytest.mark.data

@@ -1,3 +1,4 @@
+import os
 import re
 
 import pytest
@@ -87,6 +88,12 @@ def test_the_recipe_follows_the_bytes_not_the_place(tmp_path):
     write_off(tmp_path / "b" / "thin0.off", rod(0.07, 0))
     changed = folder_set(tmp_path / "b")
     assert sum(first.key(a) != changed.key(b) for a, b in zip(first.shapes, changed.shapes, strict=True)) == 1
+    before, path = [first.key(entry) for entry in first.shapes], first.shapes[3].path
+    path.write_text(path.read_text().replace("0.1", "0.2"))  # of the same size
+    os.utime(path, ns=(0, 0))
+    assert [first.key(entry) != key for entry, key in zip(first.shapes, before, strict=True)] == [
+        k == 3 for k in range(6)
+    ]
 
 
 def test_a_cla_file_that_counts_from_1_is_told_so(tmp_path):

@@ -47,13 +47,6 @@ def test_a_set_in_its_layout_has_its_shapes_and_labels(sets, name, n_shapes, n_c
     assert (known.n_shapes or n_shapes, known.n_classes) == (n_shapes, n_classes)
 
 
-def test_the_order_is_that_of_the_numbers(sets):
-    assert [e.identifier for e in open_dataset("shrec11", sets).shapes][9:12] == ["T9", "T10", "T11"]
-    assert [e.identifier for e in open_dataset("shrec07", sets).shapes][9:12] == ["10", "11", "12"]
-    cuts = [e.identifier for e in open_dataset("shrec16-cuts", sets).shapes]
-    assert cuts[2:5] == ["cuts_cat_shape_3", "cuts_centaur_shape_1", "cuts_centaur_shape_2"]
-
-
 def test_classes_of_the_watertight_set_by_their_numbers(sets):
     by_number = {entry.identifier: entry.subject for entry in open_dataset("shrec07", sets).shapes}
     assert [by_number[n] for n in ("1", "20", "21", "261", "280", "281", "400")] == [
