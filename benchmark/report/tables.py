@@ -71,6 +71,13 @@ class Scored:
         return [record for records in self.records.values() for record in records]
 
     @property
+    def trainings(self) -> list[NDArray[np.float64]]:
+        """Measures of all queries by training; galleries with fewer trainings repeat theirs."""
+        count = max(map(len, self.records.values()))
+        each = [[_values([records[k % len(records)]]) for records in self.records.values()] for k in range(count)]
+        return [np.concatenate(of_training) for of_training in each]
+
+    @property
     def is_complete(self) -> bool:
         """Whether every gallery and every shape has a result."""
         return not self.missing and all(record.coverage >= 1 for record in self.all_records)
@@ -338,7 +345,8 @@ def _row(
         of_column = [record for record in records if record.gallery in names]
         input_ = _input(column, kind, {record.input for record in of_column})
         part = [record for record in of_column if record.input == input_]
-        having = grouped((record for record in part if record.status == "ok"), lambda record: record.gallery)
+        by_gallery = grouped((record for record in part if record.status == "ok"), lambda record: record.gallery)
+        having = {name: by_gallery[name] for name in names if name in by_gallery}
         if having:
             values = [_values(having.get(name, []), labels.get(name, ())) for name in names]
             classes = [f"{name} {label}" for name in names for label in labels.get(name, ())]
@@ -362,7 +370,7 @@ def _ranked(labels: Sequence[str]) -> list[str]:
     return [label for label in labels if sizes[label] > 1]
 
 
-def _values(records: Sequence[Record], labels: Sequence[str]) -> NDArray[np.float64]:
+def _values(records: Sequence[Record], labels: Sequence[str] = ()) -> NDArray[np.float64]:
     """Return the measures of each query of a gallery, averaged over trainings; 0 without records."""
     if not records:
         return np.zeros((len(labels), len(MEASURES)))

@@ -101,18 +101,18 @@ class AssessedClaim:
     missing: tuple[str, ...] = ()
 
 
-def assess(claim: Claim, view: TableView) -> AssessedClaim:
+def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
     """Judge a claim by the test over classes, with Holm's correction; on the five subjects of Table I."""
-    titles = [column.title for column in view.columns]
-    title = "5 subjects" if "5 subjects" in titles else titles[0]
+    if view is None:
+        return AssessedClaim(claim, "not comparable", missing=(claim.better,))
+    title = "5 subjects" if "5 subjects" in view.groups else view.columns[0].title
     scored = {row.method: row.scored[title] for row in view.rows if title in row.scored}
-    scored = {method: one for method, one in scored.items() if not one.missing}
-    if missing := tuple(name for name in (claim.better, *claim.others) if name not in scored):
+    complete = {method: one for method, one in scored.items() if not one.missing}
+    if missing := tuple(name for name in (claim.better, *claim.others) if name not in complete):
         return AssessedClaim(claim, "not comparable", missing=missing)
     places = [MEASURES.index(name) for name in claim.measures]
-    pairs = [_lead(scored[claim.better], scored[name]) for name in claim.others]
-    leads = np.concatenate([lead[places] for lead, _ in pairs])
-    certain = holm(np.concatenate([probability[places] for _, probability in pairs])) < ALPHA
+    pairs = np.array([_lead(complete[claim.better], complete[name]) for name in claim.others])[:, :, places]
+    leads, certain = pairs[:, 0].ravel(), holm(pairs[:, 1].ravel()) < ALPHA
     decision: Decision = "undecided"
     if np.any(certain & (leads < 0)):
         decision = "contradicted"
@@ -124,34 +124,15 @@ def assess(claim: Claim, view: TableView) -> AssessedClaim:
 def _lead(better: Scored, other: Scored) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the total lead of a row by measure, and its largest p-value over pairs of trainings."""
     lead = (better.values - other.values).sum(axis=0)
-    differences = [one - two for one, two in product(_trainings(better), _trainings(other))]
+    differences = [one - two for one, two in product(better.trainings, other.trainings)]
     tests = [np.where(np.sign(d.sum(axis=0)) == np.sign(lead), class_test(d, better.labels), 1.0) for d in differences]
     return lead, np.max(tests, axis=0)
 
 
-def _trainings(one: Scored) -> list[NDArray[np.float64]]:
-    """Return the queries of each training; galleries with fewer trainings repeat theirs."""
-    count = max(map(len, one.records.values()))
-    if count == 1:
-        return [one.values]
-    sets = [[records[k % len(records)] for records in one.records.values()] for k in range(count)]
-    return [
-        np.concatenate([np.array([r.per_query[name] for name in MEASURES], dtype=float).T for r in records])
-        for records in sets
-    ]
-
-
 def claims(records: Sequence[Record]) -> list[AssessedClaim]:
     """Judge the paper's claims, all methods on one view, on official data or the stand-in."""
-    assessed = []
-    views: dict[str, TableView] = {}
-    for view in table_views(records):
-        views.setdefault(view.table.identifier, view)
-    for claim in CLAIMS:
-        name = "IV" if claim.table == "IV" else f"{claim.table}-view"
-        absent = AssessedClaim(claim, "not comparable", missing=(claim.better,))
-        assessed.append(assess(claim, views[name]) if name in views else absent)
-    return assessed
+    views = {view.table.identifier: view for view in reversed(table_views(records))}
+    return [assess(claim, views.get("IV" if claim.table == "IV" else f"{claim.table}-view")) for claim in CLAIMS]
 
 
 def verdicts_markdown(records: Sequence[Record]) -> str:
