@@ -12,7 +12,6 @@ from benchmark.api.contracts import Input
 from benchmark.api.learning import Learner
 from benchmark.datasets.catalogue import is_present
 from benchmark.datasets.official import EXTENDED
-from benchmark.errors import did_you_mean
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TRAININGS, Training, only_training, trainings_on
 from benchmark.reference import paper
 
@@ -60,11 +59,6 @@ TITLES: Mapping[str, str] = {
     "learned-without-lrf": "without LRF",
     "learned-without-weighting": "without weighting",
 }
-
-#: Titles of the data sets that have stand-ins.
-OFFICIAL: Mapping[str, str] = {
-    "shrec14-synthetic": "SHREC'14 synthetic", "shrec14-real": "SHREC'14 real", "tosca": "TOSCA",
-}  # fmt: skip
 
 #: Rows of the ablation: those of the paper, and one about which it makes a claim without figures.
 ABLATION = ("learned-strict", "learned-without-srf", "learned-without-lrf", "learned-without-weighting", "learned")
@@ -232,12 +226,10 @@ def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list
     Raises
     ------
     ConfigurationError
-        If the training or the table is unknown.
+        If the training is unknown.
     """
     if only := only_training(learner):
         return [only]
-    if numeral not in paper.NUMERALS:
-        raise did_you_mean("table", numeral, paper.NUMERALS)
     identifier = "I" if learner.split == "strict" else numeral
     table = next(table for table in TABLES if table.identifier == identifier)
     # A data set without trainings uses the models of another data set, which has its own stand-in.

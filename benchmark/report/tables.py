@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import OFFICIAL, TABLES, TITLES, Column, Kind, Table, gallery_name
+from benchmark.protocols.tables import TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.report.frames import changed, chosen_records, fold_of, grouped, kind_of, row_of, seconds_of, tables_of
 from benchmark.report.notes import notes
@@ -383,5 +384,5 @@ def _title(record: Record) -> str:
     """Return the title of the data of a record; it always says if they are a stand-in."""
     if official := record.data.stand_in_for:
         name = record.data.name.partition("[draw=")[0]
-        return f"generated stand-in '{name}', not {OFFICIAL.get(official, official)}"
+        return f"generated stand-in '{name}', not {SETS[official].title if official in SETS else official}"
     return brief(record.data.title)
