@@ -58,7 +58,7 @@ class TrainedNetwork(CheckedParameters):
     info: ClassVar[MethodInfo]
     split: ClassVar[Split] = "table"
     shipped_models: ClassVar[Path] = Path(__file__).with_name("models")
-    default_training: ClassVar[str] = "humans-fold-0"
+    default_training: ClassVar[str] = "people-fold-0"
     """Training data of the model to use if no table chooses one."""
 
     configuration: ConfigurationName

@@ -85,7 +85,7 @@ class TrainingData:
     Parameters
     ----------
     name
-        Name of the protocol and folder of its models, e.g. ``"humans-fold-0"``.
+        Name of the protocol and folder of its models, e.g. ``"people-fold-0"``.
     title
         Description of the protocol; identifies stand-ins.
     subjects

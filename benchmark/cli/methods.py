@@ -28,7 +28,7 @@ Rows = list[dict[str, str]]
 _COLUMNS = ("name", "state", "shapes", "classes", "source")
 
 #: Sets whose trainings contain people only.
-_PEOPLE = ("humans", "people", "shrec14-synthetic")
+_PEOPLE = ("people", "shrec14-synthetic")
 
 _FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 

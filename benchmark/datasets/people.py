@@ -66,7 +66,8 @@ def humans() -> ShapeSet:
 def people(draw: int = 0) -> ShapeSet:
     """Return 15 people drawn at random x 20 poses; no subject of another set has the same name."""
     bodies = PEOPLE[draw]
-    return _bodies(f"people[draw={draw}]", "people drawn at random", list(bodies), bodies.__getitem__, _HALF_WIDTH)
+    title = f"people, draw {draw} (stand-in for SHREC'14 synthetic)"
+    return _bodies(f"people[draw={draw}]", title, list(bodies), bodies.__getitem__, _HALF_WIDTH, "shrec14-synthetic")
 
 
 def many_people(n: int) -> ShapeSet:

@@ -246,7 +246,7 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
         with_folds = [column for column in columns if len(column.parts) > 1]
         columns = tuple(with_folds[:1] or reversed(first_of_input.values()))
     for column in columns:
-        sets = table.stand_ins if column.over_draws and name in table.stand_ins else (name,)
+        sets = table.stand_ins if column.over_draws and name in table.stand_ins[:1] else (name,)
         for source in _conditions(name) if table.is_robustness else sets:
             dataset = open_dataset(source, data_root)
             check_ranked(dataset)

@@ -83,8 +83,7 @@ class Model:
         """
         exact, shown = catalogued(dataset) or "", set_of_subjects(dataset) or ""
         training, clearance = find_training(self.training), self.card.clearance
-        has_other_bodies = training.is_sampled or (training.dataset != "humans" and clearance)
-        if (shown.startswith("people[n=") and has_other_bodies) or (shown == "animals" and training.is_sampled):
+        if training.is_sampled and (shown == "animals" or shown.startswith("people[n=")):
             problem = f"training '{self.training}' may have bodies similar to subjects of {shown}"
             raise TooNear(problem, _INSTEAD)
         distance = clearance.get(exact, clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE))

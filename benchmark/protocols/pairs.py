@@ -27,7 +27,7 @@ Say = Callable[[str], None]
 VALIDATION = "people[n=10]"
 """Set of new people, far from all tested ones, on whom trainings on people are validated, in every fifth pose."""
 
-_PHENOTYPES = {**SUBJECTS["humans"], **SUBJECTS["people[draw=0]"], **SUBJECTS["animals"]}
+_PHENOTYPES = {**SUBJECTS["people[draw=0]"], **SUBJECTS["animals"]}
 """Bodies of the people in sets that are trained on."""
 
 
@@ -60,7 +60,7 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         [*(entry.identifier for entry in trained), *(canonical[subject].identifier for subject in subjects)]
     )
     _check_apart(training.name, subjects, tested)
-    new = open_dataset(VALIDATION, None) if set(subjects) <= {*SUBJECTS["humans"], *PEOPLE[0]} else dataset
+    new = open_dataset(VALIDATION, None) if set(subjects) <= {*PEOPLE[0]} else dataset
     held_out = new.shapes[::5] if new is not dataset else tested
     return TrainingData(
         name=training.name,

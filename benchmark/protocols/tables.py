@@ -20,7 +20,7 @@ INPUTS: tuple[Input, ...] = ("mesh", "view")
 Kind = Literal["form", "network", "descriptor", "external"]
 
 #: Stand-ins for the synthetic humans: the first one has folds and networks; the whole galleries of all are averaged.
-SYNTHETIC_HUMANS = ("humans",)
+SYNTHETIC_HUMANS = ("people[draw=0]", "people[draw=1]", "people[draw=2]")
 
 FOLDS = tuple(f"fold {number}" for number in range(len(SUBJECT_FOLDS)))
 CATS_AND_HORSES = "held out"
@@ -36,7 +36,7 @@ PARTS: Mapping[str, tuple[int | str, ...]] = {
 NETWORKS = ("learned", "deformation-field")
 
 #: Parameters of networks over whose values rows are averaged.
-AVERAGED = ("training_seed=", "training=humans-fold-")
+AVERAGED = ("training_seed=",)
 
 #: Titles of the paper's rows and of networks; those of all others are their own.
 TITLES: Mapping[str, str] = {

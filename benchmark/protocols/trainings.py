@@ -129,13 +129,12 @@ TRAININGS: Mapping[str, Training] = {
     training.name: training
     for training in (
         *_of_humans("shrec14-synthetic"),
-        *_of_humans("humans"),
         *_of_humans("people", "people[draw=0]"),
         *_of_animals("tosca"),
         *_of_animals("animals"),
-        Training(SAMPLED, "sampled bodies that are none of the data set's", "humans"),
+        Training(SAMPLED, "sampled bodies that are none of the data set's", "people[draw=0]"),
         Training(ANIMALS_SAMPLED, "sampled animals and people that are in no data set", "animals"),
-        Training(VARIED, "fresh bodies in free poses that are none of the data set's", "humans"),
+        Training(VARIED, "fresh bodies in free poses that are none of the data set's", "people[draw=0]"),
     )
 }
 """All protocols by name."""
@@ -205,8 +204,7 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
         return [only]
     trained_on, is_strict = set_of_subjects(dataset) or dataset, learner.split == "strict"
     prefix = f"{trained_on}-{'strict' if is_strict else 'fold'}-"
-    # The models of `people` are not among the shipped ones.
-    folds = [training for name, training in TRAININGS.items() if name.startswith(prefix) and trained_on != "people"]
+    folds = [training for name, training in TRAININGS.items() if name.startswith(prefix)]
     if folds:
         return folds
     if is_strict:
@@ -214,7 +212,7 @@ def trainings_on(learner: Learner, dataset: str, data_root: Path | None) -> list
     if trained_on in ("tosca", "animals"):
         return [TRAININGS[f"{trained_on}-III"]]
     is_official = trained_on == "shrec14-real" and is_present("shrec14-synthetic", data_root)
-    return [TRAININGS[f"{'shrec14-synthetic' if is_official else 'humans'}-fold-0"]]
+    return [TRAININGS[f"{'shrec14-synthetic' if is_official else 'people'}-fold-0"]]
 
 
 def trainings_by_shape(
@@ -235,7 +233,8 @@ def trainings_by_shape(
     # Indices of poses refer to the training data set, of which another data set may show only some.
     trained_on = dataset if dataset.name == trainings[0].dataset else open_dataset(trainings[0].dataset, data_root)
     of_shape = {entry.identifier: training for training in trainings for entry in training.tested.of(trained_on)}
-    return {entry.identifier: of_shape[entry.identifier] for entry in entries}
+    # Subjects of another draw are in no fold; whether a model may be tested on them, its card says.
+    return {entry.identifier: of_shape.get(entry.identifier, trainings[0]) for entry in entries}
 
 
 def only_training(learner: Learner) -> Training | None:

@@ -101,7 +101,7 @@ def test_other_weights_are_another_model(root, tmp_path):
     [
         (("mean-targt",), "unknown method 'mean-targt'; did you mean mean-target"),
         (("mean-target", "--table", "VI"), "unknown table or training 'VI'"),
-        (("mean-target", "-t", "humans-strict-4-0"), "unknown table or training 'humans-strict-4-0'"),
+        (("mean-target", "-t", "people-strict-4-0"), "unknown table or training 'people-strict-4-0'"),
         (("mean-target", "-o", "jitter"), "'jitter' has no value; write NAME=VALUE"),
         (("gps",), "method 'gps' is not a learner"),
     ],

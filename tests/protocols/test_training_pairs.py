@@ -15,7 +15,7 @@ from benchmark.protocols.trainings import TRAININGS
 from tests.toy import rod
 
 
-def rods(broken="", name="humans", canonical_poses=None):
+def rods(broken="", name="people[draw=0]", canonical_poses=None):
     """Rods of fifteen widths, bent in twenty ways; one of them cannot be read."""
 
     def load(entry):
@@ -41,7 +41,7 @@ def made(monkeypatch, name, dataset=None, say=None, **part):
 
 
 def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch):
-    data = made(monkeypatch, "humans-fold-2", trained=Part((0, 3), (0, 1, 2)), tested=Part((12,), (0, 5)))
+    data = made(monkeypatch, "people-fold-2", trained=Part((0, 3), (0, 1, 2)), tested=Part((12,), (0, 5)))
     got = list(data.pairs())
     assert [(pair.identifier, pair.target_identifier, pair.subject) for pair in got] == [
         (f"{subject}-{pose}", f"{subject}-0", f"s{subject}") for subject in (0, 3) for pose in range(3)
@@ -59,7 +59,7 @@ def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch):
 
 
 def test_images_are_those_that_methods_are_given(monkeypatch):
-    data = made(monkeypatch, "humans-fold-2", trained=Part((0,), (1,)))
+    data = made(monkeypatch, "people-fold-2", trained=Part((0,), (1,)))
     (pair,) = data.pairs()
     dataset = rods()
     seen = prepare_view(dataset.load(dataset.shapes[1]), FRONT, 2.0)
@@ -70,25 +70,25 @@ def test_images_are_those_that_methods_are_given(monkeypatch):
 
 
 def test_in_a_strict_training_the_canonical_pose_of_the_fold_is_target_alone(monkeypatch):
-    first = made(monkeypatch, "humans-strict-1-0", trained=Part((5, 6), (5, 6)))
+    first = made(monkeypatch, "people-strict-1-0", trained=Part((5, 6), (5, 6)))
     assert [pair.identifier for pair in first.pairs()] == ["5-5", "5-6", "6-5", "6-6"]
     assert set(first.identifiers) == {"5-0", "5-5", "5-6", "6-0", "6-5", "6-6"}
 
 
 def test_a_shape_that_cannot_be_rendered_is_left_out_and_told(monkeypatch):
     said = []
-    data = made(monkeypatch, "humans-fold-2", rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
+    data = made(monkeypatch, "people-fold-2", rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in data.pairs()] == ["0-0", "0-1", "1-0"]
     assert said == ["skipped 1-1: a hole; correct it"]
-    without_target = made(monkeypatch, "humans-fold-2", rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
+    without_target = made(monkeypatch, "people-fold-2", rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
     assert [pair.identifier for pair in without_target.pairs()] == ["0-0", "0-1"]
 
 
 def test_training_on_what_is_tested_is_refused(monkeypatch):
     with pytest.raises(ConfigurationError, match="would include test subjects of its models: s9"):
-        made(monkeypatch, "humans-fold-2", trained=Part((8, 9), (0,)), tested=Part((9, 10), (0,)))
-    with pytest.raises(ConfigurationError, match="'humans-fold-2' has no pairs"):
-        made(monkeypatch, "humans-fold-2", trained=Part((77,)))
+        made(monkeypatch, "people-fold-2", trained=Part((8, 9), (0,)), tested=Part((9, 10), (0,)))
+    with pytest.raises(ConfigurationError, match="'people-fold-2' has no pairs"):
+        made(monkeypatch, "people-fold-2", trained=Part((77,)))
 
 
 def test_trainings_on_people_are_validated_on_new_ones_and_name_their_distance_from_each_draw():
