@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,15 +155,18 @@ def write_report(
 
 def overview(pages: Pages) -> Iterator[str]:
     """Yield the first page: all tables, and what failed."""
+    from pandas import DataFrame
+
     for view in pages.views:
         yield f"<h2>{_link(f'{view.stem}.html', _title(view))}</h2>"
         yield from html_table(view)
     failed = [
-        [_short(view), row.title, record.input, record.status, brief(record.reason)]
+        map(clean, (_short(view), row.title, record.input, record.status, brief(record.reason)))
         for view in pages.views for row in view.printed_rows for record in row.failed
     ]  # fmt: skip
+    frame = DataFrame(failed, columns=["Table", "Method", "Input", "Status", "Reason"])
     yield "<h2>Failures</h2>"
-    yield from _plain_table(["Table", "Method", "Input", "Status", "Reason"], failed) if failed else ["<p>None.</p>"]
+    yield f"<div class='frame'>{frame.to_html(index=False, border=0)}</div>" if failed else "<p>None.</p>"
 
 
 def table_page(pages: Pages, view: TableView) -> Iterator[str]:
@@ -201,55 +204,50 @@ def html_table(view: TableView) -> Iterator[str]:
 
 def scores_chart(view: TableView, measure: str = "DCG") -> Figure:
     """Return a chart of scores with intervals, a line a row."""
-    from plotly.graph_objects import Figure, Scatter
+    from pandas import DataFrame
+    from plotly import express
 
-    figure = Figure()
     titles = [column.title for column in view.columns]
+    points = []
+    for title, row in ((title, row) for title in titles for row in view.printed_rows[::-1] if title in row.scored):
+        mean, (low, high) = row.scored[title].means[measure], view.intervals(row, title)[measure]
+        group = title if len(titles) > 1 else BLOCKS[row.kind]
+        points.append([_text(row.title), _text(group), mean, high - mean, mean - low])
+    frame = DataFrame(points, columns=["row", "group", measure, "above", "below"])
+    figure = express.scatter(
+        frame, x=measure, y="row", color="group", error_x="above", error_x_minus="below", color_discrete_map=_COLOURS
+    ).update_traces(error_x={"thickness": 1, "width": 0})
     for title in titles:
-        rows = [row for row in view.printed_rows if title in row.scored][::-1]
-        means = np.array([row.scored[title].means[measure] for row in rows])
-        ends = np.array([view.intervals(row, title)[measure] for row in rows]).reshape(-1, 2)
-        figure.add_trace(Scatter(
-            x=means, y=[_text(row.title) for row in rows], mode="markers", name=_text(title),
-            marker={"color": [COLOURS[row.kind] for row in rows] if len(titles) == 1 else None},
-            error_x={"array": ends[:, 1] - means, "arrayminus": means - ends[:, 0], "thickness": 1, "width": 0},
-        ))  # fmt: skip
         figure.add_vline(view.chance[title][measure], line={"dash": "dot", "width": 1, "color": "grey"})
     return _laid_out(figure, 120 + 19 * len(view.printed_rows), measure, "", [0, 1.02])
 
 
 def cost_chart(view: TableView, measure: str = "DCG") -> Figure:
     """Return a chart of seconds a shape against a measure."""
-    from plotly.graph_objects import Figure, Scatter
+    from pandas import DataFrame
+    from plotly import express
 
-    figure, points = Figure(), costs(view, measure)
-    for kind, name in BLOCKS.items():
-        part = [(row.title, seconds, score) for row, seconds, score in points if row.kind == kind]
-        if part:
-            texts, seconds, scores = zip(*part, strict=True)
-            figure.add_trace(Scatter(
-                x=seconds, y=scores, text=[_text(text) for text in texts], mode="markers", name=name,
-                hovertemplate="%{text}: %{y:.2f}, %{x:.2g} s<extra></extra>",
-                marker={"color": COLOURS[kind], "size": 9},
-            ))  # fmt: skip
-    front = pareto_front([(seconds, score) for _, seconds, score in points])
-    if front:
-        figure.add_trace(Scatter(
-            x=[x for x, _ in front], y=[y for _, y in front], mode="lines", showlegend=False, hoverinfo="skip",
-            line={"color": "lightgrey"},
-        ))  # fmt: skip
-    figure.update_xaxes(type="log")
+    points = [(_text(row.title), BLOCKS[row.kind], seconds, score) for row, seconds, score in costs(view, measure)]
+    frame = DataFrame(points, columns=["row", "block", "seconds", measure])
+    figure = express.scatter(
+        frame, x="seconds", y=measure, color="block", hover_name="row", log_x=True, color_discrete_map=_COLOURS
+    )
+    front = DataFrame(pareto_front([point[2:] for point in points]), columns=["seconds", measure])
+    line = {"color": "lightgrey"}
+    figure.add_scatter(
+        x=front["seconds"], y=front[measure], mode="lines", line=line, showlegend=False, hoverinfo="skip"
+    )
     return _laid_out(figure, 420, "seconds a shape: form and geodesics", measure)
 
 
-def precision_chart(view: TableView, curves: Mapping[str, Any]) -> Figure:
+def precision_chart(view: TableView, curves: Mapping[str, NDArray[np.float64]]) -> Figure:
     """Return a chart of precision over recall."""
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure
 
-    titles = {row.method: row.title for row in view.rows}
     figure = Figure()
-    for method, precision in curves.items():
-        figure.add_trace(Scatter(x=RECALLS, y=precision, mode="lines", name=_text(titles[method])))
+    for row in view.rows:
+        if row.method in curves:
+            figure.add_scatter(x=RECALLS, y=curves[row.method], mode="lines", name=_text(row.title))
     return _laid_out(figure, 420, "recall", "precision", [0, 1])
 
 
@@ -335,6 +333,7 @@ def _worst(pages: Pages, record: Record) -> list[str]:
     return lines
 
 
+_COLOURS = {BLOCKS[kind]: colour for kind, colour in COLOURS.items()}
 _CONFIG = {"displayModeBar": False, "responsive": True}
 
 
@@ -347,16 +346,8 @@ def _laid_out(figure: Figure, height: int, x: str, y: str, x_range: Sequence[flo
     figure.update_yaxes(title=y, automargin=True)
     return figure.update_layout(
         height=height, margin={"l": 10, "r": 10, "t": 20, "b": 40}, template="plotly_white", font={"size": 11},
-        legend={"orientation": "h", "y": -0.25 if y else 1.0, "yanchor": "top" if y else "bottom"},
+        legend={"title": "", "orientation": "h", "y": -0.25 if y else 1.0, "yanchor": "top" if y else "bottom"},
     )  # fmt: skip
-
-
-def _plain_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    yield "<div class='frame'><table><thead><tr>"
-    yield "".join(f"<th>{_text(name)}</th>" for name in head) + "</tr></thead><tbody>"
-    for row in rows:
-        yield f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>"
-    yield "</tbody></table></div>"
 
 
 def _command(view: TableView) -> str:
