@@ -33,7 +33,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from baselines.classic_mds import classic_scaling
 from benchmark.api.contracts import Mesh, Shape
-from benchmark.datasets.people import humans as humans_set
+from benchmark.datasets.people import people
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry import geodesics
@@ -88,13 +88,12 @@ def least(work: Work, clock: Callable[[], float] = time.process_time) -> float:
 
 
 def body(place: int = -1) -> Mesh:
-    humans = humans_set()
-    return humans.load(humans.shapes[place])
+    return people().load(people().shapes[place])
 
 
 def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
-    """Measure geodesics of prepared humans; errors are relative to exact distances from some vertices."""
-    places = np.linspace(0, len(humans_set().shapes) - 1, n_shapes).round().astype(int)
+    """Measure geodesics of prepared people; errors are relative to exact distances from some vertices."""
+    places = np.linspace(0, len(people().shapes) - 1, n_shapes).round().astype(int)
     meshes = [prepare(body(place)).mesh for place in places]
     sources = np.random.default_rng(0).choice(min(mesh.n_vertices for mesh in meshes), n_sources, replace=False)
     exact = [geodesics.from_sources(mesh, sources, "exact") for mesh in meshes]

@@ -94,7 +94,7 @@ class Bar:
 
 
 def counting(what: str, items: Sequence[T]) -> Iterator[T]:
-    """Yield items, such as the shapes of ``"checking humans"``, and show how many are left."""
+    """Yield items, such as the shapes of ``"checking people"``, and show how many are left."""
     title = clean(what)
     if sys.stderr.isatty():
         yield from track(items, escape(title), console=Console(file=sys.stderr))

@@ -47,9 +47,6 @@ _RANDOM = "generated humans drawn at random, 15 subjects x 20 poses"
 
 CATALOGUE: dict[str, OfficialSet | GeneratedSet] = {
     **{name: SETS[name] for name in _PAPER},
-    "humans": GeneratedSet(
-        "generated humans, 15 subjects x 20 poses; stand-in for SHREC'14 synthetic", "people", "humans", 300, 15
-    ),
     "humans-scanlike": GeneratedSet(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real",
         *("people", "humans_scanlike", 400, 40),

@@ -1,11 +1,9 @@
-"""Generated people: ``humans``, ``people[draw=0]`` to ``people[draw=2]``, ``people[n=500]``, and ``humans-scanlike``.
+"""Generated people: ``people[draw=0]`` to ``people[draw=2]``, ``people[n=500]``, and ``humans-scanlike``.
 
-The fifteen subjects of ``humans`` were selected by an exchange search over random bodies below two metres for the
-largest smallest difference between two, in geodesic distances of the same 50 points with scale removed, which is what
-the methods measure. Those of ``people`` follow from a rule and a seed that were committed before any run
-(:func:`drawn_subjects`). The bodies of ``people[n=N]`` keep a distance from all tested subjects; a larger set begins
-with the bodies of the smaller one. The adults of ``humans-scanlike`` are evenly distributed in phenotype space by an
-additive recurrence [Roberts 2018]. All sets but the last have the same 20 poses.
+The subjects of ``people`` follow from a rule and a seed that were committed before any run (:func:`drawn_subjects`).
+The bodies of ``people[n=N]`` keep a distance from all tested subjects, those of the earlier set ``humans`` included; a
+larger set begins with the bodies of the smaller one. The adults of ``humans-scanlike`` are evenly distributed in
+phenotype space by an additive recurrence [Roberts 2018]. All sets but the last have the same 20 poses.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from benchmark.files import file_digest
 from benchmark.geometry.mesh import Mesh
 
 TESTED = ("humans", "humans-scanlike", "people")
-"""Generated test sets of people."""
+"""Generated test sets of people; ``humans``, which ``people`` replaced, has subjects alone."""
 
 CLEARANCE = 0.25
 """Minimum Euclidean distance in phenotype space between a training body and any test subject."""
@@ -55,12 +53,6 @@ _CAVITIES = Path(__file__).parent / "cavities.csv"
 
 _POSE_DEVIATION = 3.0
 """Standard deviation of a scanned person's joint angles from the pose, in degrees."""
-
-
-def humans() -> ShapeSet:
-    """Return the stand-in for SHREC'14 synthetic: 15 subjects x 20 poses."""
-    bodies, title = SUBJECTS["humans"], "humans (stand-in for SHREC'14 synthetic)"
-    return _bodies("humans", title, list(bodies), bodies.__getitem__, _HALF_WIDTH, "shrec14-synthetic")
 
 
 def people(draw: int = 0) -> ShapeSet:

@@ -74,8 +74,8 @@ def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place):
 
 
 def test_a_check_that_is_interrupted(place):
-    process = start("data", "check", "humans", cwd=place)
-    assert "checking humans" in process.stderr.readline()
+    process = start("data", "check", "people", cwd=place)
+    assert "checking people" in process.stderr.readline()
     os.kill(process.pid, signal.SIGINT)
     found, _, err = ended(process)
     assert found == 130

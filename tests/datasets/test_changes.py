@@ -61,7 +61,7 @@ def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
 def test_names_are_split_once_and_levels_are_checked(tmp_path, monkeypatch):
     assert split_name("a set[noise=3][jitter=9]") == ("a set", [("noise", 3), ("jitter", 9)])
     assert split_name("people[draw=1][view-angle=2]") == ("people[draw=1]", [("view-angle", 2)])
-    for name in ("humans[noise=6]", "humans[noise=0]", "humans[noise=x]", "humans[jitter=10]"):
+    for name in ("people[noise=6]", "people[noise=0]", "people[noise=x]", "people[jitter=10]"):
         with pytest.raises(ConfigurationError, match="has no level '.*'; choose a whole number from 1 to [59]"):
             split_name(name)
     monkeypatch.chdir(tmp_path)

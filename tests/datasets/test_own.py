@@ -86,7 +86,7 @@ def test_meshes_of_files_need_no_load_and_are_known_by_their_content(plugin, tmp
         ({"shapes": "(Entry('a\\nb', 'b', 'c'),)"}, "identifier .* is not a text of one line"),
         ({"shapes": "1 / 0"}, "rods.py cannot be imported: rods.py:14: ZeroDivisionError"),
         ({"name": "My Rods"}, "name 'My Rods' is not lower-case words"),
-        ({"name": "humans"}, "there is a data set 'humans' already; rename"),
+        ({"name": "people"}, "there is a data set 'people' already; rename"),
     ],
 )
 def test_what_a_data_set_cannot_be_is_named(plugin, changes, message):

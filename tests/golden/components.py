@@ -49,11 +49,10 @@ VIEWS["dog-noisy"] = ("dog", 190.0, DepthSensor(0.002, 0.002, 5))
 FRAMES = {"given": (True, None), "found": (False, None), "no-floor": (True, None, False)}
 FRAMES |= {"sidecar": (True, (0.1, -1.0, 0.2), False), "upside": (True, (0.0, 0.0, 1.0), False)}
 
-#: Indices of the shapes to generate of each set: every subject and pose of the humans, every kind of animal.
+#: Indices of the shapes to generate of each set: every subject and pose of people, every kind of animal.
 GENERATED: Mapping[str, tuple[int, ...]] = {
-    "humans": tuple(n % 15 * 20 + n for n in range(20)),
     "humans-scanlike": (1, 157, 398),
-    "people": (7, 154, 299),
+    "people": tuple(n % 15 * 20 + n for n in range(20)),
     "animals": (1, 12, 18, 26, 34, 38, 50, 70, 79),
     "animals-few": (1, 16),
 }
