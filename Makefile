@@ -16,10 +16,11 @@ KERNELS := $(shell grep -rl njit --include='*.py' baselines benchmark learned re
 unexport PYTHONDONTWRITEBYTECODE
 
 # What the figures show: shapes of quick runs, which make the forms.
-POSES := $(addprefix --shape woman-3_,standing running squatting)
+POSES := $(addprefix --shape woman-a3_,standing running squatting)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
-OF_HUMANS := -d humans --input mesh
-OF_VIEWS := -t I-view -d humans --quick
+OF_PEOPLE := -d people[draw=0] --input mesh
+OF_SCANS := -d humans-scanlike --input mesh --quick
+OF_VIEWS := -t I-view -d people[draw=0] --quick
 NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
 DRAW := $(BIN)/python -m benchmark report --force --figure effect -o results/figures
 methods = $(addprefix -m ,$(1))
@@ -107,23 +108,25 @@ publish: setup
 
 # The report, and the figures of README and docs, from forms that runs keep; those of TOSCA need CANONICAL_FORMS_DATA.
 CLASSICAL := classic-mds fast-mds non-metric-mds least-squares-mds constrained-mds gps mesh-unfolding skeleton
-FURTHER := accelerated-mds fast-classical-scaling feature-preserved deformation-field
+FURTHER := accelerated-mds fast-classical-scaling feature-preserved
+FIELD := constrained-mds gps deformation-field
 figures: setup
-	$(BIN)/python -m benchmark run $(OF_HUMANS) $(call methods,$(CLASSICAL) $(FURTHER))
+	$(BIN)/python -m benchmark run $(OF_PEOPLE) $(call methods,$(CLASSICAL) $(FURTHER))
 	$(BIN)/python -m benchmark run -t III --input mesh -m least-squares-mds
 	$(BIN)/python -m benchmark report -o results/report
-	$(DRAW)/forms-humans.pdf $(OF_HUMANS) $(POSES) $(call methods,$(CLASSICAL))
-	$(DRAW)/forms-humans.png $(OF_HUMANS) $(POSES) $(call methods,$(CLASSICAL))
-	$(DRAW)/field-humans.png $(OF_HUMANS) $(POSES) -m constrained-mds -m gps -m deformation-field
-	$(DRAW)/family-scaling.png $(OF_HUMANS) $(POSES) -m classic-mds -m least-squares-mds -m non-metric-mds
-	$(DRAW)/family-few-rows.png $(OF_HUMANS) $(POSES) -m fast-mds -m accelerated-mds -m fast-classical-scaling
-	$(DRAW)/family-details.png $(OF_HUMANS) $(POSES) \
+	$(DRAW)/forms-humans.pdf $(OF_PEOPLE) $(POSES) $(call methods,$(CLASSICAL))
+	$(DRAW)/forms-humans.png $(OF_PEOPLE) $(POSES) $(call methods,$(CLASSICAL))
+	$(BIN)/python -m benchmark run $(OF_SCANS) $(call methods,$(FIELD))
+	$(DRAW)/field-humans.png $(OF_SCANS) $(call methods,$(FIELD))
+	$(DRAW)/family-scaling.png $(OF_PEOPLE) $(POSES) -m classic-mds -m least-squares-mds -m non-metric-mds
+	$(DRAW)/family-few-rows.png $(OF_PEOPLE) $(POSES) -m fast-mds -m accelerated-mds -m fast-classical-scaling
+	$(DRAW)/family-details.png $(OF_PEOPLE) $(POSES) \
 	    $(call methods,constrained-mds feature-preserved skeleton mesh-unfolding)
 	$(BIN)/python -m benchmark run $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/learned-forms.png $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/effect.png -t III -d tosca -m least-squares-mds $(BODIES)
 	$(BIN)/python -m benchmark report --force --figure scorers -o results/figures/two-scorers.png
-	for name in animals humans humans-scanlike tosca; do \
+	for name in animals people humans-scanlike tosca; do \
 	    $(BIN)/python -m benchmark data sheet $$name -o results/figures/sheet-$$name.png || exit 1; done
 	mkdir -p build
 	$(BIN)/python -m benchmark canonicalise examples/depth/man-1/kneeling.png -m learned-streamed \

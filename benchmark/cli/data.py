@@ -14,9 +14,6 @@ from benchmark.report.drawing import save_png
 from benchmark.report.sheets import contact_sheet
 from benchmark.text import say
 
-#: Most subjects on a sheet.
-_SUBJECTS = 40
-
 
 def check(name: str, options: Selection) -> bool:
     """Print the content of a data set and its problems; return whether it can be used."""
@@ -39,7 +36,7 @@ def export(name: str, options: Selection, output: Path, *, force: bool) -> bool:
 def sheet(name: str, options: Selection, output: Path | None) -> None:
     """Draw a contact sheet."""
     dataset = open_dataset(_source(name, options), options.data_root)
-    drawing = contact_sheet(dataset, _SUBJECTS)
+    drawing = contact_sheet(dataset)
     for problem in drawing.problems:
         say(f"not drawn: {problem}", err=True)
     target = output or Path(f"sheet-{dataset.name}.png")

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.depth.frame import UPRIGHT
 from benchmark.depth.reading import Depths, Mask
-from benchmark.errors import ConfigurationError, DatasetError, ShapeError
+from benchmark.errors import DatasetError, ShapeError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import common_half_width, fit_half_width, render_depth
@@ -21,10 +21,9 @@ from benchmark.report.drawing import depth_picture, shaded
 
 T = TypeVar("T")
 
-#: Default number of poses of each subject, and width of a sheet in pixels.
-POSES, WIDTH = 8, 1600
+#: Most subjects, and poses of each, on a sheet, and pixels of a picture.
+SUBJECTS, POSES, _PIXELS = 40, 6, 96
 
-_SMALLEST, _LARGEST = 40, 160
 _GAP, _LINE = 10, 18
 
 #: Height of the picture of a depth image, and side of that of a retrieved form, in pixels.
@@ -41,55 +40,39 @@ class ContactSheet:
     problems: tuple[str, ...]
 
 
-def contact_sheet(shapes: ShapeSet, n_subjects: int | None = None, n_poses: int = POSES) -> ContactSheet:
-    """Draw some poses of some subjects, each as a shaded surface and as a depth image at the scale of the data set.
-
-    Parameters
-    ----------
-    shapes
-        The data set.
-    n_subjects
-        Number of rows; None shows all subjects.
-    n_poses
-        Number of columns.
+def contact_sheet(shapes: ShapeSet) -> ContactSheet:
+    """Draw some poses of each subject, as a shaded surface and as a depth image at the scale of the data set.
 
     Raises
     ------
-    ConfigurationError
-        If a number is not positive, or the poses do not fit the width.
     DatasetError
         If the data set is empty.
     """
-    if n_poses < 1 or (n_subjects is not None and n_subjects < 1):
-        raise ConfigurationError("a sheet shows at least one subject in one pose", "pass positive numbers")
     if not shapes.shapes:
         raise DatasetError(f"data set '{shapes.name}' has no meshes", "check its folder")
     by_subject: dict[str, list[Entry]] = {}
     for entry in shapes.shapes:
         by_subject.setdefault(entry.subject, []).append(entry)
-    rows = [spread(of, n_poses) for of in spread([*by_subject.values()], n_subjects or len(by_subject))]
+    rows = [spread(of, POSES) for of in spread([*by_subject.values()], SUBJECTS)]
     n_columns = max(map(len, rows))
     indent = _GAP + int(max(_FONT.getlength(row[0].subject) for row in rows)) + _GAP
-    side = min((WIDTH - indent) // n_columns // 2 - _GAP // 2, _LARGEST)
-    if side < _SMALLEST:
-        raise ConfigurationError(f"{n_columns} poses do not fit a width of {WIDTH} pixels", "show fewer poses")
-    height = side + _LINE + _GAP
-    sheet = Image.new("RGB", (indent + n_columns * (2 * side + _GAP), 2 * _LINE + len(rows) * height), "white")
+    height = _PIXELS + _LINE + _GAP
+    sheet = Image.new("RGB", (indent + n_columns * (2 * _PIXELS + _GAP), 2 * _LINE + len(rows) * height), "white")
     pen = ImageDraw.Draw(sheet)
     shown = f"{len(rows)} of {len(by_subject)} subjects, {sum(map(len, rows))} of {len(shapes.shapes)} shapes"
     pen.text((_GAP, 4), f"{shapes.title}: {shown}", fill="black", font=_FONT)
-    pictures, problems = _pictures(shapes, [entry for row in rows for entry in row], side)
+    pictures, problems = _pictures(shapes, [entry for row in rows for entry in row])
     for i, row in enumerate(rows):
         top = 2 * _LINE + i * height
-        pen.text((_GAP, top + side // 2), row[0].subject, fill="black", font=_FONT)
+        pen.text((_GAP, top + _PIXELS // 2), row[0].subject, fill="black", font=_FONT)
         for j, entry in enumerate(row):
-            left = indent + j * (2 * side + _GAP)
+            left = indent + j * (2 * _PIXELS + _GAP)
             for k, picture in enumerate(pictures.get(entry.identifier, ())):
-                sheet.paste(picture, (left + k * side, top))
+                sheet.paste(picture, (left + k * _PIXELS, top))
             if entry.identifier not in pictures:
-                pen.line((left, top, left + side, top + side), fill="grey")
-                pen.line((left, top + side, left + side, top), fill="grey")
-            pen.text((left, top + side), entry.pose[: side // 4], fill="grey", font=_FONT)
+                pen.line((left, top, left + _PIXELS, top + _PIXELS), fill="grey")
+                pen.line((left, top + _PIXELS, left + _PIXELS, top), fill="grey")
+            pen.text((left, top + _PIXELS), entry.pose[: _PIXELS // 4], fill="grey", font=_FONT)
     # A palette of two ramps reduces files to a third.
     few = sheet.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     return ContactSheet(few, tuple(problems))
@@ -101,7 +84,7 @@ def spread(values: Sequence[T], most: int) -> list[T]:
     return [values[place] for place in places.tolist()]
 
 
-def _pictures(shapes: ShapeSet, entries: Sequence[Entry], side: int) -> tuple[dict[str, list[Image.Image]], list[str]]:
+def _pictures(shapes: ShapeSet, entries: Sequence[Entry]) -> tuple[dict[str, list[Image.Image]], list[str]]:
     """Return surface and depth image of each shape, and what is wrong with the others."""
     meshes, problems = {}, []
     for entry in entries:
@@ -115,9 +98,9 @@ def _pictures(shapes: ShapeSet, entries: Sequence[Entry], side: int) -> tuple[di
     pictures = {}
     for entry in drawn:
         mesh, camera, sensor = meshes[entry.identifier], shapes.camera(entry), shapes.sensor(entry)
-        depth = render_depth(mesh, camera, half_width, 3 * side)
+        depth = render_depth(mesh, camera, half_width, 3 * _PIXELS)
         depth = depth if sensor is None else sensor.perturbed(depth)
-        pictures[entry.identifier] = [shaded(mesh, camera, side), depth_picture(depth, side)]
+        pictures[entry.identifier] = [shaded(mesh, camera, _PIXELS), depth_picture(depth, _PIXELS)]
     return pictures, problems
 
 
