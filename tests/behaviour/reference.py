@@ -27,7 +27,7 @@ from tests.behaviour.suite import HERE, MEASURES, call
 REFERENCE = HERE / "reference.json"
 
 SETS = (
-    "humans", "people[draw=0]", "humans-scanlike", "animals", "tosca", "animals-few[holes=3]",
+    "people[draw=0]", "humans-scanlike", "animals", "tosca", "animals-few[holes=3]",
     "animals-few[depth-noise=3]",
 )  # fmt: skip
 
