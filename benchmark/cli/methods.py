@@ -131,7 +131,7 @@ def trained_on_people(component: Component) -> str:
         return ""
     folder = getattr(component.create(), "model_folder", None)
     training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
-    if training is None or training.dataset not in _PEOPLE:
+    if training is None or training.dataset.partition("[")[0] not in _PEOPLE:
         return ""
     return f"its model of training '{training.name}' was shown people alone: it turns any other shape into a person"
 
