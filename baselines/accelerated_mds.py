@@ -28,7 +28,7 @@ class AcceleratedMDS(CheckedParameters):
         cite="shamai2015accelerated",
         family="extended",
         summary="classic scaling from interpolated geodesic distances of a few samples",
-        departs="Signs of axes and the side of the mirror follow a rule of ours.",
+        departs="Signs of the axes, and with them the mirror image, follow our rule.",
         needs=("connected",),
     )
 

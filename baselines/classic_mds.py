@@ -31,8 +31,8 @@ class ClassicMDS(CheckedParameters):
         family="paper",
         summary="top three eigenvectors of the doubly centred squared geodesic distances",
         departs=(
-            "Geodesic distances are shortest paths in a graph of edges and unfolded triangles, where the source "
-            "marches over the surface. Signs of axes and the side of the mirror follow a rule of ours."
+            "Geodesic distances are shortest paths in a graph of edges and unfolded triangles; the source uses fast "
+            "marching. Signs of the axes, and with them the mirror image, follow our rule."
         ),
         needs=("pairs",),
     )

@@ -49,9 +49,9 @@ class ConstrainedMDS(CheckedParameters):
         family="paper",
         summary="the surface deformed towards its least-squares MDS pose, details kept",
         departs=(
-            "A surface energy, as rigid as possible, takes the place of the solid that the source deforms, and no step "
-            "registers the two; of both mirror images, that of lower energy is kept. The MDS pose is the form of Least "
-            "Square MDS, which stops before a minimum; when that of the source stops is not known here."
+            "An as-rigid-as-possible energy of the surface replaces the source's deformation of a solid, and nothing "
+            "is registered. Of the two mirror images, the one with lower energy is kept. The MDS pose is the form of "
+            "Least Square MDS, which stops before a minimum; when that of the source stops is not known."
         ),
         needs=("pairs",),
     )

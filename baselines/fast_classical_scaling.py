@@ -43,8 +43,8 @@ class FastClassicalScaling(CheckedParameters):
         family="extended",
         summary="classic scaling from few rows of geodesic distances, continued smoothly both ways (FMDS)",
         departs=(
-            "The weight of the fit holds for a mean vertex area of 1, in the released code for the units of the file. "
-            "Signs of axes and the side of the mirror follow a rule of ours."
+            "The weight of smoothness assumes a mean vertex area of 1; in the released code it depends on the unit of "
+            "the file. Signs of the axes, and with them the mirror image, follow our rule."
         ),
         needs=("connected",),
     )

@@ -39,8 +39,9 @@ class FastMDS(CheckedParameters):
         family="paper",
         summary="FastMap: three axes through pairs of far vertices, from a few rows of geodesic distances",
         departs=(
-            "The walk to the pivots starts at the vertex farthest from the geodesic centre, not at an arbitrary "
-            "object; negative squares count as zero; signs of axes and the side of the mirror follow a rule of ours."
+            "The search for pivots starts at the vertex farthest from the geodesic centre, not at an arbitrary one. "
+            "Negative squared distances count as zero. Signs of the axes, and with them the mirror image, follow our "
+            "rule."
         ),
         needs=("connected",),
     )

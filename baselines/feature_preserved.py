@@ -56,8 +56,8 @@ class FeaturePreserved(CheckedParameters):
         family="extended",
         summary="near-rigid parts moved rigidly onto the least-squares form, seams smoothed",
         departs=(
-            "Parts grow around spread seeds, where the source divides a closed surface by its protrusions; of both "
-            "mirror images, that which the parts fit better is kept."
+            "Parts grow around evenly spread seeds; the source cuts a closed surface at its protrusions. Of the two "
+            "mirror images, the one that the parts fit better is kept."
         ),
         needs=("pairs",),
     )

@@ -34,9 +34,8 @@ class GPS(CheckedParameters):
         family="paper",
         summary="first three Laplacian eigenfunctions over the square roots of their eigenvalues",
         departs=(
-            "The first three of Rustamov's infinitely many coordinates, drawn as a surface; his descriptor is "
-            "histograms of distances in the whole embedding. Signs of axes and the side of the mirror follow a rule of "
-            "ours."
+            "Uses the first three of Rustamov's infinitely many coordinates as a surface; his descriptor is histograms "
+            "of distances in the whole embedding. Signs of the axes, and with them the mirror image, follow our rule."
         ),
         scale="invariant",
         needs=("connected",),

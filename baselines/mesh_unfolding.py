@@ -50,8 +50,8 @@ class MeshUnfolding(CheckedParameters):
         family="paper",
         summary="vertices pushed apart under elastic regularisation, no geodesics",
         departs=(
-            "Vertices repel by distances instead of squared ones, and an energy that is as rigid as possible takes the "
-            "place of finite elements; stiffness and steps are ours."
+            "Vertices repel each other by distance, not by squared distance. An as-rigid-as-possible energy replaces "
+            "finite elements. Stiffness and step sizes are ours."
         ),
         needs=("connected",),
     )

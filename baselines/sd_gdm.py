@@ -33,7 +33,7 @@ class SDGDM(CheckedParameters):
         cite="smeets2012sdgdm",
         family="control",
         summary="largest singular values of the geodesic distance matrix",
-        departs="Geodesic distances are those of Classic MDS here.",
+        departs="Uses the geodesic distances of Classic MDS.",
         scale="invariant",
         needs=("pairs",),
     )

@@ -34,7 +34,7 @@ class ShapeDNA(CheckedParameters):
         cite="reuter2006shapedna",
         family="control",
         summary="lowest Laplacian eigenvalues times the area",
-        departs="Linear elements with lumped masses, where the source takes cubic ones.",
+        departs="Linear elements with lumped masses; the source uses cubic elements.",
         scale="invariant",
         needs=("connected",),
     )

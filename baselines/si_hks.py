@@ -47,8 +47,10 @@ class ScaleInvariantHKS(CheckedParameters):
         cite="bronstein2010sihks",
         family="control",
         summary="bag of features of the scale-invariant heat kernel signature",
-        departs="The words come from the gallery itself, and the times cover the spectrum of a surface of area 1, "
-        "where the source has the unit of the file.",
+        departs=(
+            "The words come from the gallery itself. Diffusion times cover the spectrum of a surface of unit area; in "
+            "the source they depend on the unit of the file."
+        ),
         scale="invariant",
         needs=("connected",),
     )

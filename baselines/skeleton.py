@@ -62,10 +62,10 @@ class Skeleton(CheckedParameters):
         family="paper",
         summary="curve skeleton scaled by its path lengths, surface transferred",
         departs=(
-            "Against the released code: summed quadrics, joints centred by displacement instead of loop centroids and "
-            "merged after centring, pockets absorbed, triangles across a border assigned to the bone between; "
-            "contraction goes on where that code stops. On open views joints are level sets of the geodesic distance, "
-            "which is another method."
+            "Differs from the released code: quadrics are summed, joints are centred by displacement and merged "
+            "afterwards, pockets are absorbed, a triangle across a border belongs to the bone between, and contraction "
+            "does not stop early. On open views, joints are level sets of the geodesic distance, which is another "
+            "method."
         ),
         needs=("pairs",),
     )

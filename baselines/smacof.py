@@ -43,7 +43,7 @@ class LeastSquaresMDS(CheckedParameters):
         cite="elad2003bending",
         family="paper",
         summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
-        departs="Distances are those of Classic MDS here; the stopping rule is that of Pickup et al. (2016).",
+        departs="Uses the geodesic distances of Classic MDS and the stopping rule of Pickup et al. (2016).",
         needs=("pairs",),
     )
 
@@ -88,9 +88,8 @@ class NonMetricMDS(CheckedParameters):
         family="paper",
         summary="scaling of the rank order of the geodesic distances",
         departs=(
-            "Guttman transforms towards rescaled disparities, from classic MDS, where the source descends along the "
-            "gradient of its stress-1. Pairs at equal distance are ordered by the numbers of their vertices, instead "
-            "of Kruskal's primary or secondary approach to ties."
+            "Majorises the stress from Classic MDS; the source descends along the gradient of stress-1. Pairs at equal "
+            "distance are ordered by vertex number, by neither of Kruskal's approaches to ties."
         ),
         needs=("pairs",),
     )
