@@ -3,10 +3,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import canonical_shapes
@@ -16,7 +13,6 @@ from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.depth import render_depth
-from benchmark.geometry.mesh import Mesh
 from tests.toy import rod, write_rods
 
 SUBJECTS = ("man-2", "cat", "man-1")
@@ -58,20 +54,6 @@ def test_the_same_shapes_come_back(tmp_path):
             render_depth(m, d.camera(e), d.half_width) for m, d, e in ((first, source, before), (second, back, after))
         ]
         assert views[0].tobytes() == views[1].tobytes()
-
-
-@settings(max_examples=30)
-@given(
-    st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9),
-    st.sampled_from([".obj", ".off"]),
-)
-def test_every_finite_coordinate_survives(tmp_path_factory, numbers, suffix):
-    from benchmark.geometry.io import read_mesh, write_mesh
-
-    path = tmp_path_factory.mktemp("bits") / f"x{suffix}"
-    mesh = Mesh(np.array(numbers).reshape(3, 3), [[0, 1, 2]])
-    write_mesh(path, mesh)
-    assert read_mesh(path).vertices.tobytes() == mesh.vertices.tobytes()
 
 
 def test_the_canonical_pose_and_a_camera_of_its_own_are_kept(tmp_path):

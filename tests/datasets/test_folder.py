@@ -4,9 +4,8 @@ import re
 import pytest
 
 from benchmark.datasets.base import canonical_shapes, check_retrievable
-from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.folder import folder_set
-from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError
+from benchmark.errors import BenchmarkError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from tests.toy import rod, write_off, write_rods
 
@@ -30,12 +29,6 @@ def test_classes_come_from_the_file_names(tmp_path):
     ]
     assert dataset.name == "rods"
     assert dataset.load(dataset.shapes[0]).n_faces == rod(0.1, 0).n_faces
-
-
-def test_classes_come_from_sub_folders(tmp_path):
-    for name in ("cat/10", "cat/9", "dog/10", "dog/9"):
-        write_off(tmp_path / f"{name}.off", rod(0.1, 1.0))
-    assert listed(tmp_path) == [("cat/9", "cat"), ("cat/10", "cat"), ("dog/9", "dog"), ("dog/10", "dog")]
 
 
 @pytest.mark.parametrize(("order", "men"), [("0123", "01"), ("3021", "03")])
@@ -72,12 +65,6 @@ def test_one_class_or_classes_of_one_shape_cannot_be_ranked(tmp_path):
         write_off(tmp_path / "single" / f"{name}.off", rod(0.1, 1))
     with pytest.raises(DatasetError, match="each class of data set 'single' has one shape"):
         check_retrievable(folder_set(tmp_path / "single"))
-
-
-def test_one_shape_in_several_formats_counts_once(tmp_path):
-    numbered(tmp_path, 2)
-    (tmp_path / "0.obj").write_text("v 0 0 0\n")
-    assert [e.path.name for e in folder_set(tmp_path).shapes] == ["0.off", "1.off"]
 
 
 def test_the_recipe_follows_the_bytes_not_the_place(tmp_path):
@@ -131,19 +118,6 @@ def settled(tmp_path, text):
 
 def cameras(dataset):
     return {e.subject: dataset.camera(e) for e in dataset.shapes}
-
-
-def test_without_settings_the_first_pose_is_canonical_and_the_camera_looks_at_the_front(tmp_path):
-    dataset = settled(tmp_path, "")
-    assert canonical_shapes(dataset)["thick"].identifier == "thick0"
-    assert cameras(dataset) == {"thick": FRONT, "thin": FRONT}
-    assert (dataset.half_width, dataset.stand_in_for) == (None, "")
-
-
-def test_a_tilde_that_no_shell_has_expanded_is_no_path():
-    for name in ("~", "~meshes"):
-        with pytest.raises(ConfigurationError, match=f"unknown data set '{name}'"):
-            open_dataset(name, None)
 
 
 @pytest.mark.parametrize(

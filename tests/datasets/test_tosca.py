@@ -1,35 +1,10 @@
-import numpy as np
 import pytest
-from scipy.io import savemat
 
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE
 from tests.toy import rod, write_off
-
-
-def test_tosca_reads_its_three_layouts(tmp_path):
-    mesh = rod(0.1, 1.0)
-    for name in ("cat0", "david12"):
-        write_off(tmp_path / "tosca" / f"{name}.off", mesh)
-    columns = {axis: mesh.vertices[:, [k]] for k, axis in enumerate("XYZ")}
-    savemat(tmp_path / "tosca" / "cat1.mat", {"surface": columns | {"TRIV": mesh.faces + 1.0}})
-    np.savetxt(tmp_path / "tosca" / "dog0.vert", mesh.vertices)
-    np.savetxt(tmp_path / "tosca" / "dog0.tri", mesh.faces + 1, fmt="%d")
-    (tmp_path / "tosca" / "readme.txt").write_text("")
-    dataset = open_dataset("tosca", tmp_path)
-    assert [(e.identifier, e.subject) for e in dataset.shapes] == [
-        ("cat0", "cat"),
-        ("cat1", "cat"),
-        ("david12", "david"),
-        ("dog0", "dog"),
-    ]
-    for entry in dataset.shapes:
-        read = dataset.load(entry)
-        np.testing.assert_allclose(read.vertices, mesh.vertices, rtol=1e-12)
-        np.testing.assert_array_equal(read.faces, mesh.faces)
-    assert [dataset.camera(e) for e in dataset.shapes] == [SIDE, SIDE, FRONT, SIDE]
 
 
 def test_tosca_may_stay_as_its_archive_unpacks(tmp_path):

@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.io import savemat
 
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.geometry.io import read_mesh, write_mesh
+from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from tests.geometry.surfaces import sphere
 
@@ -301,17 +303,16 @@ def test_what_is_larger_than_the_limit_is_refused(tmp_path: Path, name: str, mon
         read(tmp_path, name, ODD[name])
 
 
-@pytest.mark.parametrize("suffix", ["off", "obj", "ply"])
-def test_written_meshes_are_read_as_they_were(tmp_path: Path, suffix: str) -> None:
-    ball = sphere(1)
-    write_mesh(tmp_path / f"ball.{suffix}", ball)
-    mesh = read_mesh(tmp_path / f"ball.{suffix}")
-    assert mesh.vertices.tobytes() == ball.vertices.tobytes()
-    assert mesh.faces.tobytes() == ball.faces.tobytes()
-    with pytest.raises(ConfigurationError, match=r"\.stl"):
-        write_mesh(tmp_path / "ball.stl", ball)
-    with pytest.raises(ConfigurationError, match="No such file"):
-        write_mesh(tmp_path / "nowhere" / f"ball.{suffix}", ball)
+@settings(max_examples=30)
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9), st.sampled_from(WRITABLE))
+def test_every_finite_coordinate_survives_writing(tmp_path_factory, numbers: list[float], suffix: str) -> None:
+    path = tmp_path_factory.mktemp("bits") / f"x{suffix}"
+    mesh = Mesh(np.array(numbers).reshape(3, 3), [[0, 1, 2]])
+    write_mesh(path, mesh)
+    assert read_mesh(path).vertices.tobytes() == mesh.vertices.tobytes()
+    for name, reason in (("a.stl", r"\.stl"), (f"nowhere/a{suffix}", "No such file")):
+        with pytest.raises(ConfigurationError, match=reason):
+            write_mesh(path.parent / name, mesh)
 
 
 def test_paths_that_cannot_be_read(tmp_path: Path) -> None:
