@@ -18,7 +18,6 @@ from benchmark.report.figures import (
     effect_figure,
     effect_records,
     pareto_front,
-    precision_recall,
     scores_figure,
 )
 from benchmark.report.forms import StoredForms
@@ -96,11 +95,6 @@ def test_figures_have_fonts_that_publishers_take(results, tmp_path):
         save(figures[0], tmp_path / "figure.gif")
 
 
-def test_a_figure_of_forms_says_that_none_are_stored(tmp_path):
-    with pytest.raises(ConfigurationError, match="no forms of these shapes are stored"):
-        effect_figure([record()], StoredForms(tmp_path))
-
-
 def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
     matrix = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], dtype=float)
     whole = _precision(record(labels=["a", "a", "b", "b"]), matrix)
@@ -109,12 +103,6 @@ def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
     # Queries a0 and a1 find one of two; a2 finds nothing: at recall .5 and below 4 of 5 queries have precision 1.
     assert _precision(refused, matrix)[RECALLS <= 0.5] == pytest.approx(0.8)
     assert _precision(refused, matrix)[RECALLS > 0.5] == pytest.approx(0.4)
-
-
-def test_precision_is_that_of_the_stored_distances(results):
-    curves = precision_recall(table_views(results.records)[0], StoredForms(results.folder))
-    assert curves.keys() == {"gps", "identity", "surface-area"}
-    assert all((np.diff(curve) <= 1e-12).all() for curve in curves.values())
 
 
 def test_no_point_of_the_front_is_dominated():

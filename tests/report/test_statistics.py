@@ -13,10 +13,6 @@ from benchmark.report.statistics import bootstrap_intervals, class_test, exchang
 LABELS = ["a"] * 3 + ["b"] * 2 + ["c"] * 4
 
 
-def test_equal_classes_have_no_interval():
-    assert bootstrap_intervals(np.full((9, 2), 0.5), LABELS, 0.95) == pytest.approx(np.full((2, 2), 0.5))
-
-
 def test_intervals_are_those_of_scipy_for_classes_of_one_query():
     values = np.random.default_rng(1).random((40, 1))
     ours = bootstrap_intervals(values, range(40), 0.9)[0]

@@ -94,13 +94,6 @@ def test_marks_do_not_change_with_the_methods_that_are_shown():
     assert few.marks.loc["far"].tolist() == view(*rows).marks.loc["far"].tolist()
 
 
-def test_chance_is_the_expectation_of_a_random_order():
-    chance = view(record()).chance["mesh"]
-    assert chance["NN"] == pytest.approx(3 / 11)
-    assert chance["FT"] == pytest.approx(3 / 11)
-    assert chance["ST"] == pytest.approx(6 / 11)
-
-
 def test_rows_on_another_version_of_the_data_are_left_out_and_named():
     old = record("gps", 0.9, labels=LABELS[:8], gallery_digest="0", finished="2025-01-01T00:00:00+00:00")
     table = view(old, record("skeleton", 0.5))
