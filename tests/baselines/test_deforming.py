@@ -46,7 +46,8 @@ def test_rotations_are_proper_and_the_best():
     covariances = np.random.default_rng(0).standard_normal((50, 3, 3))
     covariances[1, 2], covariances[2, 1:], covariances[3], covariances[4] = 0.0, 0.0, -np.eye(3), 0.0
     rotations = nearest_rotations(covariances)
-    np.testing.assert_array_equal(np.flatnonzero(_closed_form(covariances)[1]), [2, 3, 4])  # left to libigl
+    for unit in (1.0, 1e-3):
+        np.testing.assert_array_equal(np.flatnonzero(_closed_form(unit * covariances)[1]), [2, 3, 4])  # left to libigl
     np.testing.assert_allclose(rotations @ rotations.transpose(0, 2, 1), np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
     left, sizes, right = np.linalg.svd(covariances)
     sizes[:, 2] *= np.linalg.det(left @ right)
