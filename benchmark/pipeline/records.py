@@ -433,6 +433,7 @@ def publish(results: Path, is_public: Callable[[Record], bool]) -> Merged:
     if has_edits():
         raise ConfigurationError("the working tree has changes", "commit them, and run again")
     here = [r for r in read_records(results, published=False) if is_public(r) and not r.data.quick]
+    here = [r for r in here if r.status != "unavailable"]  # which no run made
     commits: dict[str, set[str]] = {}
     for record in here:
         commits.setdefault(f"{record.gallery} {record.input}", set()).add(record.commit)
@@ -441,7 +442,7 @@ def publish(results: Path, is_public: Callable[[Record], bool]) -> Merged:
             problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
             raise ConfigurationError(problem, "run them again at one commit")
     before = _newest(_read((results / "records").glob("*.jsonl")))
-    now = before | {record.row: portable(record) for record in here if record.status != "unavailable"}
+    now = before | {record.row: portable(record) for record in here}
     write_published(results, now.values())
     added = [record for key, record in now.items() if record != before.get(key)]
     return Merged(added, len(now) - len(added))
