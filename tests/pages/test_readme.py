@@ -59,11 +59,11 @@ def test_the_rows_of_the_readme_are_those_of_the_tables(views):
             assert paper == f"{hundredths(figures['NN'])} {hundredths(figures['DCG'])}"
 
 
-def test_23_of_32_classical_figures_of_tosca_come_out_again(records):
+def test_21_of_32_classical_figures_of_tosca_come_out_again(records):
     counts = verdicts(records)["verdict"].value_counts()
-    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (23, 3, 6)
-    assert "23 of the paper's 32 classical figures come out within .05" in README
-    assert "23 of 32 classical figures are at most .05 apart, three more" in REPRODUCTION
+    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (21, 4, 7)
+    assert "21 of the paper's 32 classical figures come out within .05" in README
+    assert "21 of 32 classical figures are at most .05 apart, four" in REPRODUCTION
 
 
 def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views):
@@ -78,7 +78,7 @@ def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views)
 def test_the_surface_area_beats_every_canonical_form_of_complete_surfaces(views, table, column):
     scores = {row.method: row.scored[column].means for row in views[table].rows if column in row.scored}
     forms = [row.method for row in views[table].rows if row.kind == "form" and row.method in scores]
-    assert len(forms) >= 10
+    assert len(forms) >= 9
     assert all(scores["surface-area"][m] > scores[name][m] for name in forms for m in MEASURES)
     assert scores["si-hks"]["NN"] >= 0.975 - 5e-7
 
