@@ -142,6 +142,8 @@ def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(
     write_record(tmp_path, made("own", key="d"))
     quick = {"name": "pets", "title": "Pets", "source": "pets", "quick": True}
     write_record(tmp_path, made("identity", key="e", gallery="pets (quick)", data=quick))
+    absent = {"status": "unavailable", "reason": "no model", "scores": {}, "per_query": {}, "commit": ""}
+    write_record(tmp_path, made("learned", key="f", **absent))
     merged = publish(tmp_path, lambda record: record.method != "own")
     published = {record.method: record for record in read_records(tmp_path, local=False)}
     assert [record.method for record in merged.added] == ["gps"]
