@@ -136,3 +136,12 @@ def test_only_a_terminal_gets_the_note_on_bold(finished):
     shown = call("run", *finished[0], "--results", finished[1])
     assert "Table rods. Retrieval on rods (" in shown
     assert "Bold" not in shown
+
+
+def test_a_run_of_some_subjects_prints_scores_without_a_table(tmp_path):
+    folder = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    words = ["run", "-d", folder, "-m", "surface-area", "--input", "mesh", "--results", tmp_path / "r", "-j", "0"]
+    printed = CliRunner().invoke(cli, [*map(str, words), "--subjects", "thin,thick"]).output
+    assert "rods thin, thick mesh surface-area  NN 1.00" in printed
+    assert "Table" not in printed
+    assert refusal(*words, "--subjects", "thin,thik").startswith("unknown subject 'thik'")
