@@ -22,7 +22,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.reference.paper import MEASURES
 from benchmark.registry import data_sets, select, select_one
 from benchmark.report.formats import duration, hundredths
-from benchmark.report.frames import changed, seconds_of
+from benchmark.report.frames import changed, chosen_records, seconds_of
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from benchmark.runs.estimates import estimate
@@ -152,12 +152,11 @@ def print_tables(selection: Selection, shown: Sequence[Gallery], methods: Sequen
     for line in every.skipped:
         say(line, err=True)
     pairs = {(gallery.name, input_) for gallery in shown for input_ in gallery.inputs}
-    records = [record for record in every if (record.gallery, record.input) in pairs]
+    chosen = chosen_records(every, quick=selection.quick, scorer=selection.scorer, seed=selection.seed)
+    records = [record for record in chosen if (record.gallery, record.input) in pairs]
     tables = {gallery.table.identifier for gallery in shown}
-    views = table_views(
-        records, tables, methods, {gallery.dataset.name for gallery in shown if not gallery.table.is_robustness},
-        quick=selection.quick, scorer=selection.scorer, seed=selection.seed,
-    )  # fmt: skip
+    sets = {gallery.dataset.name for gallery in shown if not gallery.table.is_robustness}
+    views = table_views(records, tables, methods, sets)
     print_views(view for view in views if view.table.identifier in tables)
     if any(changed(gallery.dataset.name) for gallery in shown):
         say_lines("\n" + robustness_markdown(records))

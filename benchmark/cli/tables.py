@@ -14,15 +14,16 @@ from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES
 from benchmark.report.comparison import compare as compare_records
-from benchmark.report.formats import as_json, latex, markdown, scores_csv, table_files, text
-from benchmark.report.output import write_files
+from benchmark.report.formats import as_json, latex, markdown, text
+from benchmark.report.frames import chosen_records
+from benchmark.report.output import FORMATS, scores_csv, table_files, write_files
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import say, say_lines
 
 
 def recorded(options: Selection) -> list[Record]:
-    """Return the records of a selection of data and input.
+    """Return the records of a selection of data, input, scorer and seed.
 
     Raises
     ------
@@ -39,7 +40,7 @@ def recorded(options: Selection) -> list[Record]:
     names = {*options.datasets, *map(os.path.realpath, options.datasets)}
     records = [
         record
-        for record in every
+        for record in chosen_records(every, quick=options.quick, scorer=options.scorer, seed=options.seed)
         if (not names or {record.data.name, record.data.source, os.path.realpath(record.data.source)} & names)
         and options.input in (None, record.input)
     ]
@@ -53,9 +54,7 @@ def selected_tables(options: Selection, records: Iterable[Record]) -> list[Table
     """Return the tables of a selection; raise ``ConfigurationError`` if there is none."""
     rows = options.methods if options.is_narrow else ()
     sets = {record.data.name for record in records} if options.datasets else ()
-    views = table_views(
-        records, options.tables, rows, sets, quick=options.quick, scorer=options.scorer, seed=options.seed
-    )
+    views = table_views(records, options.tables, rows, sets)
     if not views and "robustness" not in options.tables:
         what = f"table {', '.join(options.tables)}" if options.tables else "any table"
         problem = f"no finished job under {options.results} belongs to {what}"
@@ -69,7 +68,7 @@ def tables(options: Selection, format: str | None, output: Path | None, *, force
     views = selected_tables(options, records)
     is_whole = not (options.tables or options.methods or options.datasets or options.input or options.quick)
     if output is not None:
-        files = table_files(views, records, [format] if format else (), is_whole=is_whole)
+        files = table_files(views, records, [format] if format else FORMATS, is_whole=is_whole)
         write_files(output, files, force=force)
         say(f"wrote {len(files)} files to {output}")
     elif format == "json":
@@ -94,5 +93,5 @@ def print_tables(views: Iterable[TableView]) -> None:
 
 def compare(options: Selection, first: str, second: str) -> None:
     """Print the differences of two methods."""
-    for line in compare_records(recorded(options), first, second, quick=options.quick, scorer=options.scorer):
+    for line in compare_records(recorded(options), first, second):
         say(line)

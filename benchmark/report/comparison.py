@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
 from benchmark.reference.paper import MEASURES
-from benchmark.report.frames import chosen_records
 from benchmark.report.statistics import ALPHA, bootstrap_intervals, class_test, query_test
+from benchmark.report.tables import query_measures, ranked_classes
 
 LEGEND = (
     "In brackets: 95 % intervals of the differences over resampled classes. p over classes: does the difference hold "
@@ -19,19 +18,15 @@ LEGEND = (
 )
 
 
-def compare(
-    records: Iterable[Record], first: str, second: str, *, quick: bool = False, scorer: str = "cm-bof", seed: int = 0
-) -> list[str]:
+def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
     """Return the comparison of two methods as lines of text: differences, intervals and tests by gallery and measure.
 
     Parameters
     ----------
     records
-        The records that tables show.
+        The records that tables show, of one scorer and seed.
     first, second
         Names of the methods.
-    quick, scorer, seed
-        The runs to compare; descriptors have no scorer.
 
     Raises
     ------
@@ -39,7 +34,7 @@ def compare(
         If the two have no gallery in common, or ranked different shapes.
     """
     sides: dict[str, dict[tuple[str, str], Record]] = {first: {}, second: {}}
-    for record in chosen_records(records, quick=quick, scorer=scorer, seed=seed):
+    for record in records:
         if record.method in sides and record.status == "ok":
             sides[record.method][record.gallery, record.input] = record
     one, other = sides[first], sides[second]
@@ -56,10 +51,7 @@ def compare(
 
 def _lines(first: Record, second: Record) -> list[str]:
     """Return a heading, and a line for each measure."""
-    values = [np.array([record.per_query[name] for name in MEASURES], dtype=float).T for record in (first, second)]
-    known = ~np.isnan(values[0]).any(axis=1)
-    labels = [label for label, is_known in zip(first.labels, known, strict=True) if is_known]
-    gains = (values[1] - values[0])[known]
+    gains, labels = query_measures([second]) - query_measures([first]), ranked_classes(first.labels)
     ends = bootstrap_intervals(gains, labels, 0.95)
     tests = class_test(gains, labels), query_test(gains)
     changed = np.count_nonzero(np.abs(gains).max(axis=1) > 5e-7)
@@ -82,14 +74,11 @@ def _difference(first: Record, second: Record) -> str:
     """Say how the shapes of two records of one gallery differ."""
     texts = []
     for record, other in ((first, second), (second, first)):
-        alone = list((Counter(_named(record)) - Counter(_named(other))).elements())
+        others = set(zip(other.shapes, other.labels, strict=True))
+        alone = [shape for shape in zip(record.shapes, record.labels, strict=True) if shape not in others]
         if alone:
             names = ", ".join(name for name, _ in alone[:3])
             texts.append(f"only {record.method} has {names}{' ...' if len(alone) > 3 else ''}")
     what = "; ".join(texts) or "the files of some shapes have changed"
     counts = f"{len(first.shapes)} and {len(second.shapes)} shapes"
     return f"{first.gallery}, {first.input}: {first.method} and {second.method} ranked {counts}: {what}"
-
-
-def _named(record: Record) -> Sequence[tuple[str, str]]:
-    return list(zip(record.shapes, record.labels, strict=False))

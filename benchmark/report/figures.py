@@ -49,9 +49,9 @@ def scores_figure(view: TableView, measure: str = MEASURE) -> Figure:
     rows = view.printed_rows[::-1]
     for place, title in zip(axes, titles, strict=True):
         for height, row in enumerate(rows):
-            if ends := view.intervals(row, title).get(measure):
-                place.plot(ends, [height, height], color=COLOURS[row.kind], lw=1)
-                place.plot(row.scored[title].means[measure], height, "o", ms=3, color=COLOURS[row.kind])
+            if one := row.scored.get(title):
+                place.plot(one.intervals[measure], [height, height], color=COLOURS[row.kind], lw=1)
+                place.plot(one.means[measure], height, "o", ms=3, color=COLOURS[row.kind])
         place.axvline(view.chance[title][measure], color="0.6", lw=0.8, ls="--", zorder=0)
         place.set_xlim(0, 1.02)
         place.set_xlabel(f"{measure}, {title}", fontsize=_SIZE)

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, groupby
 from textwrap import wrap
 from typing import Any
 
-from benchmark.pipeline.records import Record
-from benchmark.reference.paper import MEASURES, bibliography
-from benchmark.report.frames import chosen_records, scores_frame
+from benchmark.reference.paper import MEASURES
 from benchmark.report.notes import MARKS
-from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import BLOCKS, PAPER, Row, TableView
-from benchmark.report.verdicts import verdicts_markdown
 from benchmark.text import clean
-
-FORMATS = ("latex", "markdown", "csv", "json")
 
 BLANK = "--"
 
@@ -35,12 +27,8 @@ WIDTH = 100
 #: Titles in a terminal are not cut below this many characters.
 _SHORTEST = 20
 
-#: Scores that fit one column of a two-column page, and the column of titles, which are broken where they are long.
+#: Scores that fit one column of a two-column page.
 _ONE_COLUMN = 8
-_TITLES = {
-    "table": r"@{}>{\raggedright\hangindent1em}p{.29\linewidth}",
-    "table*": r"@{}>{\raggedright\hangindent1em}p{.26\linewidth}",
-}
 
 _MARKDOWN = {character: f"\\{character}" for character in "\\|*_`[]#$~"} | {"<": "&lt;", ">": "&gt;", "&": "&amp;"}
 _LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
@@ -103,9 +91,10 @@ def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
 def _line(view: TableView, row: Row) -> Line:
     groups: list[Sequence[tuple[str, str]]] = []
     for group in view.groups:
-        scores, marks = view.scores.loc[row.method, group], view.marks.loc[row.method, group]
+        scores, marks = view.scores(row, group), view.marks.get((row.method, group), [""] * len(MEASURES))
         status = "" if group == PAPER else row.failed[0].status if row.failed else BLANK
-        groups.append([(status, "")] if scores.isna().all() else list(zip(map(hundredths, scores), marks, strict=True)))
+        texts = map(hundredths, scores.values())
+        groups.append(list(zip(texts, marks, strict=True)) if scores else [(status, "")])
     return Line(clean(row.title), tuple(groups), duration(row.seconds))
 
 
@@ -185,7 +174,8 @@ def _padded(group: Sequence[tuple[str, str]], styles: Mapping[str, str], width: 
 def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs array and booktabs: one column of a paper, or ``table*``."""
     n_scores = len(view.groups) * len(MEASURES)
-    environment = "table" if n_scores <= _ONE_COLUMN else "table*"
+    environment, title_width = ("table", ".29") if n_scores <= _ONE_COLUMN else ("table*", ".26")
+    titles = rf"@{{}}>{{\raggedright\hangindent1em}}p{{{title_width}\linewidth}}"  # breaks long ones
     styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
     for heading, lines in blocks(view):
         body.append(r"\midrule")
@@ -196,7 +186,7 @@ def latex(view: TableView) -> str:
                 [styles[mark].format(score) for score, mark in group] if len(group) > 1 else [_spread(group[0][0])]
                 for group in line.groups
             ]
-            body.append(_latex_row("".join(map(_breakable, line.title)), *itertools.chain(*cells), line.seconds))
+            body.append(_latex_row("".join(map(_breakable, line.title)), *chain(*cells), line.seconds))
     groups = ("Paper" if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
     citation = rf" Paper:~\cite{{{_PAPER}}}." if view.paper else ""
     notes = " ".join(map(latex_text, view.notes))
@@ -204,7 +194,7 @@ def latex(view: TableView) -> str:
         "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
         rf"\caption{{{latex_text(view.caption)}.{citation}}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
         r"\footnotesize\setlength{\tabcolsep}{1.9pt}",
-        rf"\begin{{tabular}}{{{_TITLES[environment]}*{{{n_scores + 1}}}{{r}}@{{}}}}", r"\toprule",
+        rf"\begin{{tabular}}{{{titles}*{{{n_scores + 1}}}{{r}}@{{}}}}", r"\toprule",
         _latex_row("", *map(_spread, groups), ""), _latex_row("", *MEASURES * len(view.groups), "s"), *body,
         r"\bottomrule", r"\end{tabular}", rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {notes}}}",
         rf"\end{{{environment}}}",
@@ -221,60 +211,19 @@ def _latex_row(*cells: str) -> str:
 
 def as_json(views: Iterable[TableView]) -> list[dict[str, Any]]:
     """Return one object for each row and column of each table, with the keys on which other programs rely."""
-    return [
-        _json(view, row, column.title, one.all_records[0].input if one else "")
-        for view in views
-        for row in view.printed_rows
-        for column in view.columns
-        for one in [row.scored.get(column.title)]
-    ]
+    return [_json(view, row, column.title) for view in views for row in view.printed_rows for column in view.columns]
 
 
-def _json(view: TableView, row: Row, title: str, input_: str) -> dict[str, Any]:
-    one, galleries = row.scored.get(title), view.galleries.get(title, ())
-    status = "ok" if one else row.failed[0].status if row.failed else "missing"
+def _json(view: TableView, row: Row, title: str) -> dict[str, Any]:
+    galleries = view.galleries.get(title, ())
+    records = row.scored[title].all_records if title in row.scored else []
+    status = "ok" if records else row.failed[0].status if row.failed else "missing"
+    scores = dict.fromkeys(MEASURES) | {name: round(value, 6) for name, value in view.scores(row, title).items()}
     return {
         "table": view.table.identifier, "dataset": view.dataset, "stand_in": "stand-in" in view.title, "column": title,
-        "input": input_, "method": row.method, "title": row.title,
-        **({name: round(value, 6) for name, value in one.means.items()} if one else dict.fromkeys(MEASURES)),
+        "input": records[0].input if records else "", "method": row.method, "title": row.title, **scores,
         "paper": view.paper.get(row.method), "chance": view.chance.get(title), "status": status,
         "n_shapes": sum(map(len, galleries)), "n_classes": sum(len(set(of)) for of in galleries),
-        "coverage": min((record.coverage for record in one.all_records), default=0.0) if one else None,
+        "coverage": min((record.coverage for record in records), default=None),
         "seconds": None if row.seconds is None else round(row.seconds, 4),
     }  # fmt: skip
-
-
-def scores_csv(records: Iterable[Record]) -> str:
-    """Return all scores as CSV, one value a line; see :func:`benchmark.report.frames.scores_frame`."""
-    return str(scores_frame(chosen_records(records)).to_csv(index=False, float_format="%.6f"))
-
-
-def table_files(
-    views: Sequence[TableView], records: Sequence[Record], formats: Iterable[str] = (), *, is_whole: bool = True
-) -> dict[str, str]:
-    """Return tables as text by file name: a LaTeX and a Markdown file each, one CSV and one JSON file for all.
-
-    Parameters
-    ----------
-    views
-        The tables.
-    records
-        The records that they come from.
-    formats
-        Names of formats; empty for all.
-    is_whole
-        Whether to add what the paper's claims come to, and the table of robustness.
-    """
-    files: dict[str, str] = {}
-    for name in formats or FORMATS:
-        if name == "latex":
-            files |= {f"{view.stem}.tex": latex(view) for view in views} | {"references.bib": bibliography()}
-        elif name == "markdown":
-            files |= {f"{view.stem}.md": markdown(view) for view in views}
-            more = {"reproduction.md": verdicts_markdown(records), "robustness.md": robustness_markdown(records)}
-            files |= {name: text for name, text in more.items() if text and is_whole}
-        elif name == "csv":
-            files["scores.csv"] = scores_csv(records)
-        else:
-            files["tables.json"] = json.dumps(as_json(views), indent=1) + "\n"
-    return files

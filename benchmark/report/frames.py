@@ -5,11 +5,11 @@ All tables are pure functions of records, so they need neither data nor methods.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from benchmark.datasets.changes import CHANGES
 from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
 from benchmark.protocols.tables import AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
 from benchmark.reference.paper import PRINTED
@@ -17,15 +17,12 @@ from benchmark.reference.paper import PRINTED
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_CHANGED = re.compile(r"(?P<base>.+?)\[(?P<change>[a-z-]+)=(?P<strength>[^\[\]]+)\]")
-
 
 def changed(dataset: str) -> tuple[str, str, str] | None:
     """Return base, change and strength of the name of a changed set, such as ``animals[noise=2]``; None otherwise."""
-    match = _CHANGED.fullmatch(dataset)
-    if match is None or any(dataset in table.datasets for table in TABLES) or match["change"] in ("draw", "n"):
-        return None
-    return match["base"], match["change"], match["strength"]
+    base, _, brackets = dataset.removesuffix("]").rpartition("[")
+    change, _, strength = brackets.partition("=")
+    return (base, change, strength) if change in CHANGES else None
 
 
 def grouped(records: Iterable[Record], key: Callable[[Record], str]) -> dict[str, list[Record]]:
@@ -129,7 +126,7 @@ def queries_frame(records: Iterable[Record]) -> DataFrame:
     return concat(frames, ignore_index=True) if frames else DataFrame()
 
 
-def scores_frame(records: Sequence[Record]) -> DataFrame:
+def scores_frame(records: Iterable[Record]) -> DataFrame:
     """Return all scores of all tables, one value a line, beside those that the paper prints.
 
     Returns
@@ -141,7 +138,8 @@ def scores_frame(records: Sequence[Record]) -> DataFrame:
     from pandas import DataFrame
 
     names = ["table", "dataset", "method", "source", "fold", "measure", "value"]
-    frame = DataFrame([*_scores(records), *_printed(records)], columns=names)
+    every = list(records)
+    frame = DataFrame([*_scores(every), *_printed(every)], columns=names)
     return frame.groupby(names[:-1], sort=False, as_index=False)["value"].mean()
 
 

@@ -30,7 +30,7 @@ def notes(view: TableView) -> list[str]:
         _published(rows), _joined(rows),
     )  # fmt: skip
     pointer = "How a method departs from its source: 'python -m benchmark describe METHOD'."
-    marks = [MARKS] if view.marks.astype(bool).any(axis=None) else []
+    marks = [MARKS] if view.marks else []
     return [*[*marks, *(note for part in found for note in part)][:7], pointer]
 
 

@@ -1,22 +1,68 @@
-"""Output folders: a command replaces its own files, and no others."""
+"""Files of tables, and output folders: a command replaces its own files, and no others."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.files import write_atomically
+import msgspec
+
+from benchmark.errors import ConfigurationError
+from benchmark.files import write_atomically, write_text
+from benchmark.pipeline.records import Record
+from benchmark.reference.paper import bibliography
+from benchmark.report.formats import as_json, latex, markdown
+from benchmark.report.frames import scores_frame
+from benchmark.report.robustness import robustness_markdown
+from benchmark.report.tables import TableView
+from benchmark.report.verdicts import verdicts_markdown
 
 #: List of the written files with their digests.
 LIST = "written.json"
 
-Files = Mapping[str, str | bytes]
+FORMATS = ("latex", "markdown", "csv", "json")
 
 
-def write_files(folder: Path, files: Files, *, force: bool = False) -> None:
+def scores_csv(records: Iterable[Record]) -> str:
+    """Return all scores as CSV, one value a line; see :func:`benchmark.report.frames.scores_frame`."""
+    return str(scores_frame(records).to_csv(index=False, float_format="%.6f"))
+
+
+def table_files(
+    views: Sequence[TableView], records: Sequence[Record], formats: Sequence[str] = FORMATS, *, is_whole: bool = True
+) -> dict[str, str]:
+    """Return tables as text by file name: a LaTeX and a Markdown file each, one CSV and one JSON file for all.
+
+    Parameters
+    ----------
+    views
+        The tables.
+    records
+        The records that they come from.
+    formats
+        Some of :data:`FORMATS`.
+    is_whole
+        Whether to add what the paper's claims come to, and the table of robustness.
+    """
+    files: dict[str, str] = {}
+    if "latex" in formats:
+        files |= {f"{view.stem}.tex": latex(view) for view in views} | {"references.bib": bibliography()}
+    if "markdown" in formats:
+        files |= {f"{view.stem}.md": markdown(view) for view in views}
+    if "markdown" in formats and is_whole:
+        files["reproduction.md"] = verdicts_markdown(views)
+        if text := robustness_markdown(records):
+            files["robustness.md"] = text
+    if "csv" in formats:
+        files["scores.csv"] = scores_csv(records)
+    if "json" in formats:
+        files["tables.json"] = json.dumps(as_json(views), indent=1) + "\n"
+    return files
+
+
+def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool = False) -> None:
     """Write files into a folder, and remove those that the last command wrote there and this one does not.
 
     Parameters
@@ -32,8 +78,6 @@ def write_files(folder: Path, files: Files, *, force: bool = False) -> None:
     ------
     ConfigurationError
         Before anything is written, if a file would be replaced that was edited or that no command has written.
-    BenchmarkError
-        If the folder cannot be written.
     """
     contents = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
     earlier = _earlier(folder)
@@ -42,31 +86,26 @@ def write_files(folder: Path, files: Files, *, force: bool = False) -> None:
         if present and not force and present not in (earlier.get(name), hashlib.sha256(data).hexdigest()):
             what = "was edited" if name in earlier else "was not written by this command"
             raise ConfigurationError(f"{folder / name} {what}", "choose another folder with -o, or pass --force")
-    try:
-        for name, data in contents.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
-        for name in earlier.keys() - contents.keys():
-            if _digest(folder / name) == earlier[name]:
-                (folder / name).unlink()
-        digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
-        text = json.dumps(digests, indent=0).encode()
-        write_atomically(folder / LIST, lambda file: file.write(text))
-    except OSError as error:
-        raise BenchmarkError(f"cannot write to {folder}: {error.strerror}", "choose another folder with -o") from error
+    for name, data in contents.items():
+        write_atomically(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
+    for name in earlier.keys() - contents.keys():
+        if _digest(folder / name) == earlier[name]:
+            (folder / name).unlink()
+    digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
+    write_text(folder / LIST, json.dumps(digests, indent=0))
 
 
 def _earlier(folder: Path) -> dict[str, str]:
     """Return the digests of the files of the last command, without names outside the folder."""
     try:
-        listed = json.loads((folder / LIST).read_bytes())
-    except (OSError, ValueError, RecursionError):
+        listed = msgspec.json.decode((folder / LIST).read_bytes(), type=dict[str, str])
+    except (OSError, msgspec.DecodeError):
         return {}
     root = folder.resolve()
     return {
         name: digest
-        for name, digest in (listed.items() if isinstance(listed, dict) else ())
-        if isinstance(digest, str) and "\0" not in name and (folder / name).resolve().is_relative_to(root)
+        for name, digest in listed.items()
+        if "\0" not in name and (folder / name).resolve().is_relative_to(root)
     }
 
 

@@ -210,7 +210,7 @@ def scores_chart(view: TableView, measure: str = "DCG") -> Figure:
     titles = [column.title for column in view.columns]
     points = []
     for title, row in ((title, row) for title in titles for row in view.printed_rows[::-1] if title in row.scored):
-        mean, (low, high) = row.scored[title].means[measure], view.intervals(row, title)[measure]
+        mean, (low, high) = row.scored[title].means[measure], row.scored[title].intervals[measure]
         group = title if len(titles) > 1 else BLOCKS[row.kind]
         points.append([_text(row.title), _text(group), mean, high - mean, mean - low])
     frame = DataFrame(points, columns=["row", "group", measure, "above", "below"])

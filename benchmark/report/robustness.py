@@ -2,57 +2,34 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import ROBUST, TITLES
-from benchmark.report.frames import changed, chosen_records
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
+from benchmark.protocols.tables import ROBUST, TITLES, gallery_name
+from benchmark.report.formats import hundredths, markdown_table, markdown_text
+from benchmark.report.frames import changed
 
 MEASURE = "NN"
 
 
-def robustness(records: Iterable[Record]) -> DataFrame:
-    """Return NN of complete surfaces by (data set, change, strength) and method; strength 0 is the unchanged set."""
-    from pandas import DataFrame
-
-    rows = []
-    known = [record for record in chosen_records(records) if record.input == "mesh" and record.method in ROBUST]
-    bases = {place[0] for record in known if (place := changed(record.data.name))}
-    for record in known:
-        base, change, strength = changed(record.data.name) or (record.data.name, "unchanged", "0")
-        if base in bases and record.gallery.removesuffix(" (quick)") == record.data.name:
-            value = record.scores.get(MEASURE, 0.0)
-            rows.append({"dataset": base, "change": change, "strength": strength, "method": record.method, "NN": value})
-    if not rows:
-        return DataFrame()
-    wide = DataFrame(rows).pivot_table(index=["dataset", "change", "strength"], columns="method", values=MEASURE)
-    order = sorted(wide.index, key=lambda key: (key[0], key[1] != "unchanged", key[1], _number(key[2])))
-    return wide.loc[order, [name for name in ROBUST if name in wide.columns]]
-
-
-def _number(strength: str) -> float:
-    try:
-        return float(strength)
-    except ValueError:
-        return 0.0
-
-
 def robustness_markdown(records: Iterable[Record]) -> str:
     """Return the table of robustness as Markdown; "" without results on changed sets."""
-    from benchmark.report.formats import hundredths, markdown_table, markdown_text
-
-    wide = robustness(records)
-    if wide.empty:
+    known = [record for record in records if record.input == "mesh" and record.method in ROBUST]
+    bases = {place[0] for record in known if (place := changed(record.data.name))}
+    scores: dict[tuple[str, str, str], dict[str, float]] = defaultdict(dict)
+    for record in known:
+        place = changed(record.data.name) or (record.data.name, "unchanged", "0")
+        if place[0] in bases and record.gallery == gallery_name(record.data.name, "", quick=record.data.quick):
+            scores[place][record.method] = record.scores.get(MEASURE, 0.0)
+    if not scores:
         return ""
-    head = ["Change", "strength", *(TITLES.get(name, name) for name in wide.columns)]
+    methods = [name for name in ROBUST if any(name in of for of in scores.values())]
     body = [
-        [markdown_text(change), markdown_text(strength), *map(hundredths, values)]
-        for (_, change, strength), values in zip(wide.index, wide.to_numpy().tolist(), strict=True)
+        [markdown_text(place[1]), markdown_text(place[2]), *(hundredths(scores[place].get(name)) for name in methods)]
+        for place in sorted(scores, key=lambda place: (place[0], place[1] != "unchanged", place))
     ]
-    sets = ", ".join(sorted({markdown_text(dataset) for dataset, *_ in wide.index}))
+    head = ["Change", "strength", *(TITLES.get(name, name) for name in methods)]
+    sets = ", ".join(sorted(map(markdown_text, bases)))
     lines = [f"**Robustness.** {MEASURE} of complete surfaces of {sets}; a destroyed shape counts 0.", ""]
     return "\n".join([*lines, *markdown_table(head, body)]) + "\n"

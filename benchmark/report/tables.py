@@ -5,9 +5,9 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,11 @@ from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
-from benchmark.report.frames import changed, chosen_records, fold_of, grouped, kind_of, row_of, seconds_of, tables_of
+from benchmark.report.frames import changed, fold_of, grouped, kind_of, row_of, seconds_of, tables_of
 from benchmark.report.notes import notes
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.text import brief
 from retrieval.measures import chance_levels
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 PAPER = "paper"
 
@@ -74,9 +71,14 @@ class Scored:
     @property
     def trainings(self) -> list[NDArray[np.float64]]:
         """Measures of all queries by training; galleries with fewer trainings repeat theirs."""
-        count = max(map(len, self.records.values()))
-        each = [[_values([records[k % len(records)]]) for records in self.records.values()] for k in range(count)]
-        return [np.concatenate(of_training) for of_training in each]
+        each = [[query_measures([record]) for record in records] for records in self.records.values()]
+        return [np.concatenate([of[k % len(of)] for of in each]) for k in range(max(map(len, each)))]
+
+    @cached_property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Interval of each mean over resampled classes (95 %)."""
+        ends = bootstrap_intervals(self.values, self.labels, 0.95)
+        return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=True)}
 
     @property
     def is_complete(self) -> bool:
@@ -130,6 +132,8 @@ class TableView:
         Labels of each gallery, by column.
     rows
         All rows, in blocks; those of the paper first.
+    paper
+        The paper's figures by method; empty for a table without.
     shown
         Methods whose rows are printed; empty for all. Marks and verdicts come from all rows.
     left_out
@@ -143,8 +147,9 @@ class TableView:
     columns: tuple[Column, ...]
     galleries: Mapping[str, Sequence[Sequence[str]]]
     rows: tuple[Row, ...]
-    shown: frozenset[str] = frozenset()
-    left_out: tuple[str, ...] = ()
+    paper: Mapping[str, Mapping[str, float]]
+    shown: frozenset[str]
+    left_out: tuple[str, ...]
 
     @property
     def printed_rows(self) -> list[Row]:
@@ -152,18 +157,12 @@ class TableView:
         return [row for row in self.rows if not self.shown or {row.method, row.method.partition("[")[0]} & self.shown]
 
     @property
-    def paper(self) -> Mapping[str, Mapping[str, float]]:
-        """The paper's figures by method; empty for a table without."""
-        return PRINTED[self.table.identifier] if self.table.has_paper and not self.quick else {}
-
-    @property
     def size(self) -> str:
         """Numbers of shapes and classes of the galleries of each column."""
         texts = {}
         for column in self.columns:
-            first = self.galleries[column.title][0]
-            count = len(self.galleries[column.title])
-            times = f"{count} x " if count > 1 else ""
+            first, *others = self.galleries[column.title]
+            times = f"{len(others) + 1} x " if others else ""
             texts[column.title] = f"{times}{len(first)} shapes of {len(set(first))} classes"
         if len(set(texts.values())) == 1:
             return next(iter(texts.values()))
@@ -198,29 +197,21 @@ class TableView:
         """Titles of the groups of scores: the paper's, then ours."""
         return [*([PAPER] if self.paper else []), *(column.title for column in self.columns)]
 
-    @cached_property
-    def scores(self) -> DataFrame:
-        """Scores by method, in columns (group, measure): the paper's, then ours; NaN where there is none."""
-        from pandas import DataFrame, MultiIndex
-
-        columns = MultiIndex.from_product([self.groups, MEASURES])
-        found = [
-            {(PAPER, name): value for name, value in self.paper.get(row.method, {}).items()}
-            | {(title, name): value for title, one in row.scored.items() for name, value in one.means.items()}
-            for row in self.rows
-        ]
-        return DataFrame(found, [row.method for row in self.rows], columns, dtype=float)
+    def scores(self, row: Row, group: str) -> Mapping[str, float]:
+        """Return the scores of a row in a group, by measure; empty if it has none."""
+        if group == PAPER:
+            return self.paper.get(row.method, {})
+        return row.scored[group].means if group in row.scored else {}
 
     @cached_property
-    def marks(self) -> DataFrame:
-        """``"bold"`` for the best of a block, ``"italic"`` where it cannot be separated from it, else ``""``."""
-        marks = self.scores.map(lambda _: "")
-        for title in (column.title for column in self.columns):
-            for kind in BLOCKS:
-                of_block = [(row, row.scored[title]) for row in self.rows if row.kind == kind and title in row.scored]
-                rivals = {row.method: one for row, one in of_block if one.is_rival}
-                if len(rivals) > 1:
-                    marks.loc[[*rivals], [(title, name) for name in MEASURES]] = _marks([*rivals.values()])
+    def marks(self) -> dict[tuple[str, str], list[str]]:
+        """Marks of the scores of rivals by method and column: bold for the best of a block; see :func:`_marks`."""
+        marks: dict[tuple[str, str], list[str]] = {}
+        for column, kind in product(self.columns, BLOCKS):
+            of_block = {row.method: row.scored.get(column.title) for row in self.rows if row.kind == kind}
+            rivals = {(name, column.title): one for name, one in of_block.items() if one and one.is_rival}
+            if len(rivals) > 1:
+                marks |= dict(zip(rivals, _marks([*rivals.values()]).tolist(), strict=True))
         return marks
 
     @cached_property
@@ -228,36 +219,26 @@ class TableView:
         """At most eight short notes."""
         return notes(self)
 
-    def intervals(self, row: Row, title: str, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Return the interval of each score of a row over resampled classes; empty without scores."""
-        if title not in row.scored:
-            return {}
-        ends = bootstrap_intervals(row.scored[title].values, row.scored[title].labels, level)
-        return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=True)}
-
 
 def table_views(
-    records: Iterable[Record], tables: Iterable[str] = (), methods: Iterable[str] = (), datasets: Iterable[str] = (),
-    *, quick: bool = False, scorer: str = "cm-bof", seed: int = 0,
-) -> list[TableView]:  # fmt: skip
+    records: Iterable[Record], tables: Iterable[str] = (), methods: Iterable[str] = (), datasets: Iterable[str] = ()
+) -> list[TableView]:
     """Return the tables that records fill.
 
     Parameters
     ----------
     records
-        Records, one a job.
+        Records of one scorer and seed, one a job; see :func:`benchmark.report.frames.chosen_records`.
     tables
         Identifiers of tables, whose companions are added; empty for all.
     methods
         Methods whose rows are printed; empty for all. Marks and verdicts do not depend on it.
     datasets
         Names of data sets; empty for all.
-    quick, scorer, seed
-        The runs to show.
     """
     wanted, sets, shown = set(tables), set(datasets), frozenset(methods)
     by_table: dict[tuple[Table, str], list[Record]] = {}
-    for record in chosen_records(records, quick=quick, scorer=scorer, seed=seed):
+    for record in records:
         if changed(record.data.name) and record.data.name not in sets:
             continue  # shown by the table of robustness
         for table in tables_of(record.data.name, fold_of(record)):
@@ -268,12 +249,15 @@ def table_views(
     order = {table: place for place, table in enumerate(TABLES)}
     keys = sorted(by_table, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
     every = [_view(table, main, by_table[table, main], shown) for table, main in keys]
-    views = [replace(view, shown=shown) for view in every if any(row.scored or row.failed for row in view.rows)]
+    views = [view for view in every if any(row.scored or row.failed for row in view.rows)]
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
 
 def _marks(rivals: Sequence[Scored]) -> NDArray[np.str_]:
-    """Return the marks of the rows of a block in one column, shape (rows, measures)."""
+    """Return the marks of the rows of a block in one column, shape (rows, measures).
+
+    ``"bold"`` for the best, ``"italic"`` where it cannot be separated from a row, else ``""``.
+    """
     means = np.array([[one.means[name] for name in MEASURES] for one in rivals])
     values = np.stack([one.values for one in rivals])
     is_best = means >= means.max(axis=0) - _SAME
@@ -292,21 +276,21 @@ def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
     return view in here if here else view is rivals[0]
 
 
-def _view(table: Table, dataset: str, records: Sequence[Record], named: frozenset[str]) -> TableView:
+def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozenset[str]) -> TableView:
     """Return one table with its rows, of which none may have scores or have failed."""
     by_gallery = grouped(records, lambda record: record.gallery)
     current = {gallery: _of_newest_version(of) for gallery, of in by_gallery.items()}
-    shown = [record for of in current.values() for record in of]
+    newest = [record for of in current.values() for record in of]
     left_out = [f"{r.method} on {r.gallery}, {r.input}" for r in records if r not in current[r.gallery]]
-    sample = next((record for record in shown if record.data.name == dataset), shown[0])
-    labels = {gallery: next((_ranked(r.labels) for r in of if r.labels), []) for gallery, of in current.items()}
+    sample = next((record for record in newest if record.data.name == dataset), newest[0])
+    labels = {gallery: next((ranked_classes(r.labels) for r in of if r.labels), []) for gallery, of in current.items()}
     quick = sample.data.quick
     galleries = {column: _galleries(table, column, dataset, labels, quick=quick) for column in table.columns}
     printed = PRINTED[table.identifier] if table.has_paper and not quick else {}
     rows = {method: list[Record]() for method in printed}
-    for record in shown:
+    for record in newest:
         base = record.method.partition("[")[0]
-        if table.includes(base) or {base, record.method} & named or table not in TABLES:
+        if table.includes(base) or {base, record.method} & shown or table not in TABLES:
             rows.setdefault(row_of(record), []).append(record)
     every = [_row(method, of, galleries, labels) for method, of in rows.items()]
     made = [row for row in every if row.scored or row.failed or row.method in printed]
@@ -316,7 +300,7 @@ def _view(table: Table, dataset: str, records: Sequence[Record], named: frozense
     ranked = {column.title: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
     return TableView(
         table, dataset, _title(sample), quick, columns or table.columns[:1],
-        {title: of for title, of in ranked.items() if of}, tuple(made), left_out=tuple(dict.fromkeys(left_out)),
+        {title: of for title, of in ranked.items() if of}, tuple(made), printed, shown, tuple(dict.fromkeys(left_out)),
     )  # fmt: skip
 
 
@@ -349,7 +333,7 @@ def _row(
         by_gallery = grouped((record for record in part if record.status == "ok"), lambda record: record.gallery)
         having = {name: by_gallery[name] for name in names if name in by_gallery}
         if having:
-            values = [_values(having.get(name, []), labels.get(name, ())) for name in names]
+            values = [query_measures(having.get(name, []), labels.get(name, ())) for name in names]
             classes = [f"{name} {label}" for name in names for label in labels.get(name, ())]
             missing = tuple(name for name in names if name not in having)
             scored[column.title] = Scored(having, missing, np.concatenate(values), classes)
@@ -365,13 +349,13 @@ def _input(column: Column, kind: Kind, available: set[str]) -> str:
     return other if kind in ("network", "external") and available == {other} else preferred
 
 
-def _ranked(labels: Sequence[str]) -> list[str]:
+def ranked_classes(labels: Sequence[str]) -> list[str]:
     """Return the classes of the queries that have something to find: those of a class of one shape count nowhere."""
     sizes = Counter(labels)
     return [label for label in labels if sizes[label] > 1]
 
 
-def _values(records: Sequence[Record], labels: Sequence[str] = ()) -> NDArray[np.float64]:
+def query_measures(records: Sequence[Record], labels: Sequence[str] = ()) -> NDArray[np.float64]:
     """Return the measures of each query of a gallery, averaged over trainings; 0 without records."""
     if not records:
         return np.zeros((len(labels), len(MEASURES)))

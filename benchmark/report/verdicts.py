@@ -6,7 +6,7 @@ on other data shows nothing; claims and orders can be compared.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from textwrap import wrap
@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TITLES
 from benchmark.reference.paper import CLAIMS, CLASSICAL, MEASURES, PRINTED, Claim
+from benchmark.report.formats import hundredths, markdown_table
 from benchmark.report.statistics import ALPHA, class_test, holm
-from benchmark.report.tables import Scored, TableView, table_views
+from benchmark.report.tables import Scored, TableView
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -39,7 +39,7 @@ _SLACK = 5e-7
 _MARKS = {"reproduced": "=", "same order": "~", "otherwise": "x", "no figure": ""}
 
 
-def verdicts(records: Iterable[Record]) -> DataFrame:
+def verdicts(views: Sequence[TableView]) -> DataFrame:
     """Return a verdict on each classical figure of Table III on TOSCA, from complete surfaces and all rows.
 
     Returns
@@ -49,18 +49,19 @@ def verdicts(records: Iterable[Record]) -> DataFrame:
     """
     from pandas import DataFrame
 
-    view = next(iter(table_views(records, ["III"], datasets=["tosca"])), None)
-    if view is None or view.table.identifier != "III":
-        return DataFrame()
     rows = []
-    for measure in MEASURES:
-        ours = {row.method: one.means[measure] for row in view.rows for one in row.scored.values() if one.is_complete}
-        printed = {name: PRINTED["III"][name][measure] for name in CLASSICAL}
-        for name, theirs in printed.items():
-            verdict = verdict_of(name, printed, ours)
-            rows.append({"method": name, "measure": measure, "paper": theirs, "ours": ours.get(name, np.nan),
-                         "verdict": verdict})  # fmt: skip
-    return DataFrame(rows)
+    for view in views:
+        if (view.table.identifier, view.dataset) != ("III", "tosca"):
+            continue
+        complete = {row.method: one for row in view.rows for one in row.scored.values() if one.is_complete}
+        for measure in MEASURES:
+            ours = {name: one.means[measure] for name, one in complete.items()}
+            printed = {name: PRINTED["III"][name][measure] for name in CLASSICAL}
+            rows += [
+                (name, measure, printed[name], ours.get(name, np.nan), verdict_of(name, printed, ours))
+                for name in CLASSICAL
+            ]
+    return DataFrame(rows, columns=["method", "measure", "paper", "ours", "verdict"])
 
 
 def verdict_of(name: str, printed: Mapping[str, float], ours: Mapping[str, float]) -> Verdict:
@@ -129,17 +130,15 @@ def _lead(better: Scored, other: Scored) -> tuple[NDArray[np.float64], NDArray[n
     return lead, np.max(tests, axis=0)
 
 
-def claims(records: Sequence[Record]) -> list[AssessedClaim]:
+def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
     """Judge the paper's claims, all methods on one view, on official data or the stand-in."""
-    views = {view.table.identifier: view for view in reversed(table_views(records))}
-    return [assess(claim, views.get("IV" if claim.table == "IV" else f"{claim.table}-view")) for claim in CLAIMS]
+    first = {view.table.identifier: view for view in reversed(views)}
+    return [assess(claim, first.get("IV" if claim.table == "IV" else f"{claim.table}-view")) for claim in CLAIMS]
 
 
-def verdicts_markdown(records: Sequence[Record]) -> str:
+def verdicts_markdown(views: Sequence[TableView]) -> str:
     """Return verdicts and claims as Markdown."""
-    from benchmark.report.formats import hundredths, markdown_table
-
-    frame, lines = verdicts(records), ["**What of the paper holds up.**", ""]
+    frame, lines = verdicts(views), ["**What of the paper holds up.**", ""]
     if len(frame):
         counts = frame["verdict"].value_counts()
         lines += wrap(
@@ -151,8 +150,7 @@ def verdicts_markdown(records: Sequence[Record]) -> str:
         )
         body = []
         for name, of_row in frame.groupby("method", sort=False):
-            cells = zip(of_row["paper"], of_row["ours"], of_row["verdict"], strict=True)
-            texts = (f"{hundredths(theirs)} {hundredths(ours)} {_MARKS[verdict]}" for theirs, ours, verdict in cells)
+            texts = (f"{hundredths(c.paper)} {hundredths(c.ours)} {_MARKS[c.verdict]}" for c in of_row.itertuples())
             body.append([TITLES[str(name)], *map(str.strip, texts)])
         lines += ["", *markdown_table(["Method", *MEASURES], body), ""]
     lines += wrap(
@@ -160,7 +158,7 @@ def verdicts_markdown(records: Sequence[Record]) -> str:
         "is ahead; certain: those significant over whole classes, in either direction (Holm's correction, 5 %).", 100,
     )  # fmt: skip
     rows = []
-    for one in claims(records):
+    for one in claims(views):
         counted = [f"{one.leads} of {one.n_comparisons}", f"{one.certain}"] if one.n_comparisons else ["", ""]
         row = one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, one.decision
         rows.append([*row, *counted])
