@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -47,7 +48,7 @@ def _galleries(selection: Selection) -> list[Gallery]:
         chosen = [gallery.of_subjects(selection.subjects.split(",")) for gallery in chosen]
     if not selection.input:
         return chosen
-    fitting = [gallery for gallery in chosen if selection.input in gallery.inputs]
+    fitting = [replace(gallery, inputs=(selection.input,)) for gallery in chosen if selection.input in gallery.inputs]
     if not fitting:
         chosen[0].check_input(selection.input)
     return fitting

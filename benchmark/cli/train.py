@@ -12,9 +12,9 @@ from benchmark.api.parameters import assignments
 from benchmark.check import check as run_check
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.protocols.galleries import galleries
 from benchmark.protocols.pairs import training_data
-from benchmark.protocols.tables import trainings_of
-from benchmark.protocols.trainings import TRAININGS, Training, own_training
+from benchmark.protocols.trainings import TRAININGS, Training, own_training, trainings_by_shape
 from benchmark.reference.paper import NUMERALS
 from benchmark.registry import find, methods, select_one
 from benchmark.text import say, say_lines
@@ -63,7 +63,7 @@ def train(
     if own is not None:
         trainings = [own_training(own, tuple(filter(None, hold_out.split(","))))]
     elif target in NUMERALS:
-        trainings = trainings_of(learner, target, options.require_data_root())
+        trainings = _trainings_of(learner, target, options.require_data_root())
     elif target in TRAININGS:
         trainings = [TRAININGS[target]]
     else:
@@ -73,6 +73,15 @@ def train(
         folder = options.results / "models" / training.name / learner.model_name
         train_one(learner, training, folder, options.data_root, schedule, say)
         say(f"the model is in {folder}")
+
+
+def _trainings_of(learner: Learner, table: str, data_root: Path | None) -> list[Training]:
+    """Return the trainings whose models a run of a table uses."""
+    of_shapes = (
+        trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root)
+        for gallery in galleries([table], data_root=data_root)
+    )
+    return list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
 
 
 def train_one(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
@@ -22,7 +21,7 @@ from benchmark.datasets.catalogue import (
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.protocols.models import has_models
-from benchmark.protocols.tables import PARTS, TABLES, Table, gallery_name, own_table
+from benchmark.protocols.tables import INPUTS, PARTS, TABLES, Table, gallery_name, own_table
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
 
@@ -37,8 +36,6 @@ SEEDS = (1, 2)
 
 #: Methods with rows in quick runs: those of the paper, and the shape itself.
 QUICK_ROWS = (*CLASSICAL, NETWORK, "identity")
-
-Rows = Literal["all", "networks", "others"]
 
 
 @dataclass(frozen=True)
@@ -61,10 +58,10 @@ class Gallery:
         Part of the data set in words, such as ``"fold 0"``; "" for the whole data set.
     data_root
         The folder of the official data sets.
-    wanted
-        The input of its column.
-    kinds
-        The methods of its column: all, networks alone, or all but networks.
+    inputs
+        The inputs of its column that its shapes have.
+    is_split
+        Whether networks see only views, and all other methods only complete surfaces.
     named
         Methods that were selected by name, which have a row in every table.
     """
@@ -76,19 +73,14 @@ class Gallery:
     quick: bool = False
     part: str = ""
     data_root: Path | None = None
-    wanted: Input = "mesh"
-    kinds: Rows = "all"
+    inputs: tuple[Input, ...] = ()
+    is_split: bool = False
     named: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
         """Name of the gallery in plans and records."""
         return gallery_name(self.dataset.name, self.part, quick=self.quick)
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """The input of its column, if its shapes have it."""
-        return (self.wanted,) if self.wanted in self.dataset.inputs else ()
 
     def check_input(self, input_: str) -> None:
         """Raise ``ConfigurationError`` for a requested input that its shapes do not have."""
@@ -105,11 +97,13 @@ class Gallery:
         check_retrievable(self.dataset, entries)
         return replace(self, entries=entries, part=" ".join(filter(None, [self.part, ", ".join(subjects)])))
 
-    def rows(self, methods: Iterable[Component], trained_here: Path | None = None) -> list[Component]:
+    def rows(self, input_: Input, methods: Iterable[Component], trained_here: Path | None = None) -> list[Component]:
         """Return the methods that are tested on it; networks with each of their trainings that has a model.
 
         Parameters
         ----------
+        input_
+            The input.
         methods
             The selected methods; those of plugins have a row in every table.
         trained_here
@@ -118,14 +112,14 @@ class Gallery:
         chosen: list[Component] = []
         for method in methods:
             try:
-                chosen += self._trainings(method, trained_here) if self._includes(method) else []
+                chosen += self._trainings(method, trained_here) if self._includes(input_, method) else []
             except ConfigurationError:  # it cannot be imported, and its row says why
                 chosen.append(method)
         return list({method.name: method for method in chosen}.values())
 
-    def _includes(self, method: Component) -> bool:
+    def _includes(self, input_: Input, method: Component) -> bool:
         is_network = method.learns and "view" in method.info.inputs
-        if self.kinds != "all" and is_network != (self.kinds == "networks"):
+        if self.is_split and is_network != (input_ == "view"):
             return False
         if self._is_named(method):
             return method.learns or not self.table.is_ablation
@@ -181,8 +175,8 @@ def galleries(
     DatasetError
         If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
-    known = [table.identifier for table in TABLES] + ["extended"]
     wanted, sets = list(table_names), list(dataset_names)
+    known = [table.identifier for table in TABLES] + ["extended"]
     for name in wanted:
         if name not in known:
             raise did_you_mean("table", name, known)
@@ -201,8 +195,7 @@ def galleries(
     chosen: list[Gallery] = []
     for table, name in places:
         try:
-            found = list(_galleries(table, name, data_root, quick=quick))
-            chosen += (replace(gallery, named=frozenset(named)) for gallery in found)
+            chosen += list(_galleries(table, name, data_root, frozenset(named), quick=quick))
         except DatasetError:
             if not table.part_of or table.identifier in wanted:
                 raise
@@ -229,39 +222,30 @@ def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table
     """Return the tables that use a data set; if there are none, its own table on request."""
     if not is_known(name) and not is_path(name):
         raise did_you_mean("data set", name, CATALOGUE)
-    robust = [replace(table, dataset=name) for table in selected if table.is_robustness]
-    if any(name in table.datasets for table in TABLES if not table.is_robustness) or not own:
-        return [*(table for table in selected if name in table.datasets and not table.is_robustness), *robust]
-    own_name = table_name(name)
-    if any(own_name == table.identifier for table in TABLES):
-        own_name += "-folder"
-    return [replace(own_table(name), identifier=own_name, caption=f"Retrieval on {own_name}")]
+    if own and not any(name in table.datasets for table in TABLES if not table.is_robustness):
+        return [own_table(table_name(name))]
+    return [table for table in selected if name in table.datasets or table.is_robustness]
 
 
-def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) -> Iterator[Gallery]:
-    """Yield the galleries of a table on a data set, twice where networks see another input than all others."""
-    columns = table.columns
-    if quick:  # the first fold, where there are folds, or the first column of each input
-        first_of_input = {column.input: column for column in reversed(columns)}
-        with_folds = [column for column in columns if len(column.parts) > 1]
-        columns = tuple(with_folds[:1] or reversed(first_of_input.values()))
-    for column in columns:
+def _galleries(
+    table: Table, name: str, data_root: Path | None, named: frozenset[str], *, quick: bool
+) -> Iterator[Gallery]:
+    """Yield the galleries of a table on a data set; with ``quick``, of the columns with folds if there are any."""
+    with_folds = tuple(column for column in table.columns if len(column.parts) > 1) if quick else ()
+    for column in with_folds or table.columns:
+        is_split = column.input == "as printed"
         sets = table.stand_ins if column.over_draws and name in table.stand_ins[:1] else (name,)
         for source in _conditions(name) if table.is_robustness else sets:
             dataset = open_dataset(source, data_root)
             check_ranked(dataset)
-            check_retrievable(dataset)
+            wanted = (INPUTS if source == sets[0] else INPUTS[:1]) if is_split else (column.input,)
+            inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
             for part in column.parts[: 1 if quick else None]:
                 entries = Part(PARTS[part]).of(dataset)
                 check_retrievable(dataset, entries if part else None)
                 some = thinned(entries, QUICK_POSES) if quick else entries
-                gallery = Gallery(table, source, dataset, some, len(some) < len(entries), part, data_root)
-                if column.input != "as printed":
-                    yield replace(gallery, wanted=column.input)
-                    continue
-                yield replace(gallery, wanted="mesh", kinds="others")
-                if source == sets[0]:  # networks see the first draw alone
-                    yield replace(gallery, wanted="view", kinds="networks")
+                is_quick = len(some) < len(entries)
+                yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split, named)
 
 
 def _conditions(name: str) -> list[str]:

@@ -18,7 +18,6 @@ from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
 from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape
 from benchmark.registry import Component
-from benchmark.text import say
 
 if TYPE_CHECKING:
     from benchmark.protocols.galleries import Gallery
@@ -29,11 +28,13 @@ MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
 #: File next to the models in the repository; wheels, which are too small for all models, omit it.
 _ALL_HERE = "README.md"
 
-_INSTEAD = "take a model of another training"
-
 
 class MissingModel(ConfigurationError):
-    """A learner has not been trained for a gallery, or its model cannot be used."""
+    """A learner has not been trained for a gallery."""
+
+
+class UnusableModel(MissingModel):
+    """The card of a model is damaged, or says that it was trained for something else."""
 
 
 class TooNear(ConfigurationError):
@@ -70,35 +71,34 @@ class Model:
         anything. Names in two different known data sets are unrelated.
         """
         shown = set_of_subjects(dataset)
-        if shown is not None and shown != set_of_subjects(find_training(self.training).dataset):
+        if shown and shown != set_of_subjects(find_training(self.training).dataset):
             return False
         return entry.identifier in self.card.identifiers or entry.subject in self.card.subjects
 
-    def check_clearance(self, dataset: str) -> None:
-        """Raise :class:`TooNear` if the training bodies are too similar to subjects of a data set.
+    def check(self, dataset: str, data_root: Path | None) -> None:
+        """Check that a model may be tested on a data set.
 
-        The card states the smallest distance between the training bodies and the subjects of each generated data set of
-        people. A card without an entry for a data set passes, unless the bodies were sampled. Cards do not state the
-        distances to the people of ``animals`` and ``people[n=N]``.
+        The card states the smallest distance between the training bodies and the subjects of generated data sets. A
+        data set that it does not name passes, unless the bodies were sampled.
+
+        Raises
+        ------
+        TooNear
+            If the training bodies are, or may be, too similar to subjects of the data set.
+        UnusableModel
+            If the model was trained for other subjects than those of its training.
         """
-        exact, shown = catalogued(dataset) or "", set_of_subjects(dataset) or ""
-        training, clearance = find_training(self.training), self.card.clearance
-        if training.is_sampled and (shown == "animals" or shown.startswith("people[n=")):
-            problem = f"training '{self.training}' may have bodies similar to subjects of {shown}"
-            raise TooNear(problem, _INSTEAD)
-        distance = clearance.get(exact, clearance.get(shown, 0.0 if training.is_sampled else CLEARANCE))
-        if shown in TESTED and distance < CLEARANCE:
-            raise TooNear(
-                f"training '{self.training}' has bodies within {CLEARANCE} of the subjects of {shown}", _INSTEAD
-            )
-
-    def check_tested(self, data_root: Path | None) -> None:
-        """Raise :class:`MissingModel` if the model was trained for other subjects than those of its training."""
-        training = find_training(self.training)
+        training, stated = find_training(self.training), self.card.clearance
+        exact, shown = catalogued(dataset) or "", set_of_subjects(dataset)
+        distance = stated.get(exact, stated.get(shown, 0.0 if training.is_sampled else CLEARANCE))
+        if shown.startswith((*TESTED, "animals")) and distance < CLEARANCE:
+            has = "has" if {exact, shown} & stated.keys() else "may have"
+            problem = f"training '{self.training}' {has} bodies within {CLEARANCE} of the subjects of {shown}"
+            raise TooNear(problem, "take a model of another training")
         if self.card.tested and is_known(training.dataset) and is_present(training.dataset, data_root):
             tested = training.tested.of(open_dataset(training.dataset, data_root))
             if self.card.tested != digest_of({entry.subject for entry in tested}):
-                raise MissingModel(f"the model in {self.folder} is for other subjects", "train it again")
+                raise UnusableModel(f"the model in {self.folder} is for other subjects", "train it again")
 
     def summary(self) -> dict[str, Any]:
         """Facts about the model for a record."""
@@ -111,7 +111,7 @@ class Model:
         }
 
 
-def find_models(spec: Component, gallery: Gallery, trained_here: Path) -> dict[str, Model]:
+def find_models(spec: Component, gallery: Gallery, trained_here: Path | None) -> dict[str, Model]:
     """Return the model for each shape of a gallery, by identifier; empty for a method that does not learn.
 
     Parameters
@@ -134,35 +134,25 @@ def find_models(spec: Component, gallery: Gallery, trained_here: Path) -> dict[s
     ConfigurationError
         If the learner names a training that does not exist.
     """
-    method = spec.create() if spec.learns else None
-    if not isinstance(method, Learner):
+    learner = spec.create() if spec.learns else None
+    if not isinstance(learner, Learner):
         return {}
-    of_shape = trainings_by_shape(method, gallery.dataset, gallery.entries, gallery.data_root)
-    names = dict.fromkeys(training.name for training in of_shape.values())
-    folders = {name: _finished(method, name, trained_here) for name in names}
-    missing = [name for name in names if not folders[name]]
-    if missing:
-        raise _missing(spec, method, missing)
-    try:
-        models = {name: _first_usable(name, folders[name]) for name in names}
-    except ConfigurationError as error:
-        raise MissingModel(error.problem, error.hint) from error
+    of_shape = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
+    folders = {training.name: _finished(learner, training.name, trained_here) for training in of_shape.values()}
+    if missing := [name for name, folder in folders.items() if folder is None]:
+        raise _missing(spec, learner, missing)
+    models = {name: _model(name, folder) for name, folder in folders.items() if folder}
     for model in models.values():
-        model.check_clearance(gallery.dataset.name)
-        model.check_tested(gallery.data_root)
+        model.check(gallery.dataset.name, gallery.data_root)
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
 
 
 def has_models(spec: Component, gallery: Gallery, trained_here: Path | None) -> bool:
-    """Return whether a learner has a finished model for each shape of a gallery."""
-    learner = spec.create()
-    if not isinstance(learner, Learner):
-        return False
+    """Return whether a learner has a model for each shape of a gallery, be it one that is refused."""
     try:
-        of_shape = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
-    except ConfigurationError:
-        return False  # the row of the method without parameters says why
-    return all(_finished(learner, name, trained_here) for name in {training.name for training in of_shape.values()})
+        return bool(find_models(spec, gallery, trained_here))
+    except ConfigurationError as error:
+        return isinstance(error, TooNear | UnusableModel)
 
 
 def with_model(spec: Component) -> Any:
@@ -179,10 +169,11 @@ def with_model(spec: Component) -> Any:
     own_folder = getattr(method, "model_folder", None)
     if not isinstance(method, Learner) or not isinstance(own_folder, Path):
         return method
-    folders = _finished(method, own_folder.parent.name, None)
-    if not folders:
-        raise _missing(spec, method, [own_folder.parent.name])
-    return method.load(folders[0])
+    training = own_folder.parent.name
+    folder = _finished(method, training, None)
+    if folder is None:
+        raise _missing(spec, method, [training])
+    return method.load(folder)
 
 
 def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:
@@ -200,10 +191,10 @@ def model_places(learner: Learner, trained_here: Path | None = None) -> list[Pat
     return [place for place in places if place is not None]
 
 
-def _finished(learner: Learner, training: str, trained_here: Path | None) -> list[Path]:
-    """Return the folders of the finished models of a training, by precedence."""
+def _finished(learner: Learner, training: str, trained_here: Path | None) -> Path | None:
+    """Return the folder of the finished model of a training, by precedence; None if there is none."""
     folders = (place / training / learner.model_name for place in model_places(learner, trained_here))
-    return [folder for folder in folders if (folder / CARD).is_file()]
+    return next((folder for folder in folders if (folder / CARD).is_file()), None)
 
 
 def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> MissingModel:
@@ -220,34 +211,13 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 
-#: Folders of models that were already reported as unusable.
-_PASSED_OVER: set[Path] = set()
-
-
-def _first_usable(training: str, folders: Sequence[Path]) -> Model:
-    """Return the first usable model; unusable ones before it are reported once on stderr.
-
-    Raises
-    ------
-    ConfigurationError
-        If none is usable; reports the problem of the last one.
-    """
-    *others, last = folders
-    for folder in others:
-        try:
-            return _model(training, folder)
-        except ConfigurationError as error:
-            if folder not in _PASSED_OVER:
-                _PASSED_OVER.add(folder)
-                say(f"skipped the model in {folder}: {error}", err=True)
-    return _model(training, last)
-
-
 def _model(training: str, folder: Path) -> Model:
-    """Return the model in a folder; raise ``ConfigurationError`` if its card is not that of this training."""
-    card = read_card(folder)
+    """Return the model in a folder; raise :class:`UnusableModel` if its card is not that of this training."""
+    try:
+        card = read_card(folder)
+    except ConfigurationError as error:
+        raise UnusableModel(error.problem, error.hint) from error
     if card.data != training:
-        raise ConfigurationError(
-            f"the model in {folder} was trained on '{card.data}'", "move it to the folder of its training data"
-        )
+        problem = f"the model in {folder} was trained on '{card.data}'"
+        raise UnusableModel(problem, "move it to the folder of its training data")
     return Model(training, folder, card)

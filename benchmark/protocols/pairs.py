@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import TrainingData, TrainingPair, digest_of
@@ -17,9 +18,7 @@ from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.people import PEOPLE, clearances
 from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.geometry.cleaning import clean
-from benchmark.geometry.depth import DepthImage, common_half_width, depth_surface, fit_half_width
-from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.preparation import common_frame, fit_frame, prepare_view
 from benchmark.protocols.trainings import Training
 
 Say = Callable[[str], None]
@@ -54,20 +53,24 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         raise ConfigurationError(f"the bodies of '{training.name}' are not generated any more", "take its model")
     dataset = open_dataset(training.dataset, data_root)
     trained, tested = training.trained.of(dataset), training.tested.of(dataset)
+    subjects, tested_subjects = (tuple(dict.fromkeys(entry.subject for entry in part)) for part in (trained, tested))
+    if not subjects:
+        raise ConfigurationError(f"training '{training.name}' has no pairs", "check the data set with 'data check'")
+    if both := sorted({*subjects} & {*tested_subjects}):
+        problem = f"training '{training.name}' would include test subjects of its models: {', '.join(both[:5])}"
+        raise ConfigurationError(problem, "keep the subjects of the data set apart")
     canonical = canonical_shapes(dataset)
-    subjects = tuple(dict.fromkeys(entry.subject for entry in trained))
-    identifiers = dict.fromkeys(
-        [*(entry.identifier for entry in trained), *(canonical[subject].identifier for subject in subjects)]
-    )
-    _check_apart(training.name, subjects, tested)
-    new = open_dataset(VALIDATION, None) if set(subjects) <= {*PEOPLE[0]} else dataset
-    held_out = new.shapes[::5] if new is not dataset else tested
+    shown = dict.fromkeys([*trained, *(canonical[subject] for subject in subjects)])
+    held_out, new = tested, dataset
+    if {*subjects} <= {*PEOPLE[0]}:
+        new = open_dataset(VALIDATION)
+        held_out = new.shapes[::5]
     return TrainingData(
         name=training.name,
         title=f"{dataset.title}, {training.words}",
         subjects=subjects,
-        identifiers=tuple(identifiers),
-        tested=digest_of({entry.subject for entry in tested}),
+        identifiers=tuple(entry.identifier for entry in shown),
+        tested=digest_of(tested_subjects),
         pairs=lambda: _rendered(trained, dataset, _half_width(dataset), say),
         n_pairs=len(trained),
         validation=lambda: _rendered(held_out, new, _half_width(dataset), say),
@@ -91,25 +94,13 @@ def _clearances(subjects: Sequence[str], dataset: str) -> dict[str, float]:
     return found
 
 
-def _check_apart(name: str, subjects: Sequence[str], tested: Iterable[Entry]) -> None:
-    """Raise ``ConfigurationError`` if there are no subjects to train on, or one of them is tested."""
-    if not subjects:
-        raise ConfigurationError(f"training '{name}' has no pairs", "check the data set with 'data check'")
-    if both := sorted({entry.subject for entry in tested} & set(subjects)):
-        raise ConfigurationError(
-            f"training '{name}' would include test subjects of its models: {', '.join(both[:5])}",
-            "keep the subjects of the data set apart",
-        )
-
-
 def _rendered(entries: Iterable[Entry], dataset: ShapeSet, half_width: float, say: Say) -> Iterator[TrainingPair]:
     """Yield the pairs, without those that cannot be rendered."""
     canonical = canonical_shapes(dataset)
 
     @lru_cache(maxsize=32)  # the shapes of a subject are adjacent, and share a target
-    def render(entry: Entry) -> DepthImage:
-        sensor = dataset.sensor(entry)
-        return depth_surface(_surface(dataset, entry), dataset.camera(entry), half_width, sensor).depth
+    def render(entry: Entry) -> NDArray[np.float32]:
+        return prepare_view(dataset.load(entry), dataset.camera(entry), half_width, dataset.sensor(entry))["depth"]
 
     for entry in entries:
         target = canonical[entry.subject]
@@ -127,10 +118,6 @@ def _rendered(entries: Iterable[Entry], dataset: ShapeSet, half_width: float, sa
         )
 
 
-def _surface(dataset: ShapeSet, entry: Entry) -> Mesh:
-    return clean(dataset.observe(entry).surface if dataset.observe else dataset.load(entry))[0]
-
-
 def _half_width(dataset: ShapeSet) -> float:
     """Return half the width of the camera's frame in file units, the same for all shapes of the data set."""
     if dataset.half_width is not None:
@@ -138,5 +125,5 @@ def _half_width(dataset: ShapeSet) -> float:
     widths = []
     for entry in dataset.shapes:
         with suppress(ShapeError):
-            widths.append(fit_half_width([_surface(dataset, entry)], dataset.camera(entry)))
-    return common_half_width(widths) if widths else 1.0
+            widths.append(fit_frame(dataset.load(entry), dataset.camera(entry)))
+    return common_frame(widths)

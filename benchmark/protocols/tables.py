@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Literal
 
 from benchmark.api.contracts import Input
-from benchmark.api.learning import Learner
-from benchmark.datasets.catalogue import is_present
 from benchmark.datasets.official import EXTENDED
-from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS, TRAININGS, Training, only_training, trainings_on
+from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS
 from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
@@ -209,30 +206,5 @@ def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
 
 def own_table(dataset: str) -> Table:
     """Return the table of a data set that no table of the suite uses: complete surfaces and views, side by side."""
-    name = Path(dataset).name
-    return Table(name, f"Retrieval on {name}", dataset, columns=BOTH_INPUTS, all_unseen=False)
-
-
-def trainings_of(learner: Learner, numeral: str, data_root: Path | None) -> list[Training]:
-    """Return the trainings whose models a learner uses for a table of the paper.
-
-    Parameters
-    ----------
-    learner, data_root
-        See :func:`benchmark.protocols.trainings.trainings_on`.
-    numeral
-        Numeral of the table; ignored for a learner whose split does not depend on the table.
-
-    Raises
-    ------
-    ConfigurationError
-        If the training is unknown.
-    """
-    if only := only_training(learner):
-        return [only]
-    identifier = "I" if learner.split == "strict" else numeral
-    table = next(table for table in TABLES if table.identifier == identifier)
-    # A data set without trainings uses the models of another data set, which has its own stand-in.
-    is_trained_on = any(training.dataset == table.dataset for training in TRAININGS.values())
-    use_stand_in = is_trained_on and not is_present(table.dataset, data_root)
-    return trainings_on(learner, table.stand_ins[0] if use_stand_in else table.dataset, data_root)
+    name = f"{dataset}-folder" if any(dataset == table.identifier for table in TABLES) else dataset
+    return Table(name, f"Retrieval on {dataset}", dataset, columns=BOTH_INPUTS, all_unseen=False)

@@ -133,10 +133,9 @@ def plan(
     jobs = [
         planning.job(gallery, input_, method)
         for gallery in galleries
-        for rows in [gallery.rows(chosen, results / "models")]
         for input_ in wanted
         if input_ in gallery.inputs
-        for method in rows
+        for method in gallery.rows(input_, chosen, results / "models")
     ]
     return list({job.job.key: job for job in jobs}.values())
 

@@ -18,7 +18,7 @@ FIRST = SYNTHETIC_HUMANS[0]
 
 
 def names(*arguments, **options):
-    return [(g.table.identifier, g.name, *g.inputs, g.kinds) for g in galleries(*arguments, **options)]
+    return [(g.table.identifier, g.name, *g.inputs) for g in galleries(*arguments, **options)]
 
 
 def test_without_data_the_stand_ins_run_and_say_so():
@@ -31,10 +31,9 @@ def test_without_data_the_stand_ins_run_and_say_so():
 
 def test_classical_rows_of_table_one_see_surfaces_of_both_galleries_and_networks_one_view():
     found = names(["I"])
-    assert {("I", name, "mesh", "others") for name in SYNTHETIC_HUMANS} <= {*found}
-    assert ("I", FIRST, "view", "networks") in found
-    assert {("I", f"{FIRST} fold {k}", "mesh", "others") for k in range(3)} <= {*found}
-    assert ("I-view", f"{FIRST} fold 1", "view", "all") in found
+    assert {("I", name, "mesh") for name in SYNTHETIC_HUMANS[1:]} <= {*found}
+    assert {("I", name, "mesh", "view") for name in (FIRST, *(f"{FIRST} fold {k}" for k in range(3)))} <= {*found}
+    assert ("I-view", f"{FIRST} fold 1", "view") in found
     assert {name for table, name, *_ in found if table == "I-view"} == {FIRST, *(f"{FIRST} fold {k}" for k in range(3))}
 
 
@@ -79,7 +78,7 @@ def test_a_quick_run_has_one_fold_and_few_poses():
 def test_a_folder_gets_its_own_table_with_both_inputs(tmp_path):
     write_rods(tmp_path / "rods")
     write_rods(tmp_path / "III")
-    assert names([], [str(tmp_path / "rods")]) == [("rods", "rods", "mesh", "all"), ("rods", "rods", "view", "all")]
+    assert names([], [str(tmp_path / "rods")]) == [("rods", "rods", "mesh"), ("rods", "rods", "view")]
     assert {name for name, *_ in names([], [str(tmp_path / "III")])} == {"III-folder"}
 
 
@@ -96,16 +95,16 @@ def test_selections_without_a_gallery_are_refused(arguments, message):
 # Rows ----------------------------------------------------------------------------------------------------------------
 
 
-def rows(gallery, *chosen):
-    return [component.name for component in gallery.rows(select(chosen, ()))]
+def rows(gallery, input_, *chosen):
+    return [component.name for component in gallery.rows(input_, select(chosen, ()))]
 
 
-def gallery(identifier, kinds, **options):
-    return next(g for g in galleries([identifier], **options) if g.table.identifier == identifier and g.kinds == kinds)
+def gallery(identifier, **options):
+    return next(gallery for gallery in galleries([identifier], **options) if gallery.table.identifier == identifier)
 
 
 def test_networks_have_rows_where_views_are_and_all_others_on_surfaces():
-    others, networks = rows(gallery("III", "others")), rows(gallery("III", "networks"))
+    others, networks = rows(gallery("III"), "mesh"), rows(gallery("III"), "view")
     assert {*paper.CLASSICAL, "identity", "shape-dna"} <= {*others}
     assert not any(name.startswith("learned") for name in others)
     assert "learned" in networks
@@ -113,27 +112,25 @@ def test_networks_have_rows_where_views_are_and_all_others_on_surfaces():
 
 
 def test_ablations_have_rows_in_table_four_alone():
-    found = {name.partition("[")[0] for name in rows(gallery("IV", "all"))}
+    found = {name.partition("[")[0] for name in rows(gallery("IV"), "view")}
     assert {"learned", "learned-without-srf", "learned-without-lrf"} <= found <= {*ABLATION}
-    assert not {"learned-strict", "learned-without-srf"} & {*rows(gallery("I", "networks"))}
+    assert not {"learned-strict", "learned-without-srf"} & {*rows(gallery("I"), "view")}
 
 
 def test_a_method_that_is_named_has_a_row_everywhere():
-    assert rows(gallery("IV", "all"), "gps") == []
-    quick = gallery("III", "others", quick=True)
-    assert rows(quick, "shape-dna") == []
-    assert rows(replace(quick, named=frozenset({"shape-dna"})), "shape-dna") == ["shape-dna"]
+    assert rows(gallery("IV"), "view", "gps") == []
+    quick = gallery("III", quick=True)
+    assert rows(quick, "mesh", "shape-dna") == []
+    assert rows(replace(quick, named=frozenset({"shape-dna"})), "mesh", "shape-dna") == ["shape-dna"]
 
 
 def test_forms_that_the_paper_does_not_compare_run_by_default_on_animals_and_own_sets_alone(tmp_path):
     shapes = write_rods(tmp_path / "rods")
     own = next(iter(galleries([], [str(shapes)])))
-    assert "feature-preserved" in rows(gallery("III", "others")) and "feature-preserved" in rows(own)
-    assert not {"feature-preserved", "accelerated-mds"} & {
-        *rows(gallery("I", "others")),
-        *rows(gallery("II", "others")),
-    }
-    assert rows(replace(gallery("I", "others"), named=frozenset({"accelerated-mds"})), "accelerated-mds")
+    assert "feature-preserved" in rows(gallery("III"), "mesh") and "feature-preserved" in rows(own, "mesh")
+    humans = {name for table in ("I", "II") for name in rows(gallery(table), "mesh")}
+    assert not {"feature-preserved", "accelerated-mds"} & humans
+    assert rows(replace(gallery("I"), named=frozenset({"accelerated-mds"})), "mesh", "accelerated-mds")
 
 
 def test_the_network_has_rows_for_each_seed_and_as_printed_where_these_have_models(tmp_path):
@@ -143,7 +140,7 @@ def test_the_network_has_rows_for_each_seed_and_as_printed_where_these_have_mode
         place = tmp_path / next(iter(of_shape.values())).name / name
         place.mkdir(parents=True)
         (place / CARD).touch()
-    found = [component.name for component in fold.rows(select(["learned"], ()), tmp_path)]
+    found = [component.name for component in fold.rows("view", select(["learned"], ()), tmp_path)]
     assert found == ["learned", "learned[training_seed=1]", "learned[configuration=as_printed]"]
 
 
@@ -152,7 +149,7 @@ def test_every_row_of_the_paper_is_a_method_with_a_title():
     for table in TABLES:
         if table.has_paper:
             assert all(name.partition("[")[0] in known and name in TITLES for name in paper.PRINTED[table.identifier])
-    assert own_table("/some/folder/rods").identifier == "rods"
+    assert [own_table(name).identifier for name in ("rods", "III")] == ["rods", "III-folder"]
 
 
 def test_the_paper_has_31_rows_of_four_figures():
@@ -162,7 +159,7 @@ def test_the_paper_has_31_rows_of_four_figures():
 
 
 def test_a_model_that_saw_the_test_shapes_has_no_row_where_none_may_have(tmp_path):
-    fold = replace(gallery("IV", "all"), named=frozenset({"learned"}))
+    fold = replace(gallery("IV"), named=frozenset({"learned"}))
     method = select_one(f"learned[training={FIRST.partition('[')[0]}-fold-1]")
     (job,) = plan([fold], ["view"], [method], tmp_path)
     assert (fold.part, job.state) == ("fold 0", "unsupported")
