@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmark.datasets.official import SETS, OfficialSet, members_digest
+from benchmark.geometry.io import write_mesh
+from benchmark.geometry.mesh import Mesh
 
 #: Sets whose classes stand in a list: number of classes and of shapes in each, name of file, number of the first file.
 LISTED = {
@@ -52,20 +54,10 @@ def cla(classes: dict[str, list[int]]) -> str:
     return f"PSB 1\n{len(classes)} {sum(map(len, classes.values()))}\n" + "".join(blocks)
 
 
-def tetrahedron(suffix: str, size: float) -> str:
-    """Text of a small mesh."""
-    vertices = [(0, 0, 0), (size, 0, 0), (0, 1, 0), (0, 0, 2)]
-    faces = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
-    points = [" ".join(map(str, vertex)) for vertex in vertices]
-    if suffix == ".obj":
-        lines = [*(f"v {point}" for point in points), *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces)]
-    else:
-        head = ["OFF", "4 4 0"]
-        if suffix == ".ply":
-            head = ["ply", "format ascii 1.0", "element vertex 4", *(f"property float {axis}" for axis in "xyz")]
-            head += ["element face 4", "property list uchar int vertex_indices", "end_header"]
-        lines = [*head, *points, *(f"3 {a} {b} {c}" for a, b, c in faces)]
-    return "\n".join(lines) + "\n"
+def write_tetrahedron(path: Path, size: float) -> None:
+    """Write a small mesh."""
+    vertices = [[0, 0, 0], [size, 0, 0], [0, 1, 0], [0, 0, 2]]
+    write_mesh(path, Mesh(vertices, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]))
 
 
 def make(name: str, root: Path) -> Path:
@@ -78,7 +70,7 @@ def make(name: str, root: Path) -> Path:
     for place in {(folder / file).parent for file in files}:
         place.mkdir(parents=True)
     for number, file in enumerate(files):
-        (folder / file).write_text(tetrahedron(Path(file).suffix, 1 + number / 1000))
+        write_tetrahedron(folder / file, 1 + number / 1000)
     if name in LISTED:
         (folder / "test.cla").write_text(cla(listing(n_classes, n_poses, first)))
     return folder

@@ -1,4 +1,4 @@
-"""Official sets in their layouts: shapes, labels, order, cameras and canonical poses."""
+"""Official sets in their layouts, or absent: shapes, labels, order, cameras, canonical poses, and their table."""
 
 from collections import Counter
 
@@ -6,9 +6,11 @@ import pytest
 
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.datasets.official import SETS, _sets, members_digest
+from benchmark.datasets.official import EXTENDED, SETS, _sets, members_digest
+from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
-from tests.datasets.official.layouts import LISTED, NAMED
+from benchmark.protocols.galleries import galleries
+from tests.datasets.official.layouts import LISTED, NAMED, make
 
 SIZES = [
     ("shrec14-synthetic", 300, 15, 20, ("219", "10", "19")),
@@ -49,13 +51,11 @@ def test_a_set_in_its_layout_has_its_shapes_and_labels(sets, name, n_shapes, n_c
 
 def test_the_digests_are_those_of_the_official_lists():
     members = {name: _sets()[name].members for name in ("shrec10", "shrec11")}
-    # Two classes of each list, as the tracks gave them out.
+    # A class of each list, as the tracks gave them out.
     crabs = (49, 15, 154, 83, 144, 26, 181, 139, 56, 82, 161, 9, 3, 187, 166, 156, 68, 162, 128, 19)
-    teddy = (134, 54, 40, 185, 35, 105, 199, 13, 36, 137, 100, 46, 106, 130, 118, 29, 34, 10, 107, 33)
-    assert [members["shrec10"][members_digest(numbers)] for numbers in (crabs, teddy)] == ["crabs", "teddy"]
+    assert members["shrec10"][members_digest(crabs)] == "crabs"
     alien = (137, 30, 50, 124, 290, 5, 422, 545, 411, 9, 511, 311, 31, 547, 418, 573, 220, 133, 18, 228)
-    woman = (345, 581, 22, 147, 503, 585, 586, 461, 89, 294, 521, 332, 592, 381, 395, 238, 410, 36, 580, 534)
-    assert [members["shrec11"][members_digest(numbers)] for numbers in (alien, woman)] == ["alien", "woman"]
+    assert members["shrec11"][members_digest(alien)] == "alien"
     assert (len(members["shrec10"]), len(members["shrec11"])) == (10, 30)
 
 
@@ -73,9 +73,6 @@ def test_saying_that_faust_stands_along_y_changes_nothing(sets, damaged):
     dataset = open_dataset("faust", folder.parent)
     assert dataset.camera(dataset.shapes[0]) == Camera((0, 0, -1), (0, 1, 0))
     assert canonical_shapes(dataset)["2"].identifier == "tr_reg_023"
-    (folder / "dataset.toml").write_text('camera = "side"\nup = "y"\n')
-    dataset = open_dataset("faust", folder.parent)
-    assert dataset.camera(dataset.shapes[0]) == Camera((1, 0, 0), (0, 1, 0))
 
 
 def test_canonical_poses_are_the_null_shapes(sets):
@@ -85,3 +82,17 @@ def test_canonical_poses_are_the_null_shapes(sets):
         ("shrec14-real", "3", "30"),
     ):
         assert canonical_shapes(open_dataset(name, sets))[subject].identifier == identifier
+
+
+def test_an_absent_set_says_where_it_is_wanted_and_where_it_comes_from(tmp_path):
+    with pytest.raises(DatasetError, match="'faust' is not at .*/faust; put it there .* http://faust.is.tue.mpg.de"):
+        open_dataset("faust", tmp_path)
+
+
+def test_the_extended_table_is_made_for_every_set_that_is_here(sets, tmp_path):
+    assert set(EXTENDED) == set(SETS) - {"tosca"} - {"shrec14-synthetic", "shrec14-real", "topkids", "scape"}
+    assert list(dict.fromkeys(gallery.name for gallery in galleries(["extended"], data_root=sets))) == [*EXTENDED]
+    make("kids", tmp_path)
+    chosen = galleries(["extended"], data_root=tmp_path)
+    assert {(gallery.dataset.name, len(gallery.entries)) for gallery in chosen} == {("kids", 32)}
+    assert {gallery.name for gallery in galleries([], ["kids"], tmp_path)} == {"kids"}
