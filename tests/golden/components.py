@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.changes import CHANGES, LEVELS
-from benchmark.datasets.folder import folder_set
 from benchmark.geometry.camera import DepthSensor
-from benchmark.geometry.geodesics import SOLVERS
 from benchmark.registry import BUILT_IN as METHODS
 from benchmark.registry import SCORERS, select_one
 from tests.golden import inputs, stages
@@ -24,7 +22,7 @@ CONTRACTED = 1e-6
 NON_METRIC = 2e-4
 #: Networks were trained, and their golden results computed, in single precision.
 NETWORKS = 1e-5
-#: Distances, measures, and meshes of generators: sums of doubles without cancellation.
+#: Distances, and meshes of generators: sums of doubles without cancellation.
 DOUBLES = 1e-9
 #: Depth images in single precision, and the surfaces computed from them.
 SINGLES = 1e-6
@@ -93,18 +91,12 @@ def _components() -> Iterator[tuple[str, Component]]:
     yield "preparation/mesh", Component(partial(_called, stages.completed, raw))
     yield "preparation/view", Component(partial(_called, stages.seen, VIEWS), SINGLES)
     yield "preparation/frame", Component(partial(_called, stages.observed, FRAMES), SINGLES)
-    yield "api", Component(_api, FORMS)
     for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
         yield f"data/{name}", Component(partial(_generated, name), FORMS)
-    for name in ("files", "frames"):
-        yield f"data/{name}", Component(partial(_read, name))
     for name in sorted(CHANGES.keys() - {"perspective"}):
         yield f"change/{name}", Component(partial(_changed, name), FORMS)
-    yield "measures", Component(_measures)
     galleries = {"whole": (SIGNED, [*"aaba"], ()), "refused": (SIGNED, [*"aaba"], SIGNED[1:2])}
     yield "ranking", Component(partial(_called, stages.ranked, galleries))
-    parts = partial(_called, stages.scored, {"classic-mds": ("classic-mds", "cm-bof")})
-    yield "end-to-end", Component(parts)
 
 
 def _of_method(name: str) -> Iterator[Part]:
@@ -114,7 +106,7 @@ def _of_method(name: str) -> Iterator[Part]:
             for image in ("woman", "man", "nothing", "tiny"):
                 yield Part(f"{variant}/{image}", stages.learned_form, (variant, inputs.depth_shape(image)))
             continue
-        witnesses = ("large",) if variant == name and not (spec.describes or name.startswith("scikit-learn")) else ()
+        witnesses = ("large",) if variant == name and not spec.describes else ()
         for shape in (*SMALL, *LARGER, *witnesses):
             if spec.describes:
                 yield Part(f"{variant}/{shape}", stages.descriptors_of, (variant, (shape,)))
@@ -138,15 +130,6 @@ def _of_scorer(name: str) -> Iterator[Part]:
     yield Part("compared", stages.compared, (name, SIGNED))
 
 
-def _api() -> Iterator[Part]:
-    for shape in (*SMALL, *LARGER):
-        for solver in SOLVERS:
-            yield Part(f"{solver}/{shape}", stages.geodesics, (shape, solver))
-        if shape != "pieces":  # its constant functions can be combined arbitrarily
-            yield Part(f"laplacian/{shape}", stages.laplacian, (shape,))
-    yield Part("random", stages.draws)
-
-
 def _generated(name: str) -> Iterator[Part]:
     dataset = open_dataset(name, None)
     yield Part("all", stages.entries_of, (dataset,))
@@ -156,27 +139,12 @@ def _generated(name: str) -> Iterator[Part]:
         yield Part(WHOLE[name], getattr(stages, WHOLE[name]))
 
 
-def _read(folder: str) -> Iterator[Part]:
-    for path in sorted((inputs.INPUTS / folder).iterdir()):
-        yield Part(path.name, stages.file_of, (path,))
-    if folder == "files":
-        yield Part("folder", stages.entries_of, (folder_set(inputs.INPUTS / folder),))
-    else:
-        yield Part("object", stages.frame_of, (inputs.INPUTS / folder / "millimetres.png",))
-
-
 def _changed(name: str) -> Iterator[Part]:
     on_mesh = CHANGES[name].of_mesh if name != "jitter" else None
     for strength in LEVELS[: 2 if name == "jitter" else None]:
         yield Part(f"{strength}", stages.changed, (name, strength, 0))
     if on_mesh:
         yield Part("scan", stages.changed, (name, 3, 1))
-
-
-def _measures() -> Iterator[Part]:
-    for answered in (False, True):
-        for name, matrices in {"plain": ("plain-0", "plain-1"), "tied": ("tied",), "constant": ("constant",)}.items():
-            yield Part(f"{name}{'-answered' if answered else ''}", stages.measured, (matrices, answered))
 
 
 def _called(call: Callable[..., Any], arguments: Mapping[str, tuple[Any, ...]]) -> Iterator[Part]:

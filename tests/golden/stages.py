@@ -12,23 +12,19 @@ from typing import Any
 import numpy as np
 import pandas
 
-from benchmark.api.contracts import Mesh, Shape
+from benchmark.api.contracts import Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
 from benchmark.datasets.changes import changed as changed_set
 from benchmark.datasets.people import _SCANNED_POSES, PEOPLE
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
-from benchmark.geometry.io import read_mesh
-from benchmark.geometry.laplacian import eigenpairs
-from benchmark.pipeline import measures, preparation
+from benchmark.pipeline import preparation
 from benchmark.pipeline.cache import Cache, Keys
 from benchmark.pipeline.ranking import Ranked, rank
-from benchmark.pipeline.stages import SECONDS, SharedStages, compute_answer, require_result, sign
-from benchmark.pipeline.stages import mesh_of as form_mesh
+from benchmark.pipeline.stages import SECONDS, SharedStages, compute_answer, require_result
 from benchmark.registry import select_one
 from benchmark.registry.outputs import compare_signatures, compute_distances, compute_signature
-from retrieval.measures import chance_levels
 from tests.golden import inputs
 
 Arrays = Mapping[str, Any]
@@ -129,25 +125,6 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
 
 
-def geodesics(shape: str, solver: str) -> Arrays:
-    """Return the distances between all pairs, and from a few vertices."""
-    given = inputs.shape(shape)
-    return {"all": given.geodesics(solver)[::29], "few": given.geodesics_from([0, 3], solver)}
-
-
-def laplacian(shape: str) -> Arrays:
-    """Return the Laplacian and its lowest eigenpairs, without their arbitrary signs."""
-    operator = inputs.shape(shape).laplacian()
-    values, functions = eigenpairs(operator, 12)
-    stiffness = operator.stiffness.tocoo().data
-    return {"stiffness": stiffness, "mass": operator.mass, "eigenvalues": values, "functions": np.abs(functions)}
-
-
-def draws() -> Arrays:
-    """Return random numbers of a shape."""
-    return {"draws": inputs.shape("small").random("golden").standard_normal(9)}
-
-
 def entries_of(dataset: ShapeSet) -> Arrays:
     """Return the description of the shapes of a data set."""
     sensor = dataset.sensor
@@ -182,50 +159,6 @@ def changed(change: str, value: Any, place: int) -> Arrays:
     camera, sensor = dataset.camera(entry), dataset.sensor(entry)
     image = {"image": sensor.perturbed(np.linspace(0, 1, 60).reshape(6, 10))} if sensor else {}
     return {**mesh_of(dataset, entry, 25), "camera": [*camera.direction, *camera.up], **image}
-
-
-def file_of(path: Path) -> Arrays:
-    """Return the content of a file: a mesh, a mask, intrinsics, or a depth image."""
-    if path.parent.name == "files":
-        mesh = read_mesh(path)
-        return {"vertices": mesh.vertices, "faces": mesh.faces, "count": mesh.n_vertices}
-    if "mask" in path.name:
-        return {"mask": reading.read_mask(path)}
-    if path.suffix not in (".json", ".yaml", ".txt"):
-        return {"depth": reading.read_depth(path)}
-    camera = intrinsics.read_intrinsics(path)
-    numbers = [camera.fx, camera.fy, camera.cx, camera.cy, *(camera.size or ()), *camera.distortion]
-    return {"numbers": np.array(numbers, dtype=float), "rays": camera.rays(53, 42)[::6, ::6]}
-
-
-def frame_of(path: Path) -> Arrays:
-    """Return the object of a depth image, by the mask and the intrinsics next to it."""
-    observed_object = frame.FrameFiles(path).observe()
-    surface = observed_object.surface
-    return {"vertices": surface.vertices, "faces": surface.faces, "mask": observed_object.mask}
-
-
-def measured(matrices: Sequence[str], answered: bool) -> Arrays:
-    """Return the measures of committed distances."""
-    stored = inputs.arrays("distances")
-    places = stored["answered"].tolist() if answered else None
-    given = [stored[name][np.ix_(places, places)] if places else stored[name] for name in matrices]
-    labels = stored["labels"].tolist()
-    return _flat({**measures.score(given, labels, places), "chance": chance_levels(labels)})
-
-
-def scored(method_name: str, scorer_name: str) -> Arrays:
-    """Return distances and scores of two shapes of each of two classes, from raw meshes."""
-    method: Any = select_one(method_name).create()
-    scorer = select_one(scorer_name, kind="scorer").create()
-    names = ("dog-1", "dog-2", "horse-1", "horse-2")
-    signatures = []
-    for name in names:
-        prepared = preparation.prepare_mesh(inputs.mesh("raw", name))
-        shape = Shape(identifier=name, mesh=Mesh(prepared["vertices"], prepared["faces"]))
-        signatures.append(require_result(sign(scorer, form_mesh(_answer(method, shape), prepared))))
-    matrices = [compare_signatures(scorer, signatures, n) for n in range(scorer.info.draws)]
-    return {"distances": np.array(matrices), **_flat(measures.score(matrices, [name[:-2] for name in names]))}
 
 
 def _flat(nested: Mapping[str, Any]) -> dict[str, Any]:
