@@ -11,17 +11,6 @@ from tests.depth.scenes import frame, in_millimetres
 CAMERA = np.array([[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]])
 
 
-def test_arrays_come_in_and_a_form_goes_out():
-    depths, mask = frame()
-    form = canonical_form_of_depth(depths, CAMERA, mask)
-    assert form.mesh.area == pytest.approx(1)
-    assert form.notes["mask"] == "given"
-    assert form.notes["up"] == "floor"
-    assert form.notes["predicted_pieces"] == 1
-    found = canonical_form_of_depth(depths, CAMERA)
-    assert found.notes["mask"] == "found"
-
-
 @pytest.mark.parametrize(
     "camera", [(525, 525, 319.5, 239.5), np.pad(CAMERA, (0, 1)), Intrinsics(525, 525, 319.5, 239.5)], ids=str
 )
@@ -37,24 +26,24 @@ def test_every_way_to_pass_a_camera_and_depths_gives_the_same(camera):
         np.testing.assert_array_equal(form.vertices, wanted.vertices)
 
 
-def test_a_loop_loads_its_method_once():
+def test_the_method_is_by_default_the_network_that_a_loop_loads_once():
+    form = canonical_form_of_depth(frame()[0], CAMERA)
+    assert (form.notes["mask"], form.notes["up"], form.notes["predicted_pieces"]) == ("found", "floor", 1)
     assert method_of_depth("learned-streamed") is method_of_depth("learned-streamed")
 
 
-def test_errors_have_types():
+@pytest.mark.parametrize(
+    ("camera", "method", "message"),
+    [
+        (CAMERA[:2], "identity", "are 6 numbers"),
+        (CAMERA, "learnt", "unknown method"),
+        (CAMERA, "shape-dna", "describes shapes without a canonical form"),
+    ],
+)
+def test_what_cannot_be_used_is_named(camera, method, message):
     depths, mask = frame()
-    with pytest.raises(DepthError):
-        canonical_form_of_depth(np.full((480, 640), np.nan), CAMERA, mask)
-    with pytest.raises(DepthError, match=r"are 6 numbers"):
-        canonical_form_of_depth(depths, CAMERA[:2], mask)
-    with pytest.raises(DepthError):
-        canonical_form_of_depth(depths, CAMERA, ~mask[:10])
-    with pytest.raises(DepthError, match="more than the 2.57 m of the frame"):
-        canonical_form_of_depth(depths, CAMERA, np.ones_like(mask))
-    with pytest.raises(ConfigurationError, match="unknown method"):
-        canonical_form_of_depth(depths, CAMERA, mask, "learnt")
-    with pytest.raises(ConfigurationError, match="describes shapes without a canonical form"):
-        canonical_form_of_depth(depths, CAMERA, mask, "shape-dna")
+    with pytest.raises((ConfigurationError, DepthError), match=message):
+        canonical_form_of_depth(depths, camera, mask, method)
 
 
 def test_a_larger_frame_holds_larger_objects():

@@ -84,16 +84,6 @@ def test_a_decimated_mesh_does_not_depend_on_unit_place_and_numbering(
     np.testing.assert_allclose(corners[1] - corners[0], np.ptp(change(shape).vertices, axis=0), rtol=0.05)
 
 
-def test_seven_digits_and_single_precision_hardly_matter() -> None:
-    """On a body without exact symmetries, whose ties any rounding would decide."""
-    mesh = moved(limbed_body(4), 7.1, 3.3, -2.2, scale=13.7)
-    mesh = mesh.with_vertices(mesh.vertices + 0.05 * np.random.default_rng(0).standard_normal(mesh.vertices.shape))
-    first = prepare(mesh, 500).mesh
-    for vertices in (mesh.vertices.astype(np.float32), np.round(mesh.vertices, 5)):
-        other = prepare(Mesh(vertices, mesh.faces), 500).mesh
-        assert np.linalg.norm(first.vertices[:, None] - other.vertices[None], axis=2).min(axis=1).max() < 1e-4
-
-
 def test_rounding_flattens_no_triangle() -> None:
     needle = Mesh([*SQUARE.vertices, [0.5, -1e-8, 0]], [*SQUARE.faces, [0, 4, 1]])
     assert prepare(needle).mesh.n_faces == 3
@@ -109,16 +99,6 @@ def test_numbering_and_last_bits_of_coordinates_leave_nothing_in_the_order(mesh:
         np.testing.assert_array_equal(again.faces, ordered.faces)
     noise = 1e-13 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
     np.testing.assert_array_equal(in_spatial_order(mesh.with_vertices(mesh.vertices + noise)).faces, ordered.faces)
-
-
-def test_vertices_at_one_point_keep_their_order_where_the_surface_is_moved() -> None:
-    fan = Mesh(
-        [[0, 0, 0], [0.5, 0, 1], [0.5, 1, 0], [0.5, 0, -1], [0.5, -1, 0]], [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]
-    )
-    touching = joined(Mesh([[0, 0, 0], [1, 1, 0], [1, -1, 0]], [[0, 1, 2]]), fan)
-    ordered = in_spatial_order(touching)
-    for x in (-2.0, -1.0, 1.0):
-        np.testing.assert_array_equal(in_spatial_order(moved(touching, x, 0, 0)).faces, ordered.faces)
 
 
 def test_draws_follow_from_seed_purpose_and_measurements_alone() -> None:
@@ -295,8 +275,6 @@ LONE = Mesh([[0, 0, 0], [1, 0, 0], [0.5, 0.9, 0]], [[0, 1, 2]])  # type: ignore[
 ANGLES = np.arange(12) / 12 * 2 * np.pi
 BRIDGED = {
     "squares side by side": (joined(SQUARE, moved(SQUARE, 2, 0, 0)), [1.0], 8, 6),
-    "four in a row": (joined(*(moved(SQUARE, x, 0, 0) for x in (0, 2, 5, 9))), [1.0, 2.0, 3.0], 16, 14),
-    "closed": (joined(sphere(1), moved(sphere(1), 4, 0, 0)), [2.0], 84, 160),
     "sharing a corner": (joined(SQUARE, moved(SQUARE, 1, 1, 0)), [0.0], 7, 5),
     "sharing an edge": (joined(SQUARE, moved(SQUARE, 1, 0, 0)), [0.0], 6, 4),
     "a star around a triangle": (

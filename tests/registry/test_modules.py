@@ -78,20 +78,6 @@ def test_a_helper_with_the_name_of_a_package_is_refused(tmp_path):
         load_module(str(write_plugin(tmp_path / "smooth.py", imports="import numpy")))
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("smoth.py", r"there is no plugin .*smoth.py; did you mean smooth.py\?"),
-        ("folder.py", "folder.py is not a Python file; "),
-    ],
-)
-def test_a_path_that_is_no_plugin_is_named(tmp_path, name, message):
-    write_plugin(tmp_path / "smooth.py")
-    (tmp_path / "folder.py").mkdir()
-    with pytest.raises(ConfigurationError, match=message):
-        load_module(str(tmp_path / name))
-
-
 def test_a_file_without_a_plugin_is_refused(tmp_path):
     (tmp_path / "empty.py").write_text("from benchmark.api import MethodInfo\n")
     with pytest.raises(ConfigurationError, match="defines no method, no scorer and no data set"):
