@@ -6,37 +6,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import Mesh, Shape
+from tests.toy import rod
 
 
-def tube(bend: float, *, radius: float = 0.1, rings: int = 40, sides: int = 14) -> Mesh:
-    """Closed tube of length 2 along an arc of the given angle, thicker towards one end, with pointed caps."""
-    along = np.linspace(0.0, 1.0, rings)
-    arc = 2 * along
-    curvature = bend / 2
-    if bend:
-        centre = np.stack([np.sin(curvature * arc), 0 * arc, 1 - np.cos(curvature * arc)], axis=1) / curvature
-    else:
-        centre = np.stack([arc, 0 * arc, 0 * arc], axis=1)
-    tangent = np.stack([np.cos(curvature * arc), 0 * arc, np.sin(curvature * arc)], axis=1)
-    normal = np.stack([-tangent[:, 2], 0 * arc, tangent[:, 0]], axis=1)
-    angle = 2 * np.pi * (np.arange(sides)[None] + 0.5 * (np.arange(rings)[:, None] % 2)) / sides
-    width = radius * (1 + 0.5 * along)[:, None, None]
-    rings_ = centre[:, None] + width * (
-        np.cos(angle)[..., None] * normal[:, None] + np.sin(angle)[..., None] * np.array([0.0, 1.0, 0.0])
-    )
-    caps = [centre[0] - radius * tangent[0], centre[-1] + radius * tangent[-1]]
-    faces = []
-    for i in range(rings - 1):
-        for j in range(sides):
-            a, b = i * sides + j, i * sides + (j + 1) % sides
-            c, d = a + sides, b + sides
-            # Odd rings are turned by half a side, so the shorter diagonal changes from ring to ring.
-            faces += [(a, b, c), (b, d, c)] if i % 2 == 0 else [(a, d, c), (a, b, d)]
-    first, last = rings * sides, rings * sides + 1
-    for j in range(sides):
-        k = (j + 1) % sides
-        faces += [(first, k, j), (last, (rings - 1) * sides + j, (rings - 1) * sides + k)]
-    return Mesh(np.concatenate([rings_.reshape(-1, 3), caps]), np.array(faces))
+def tube(bend: float, rings: int = 40, sides: int = 14) -> Mesh:
+    """Closed tube of length 2 along an arc of the given angle, thicker towards one end."""
+    bent = rod(0.05, bend, rings, sides)
+    return bent.with_vertices(2 * bent.vertices)
 
 
 def centre_line(vertices: np.ndarray, *, sides: int = 14) -> np.ndarray:

@@ -68,13 +68,6 @@ def points_on_ellipsoid(n: int = 200) -> np.ndarray:
     return np.exp(0.3 * vertices) * [3.0, 2.0, 1.0] + 0.1 * np.sin(3 * vertices[:, ::-1])
 
 
-def relabelled(shape: Shape, seed: int = 0) -> tuple[Shape, np.ndarray]:
-    """Return the shape with its vertices renumbered, and the old number of each new vertex."""
-    order = np.random.default_rng(seed).permutation(shape.mesh.n_vertices)
-    mesh = Mesh(shape.mesh.vertices[order], np.argsort(order)[shape.mesh.faces])
-    return Shape(identifier=shape.identifier, mesh=mesh), order
-
-
 def moved(shape: Shape, *, scale: float = 1.0) -> Shape:
     """Return the shape turned, shifted and scaled."""
     turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()

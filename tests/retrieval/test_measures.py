@@ -49,19 +49,6 @@ def test_a_row_by_hand():
     assert row == pytest.approx(expected, abs=5e-5)
 
 
-def test_twelve_shapes_by_hand():
-    # On a line, classes a b a b ... at 0, 1, ..., 11: the two neighbours of a shape are of the other class.
-    places = np.arange(12.0)
-    scores = evaluate(np.abs(places[:, None] - places), np.arange(12) % 2)
-    assert scores.means["NN"] == 0
-    # c = 5. The shape at 0 meets b a b a b: 2 of 5, then all of a but the last within 10 ranks: 5 of 5.
-    assert scores.per_query["FT"][0] == pytest.approx(2 / 5)
-    assert scores.per_query["ST"][0] == 1
-    # The shape at 5 meets two ties of b, then two of a, then one of two b: 2 of 5.
-    assert scores.per_query["FT"][5] == pytest.approx(2 / 5)
-    assert scores.tied_queries == 0  # both shapes at one distance are of one class
-
-
 def test_the_ideal_matrix_scores_one_and_the_only_member_of_a_class_is_no_query():
     labels = np.repeat(np.arange(4), [1, 3, 5, 40])
     scores = evaluate((labels[:, None] != labels).astype(float), labels)

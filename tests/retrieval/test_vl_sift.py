@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -12,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.io import loadmat, savemat
 from scipy.spatial import cKDTree
 
 from retrieval.features import EDGE_RATIO, _detect_all
@@ -23,18 +20,10 @@ from tests.retrieval.figures import figure
 
 Keypoints = Mapping[str, NDArray[Any]]
 
-#: Keypoints of vl_sift of VLFeat 0.9.21, written by ``python -m tests.retrieval.test_vl_sift``.
+#: Position and scale of each keypoint of vl_sift of VLFeat 0.9.21 under Octave, counted from 0, without repetitions, by
+#: name of the image and place of the threshold.
 GOLDEN = Path(__file__).with_name("vl_sift.npz")
 THRESHOLDS = (1e-3, 0.0)
-SCRIPT = """
-load images.mat
-for [image, name] = images
-  for k = 1:2
-    keypoints.(sprintf('%s_%d', name, k - 1)) = unique(vl_sift(image, 'PeakThresh', thresholds(k))(1:3, :)', 'rows');
-  end
-end
-save -v6 keypoints.mat -struct keypoints
-"""
 
 
 @cache
@@ -55,28 +44,10 @@ def images() -> Mapping[str, tuple[NDArray[np.float32], float]]:
     }
 
 
-def vl_sift(folder: Path) -> Keypoints:
-    """Position and scale of each keypoint by name of the image and place of the threshold, by Octave."""
-    chosen = {name: image for name, (image, _) in images().items()}
-    savemat(folder / "images.mat", {"images": chosen, "thresholds": THRESHOLDS})
-    # At its end Octave may crash without a display, after all is written.
-    subprocess.run(["octave-cli", "--norc", "--eval", SCRIPT], cwd=folder, check=False)
-    return {
-        name: (keypoints - [1, 1, 0]).astype(np.float32)
-        for name, keypoints in loadmat(folder / "keypoints.mat").items()
-        if not name.startswith("__")
-    }
-
-
-@pytest.fixture(scope="module", params=["golden", "octave"])
-def theirs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Keypoints:
-    if request.param == "golden":
-        with np.load(GOLDEN, allow_pickle=False) as archive:
-            return dict(archive)
-    command = ["octave-cli", "--norc", "--eval", "exit(exist('vl_sift') != 3)"]
-    if not shutil.which("octave-cli") or subprocess.run(command, capture_output=True, check=False).returncode:
-        pytest.skip("needs Octave with VLFeat (Debian: octave-vlfeat)")
-    return vl_sift(tmp_path_factory.mktemp("octave"))
+@pytest.fixture(scope="module")
+def theirs() -> Keypoints:
+    with np.load(GOLDEN, allow_pickle=False) as archive:
+        return dict(archive)
 
 
 def n_same(first: NDArray[Any], second: NDArray[Any]) -> int:
@@ -98,10 +69,3 @@ def test_keypoints_are_those_of_vl_sift(theirs: Keypoints, threshold: float, kin
     assert n_theirs > 90
     assert n_ours == pytest.approx(n_theirs, rel=0.01)
     assert same >= 0.99 * n_theirs
-
-
-if __name__ == "__main__":
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as made:
-        np.savez_compressed(GOLDEN, allow_pickle=False, **vl_sift(Path(made)))
