@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from benchmark.api.learning import CARD, digest_of
-from benchmark.cli.main import cli
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.trainings import find_training, own_training
 from tests.toy import rod, write_off
+from tests.verbs import call
 
 WIDTHS = {"anna": 0.08, "ben": 0.12, "carl": 0.2}
 
@@ -25,12 +23,6 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for number, bend in enumerate((1.0, 1.5, 2.0)):  # a straight one would be seen end on
             write_off(folder / f"{name}{number}.off", rod(radius, bend, rings=12, sides=8))
     return folder
-
-
-def call(*arguments: Any) -> str:
-    done = CliRunner().invoke(cli, [str(argument) for argument in arguments])
-    assert done.exit_code == 0, done.output
-    return done.stdout
 
 
 def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(scans: Path, tmp_path: Path) -> None:

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
-from benchmark.api.learning import CARD, WEIGHTS
 from benchmark.errors import ConfigurationError, TrainingError
 from learned import training
-from learned.fitting import train
 from learned.pairs import Pairs, gather
 from learned.training import CHECKPOINT, History, Schedule, device_named, fit, losses, measures, resolved
-from tests.learned.toy import BUILDS, OPTIONS, TINY, quiet, toy_data, toy_pairs
+from tests.learned.toy import BUILDS, TINY, quiet, toy_pairs
 
 CPU = torch.device("cpu")
 PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, precision="float32")
@@ -150,23 +145,3 @@ def test_a_device_that_is_not_here_is_named(monkeypatch: pytest.MonkeyPatch) -> 
         device_named("cuda")
     assert device_named("cpu") == CPU
     assert resolved(Schedule(), CPU).precision in ("float32", "bfloat16")
-
-
-@pytest.mark.slow
-def test_a_training_that_is_killed_twice_ends_with_the_same_weights(trained: Path, tmp_path: Path) -> None:
-    program = (
-        "from tests.learned.conftest import *; from learned import training; training.CHECKPOINT_SECONDS = 0.0\n"
-        "from pathlib import Path; import sys\n"
-        "with tiny_on_one_thread(): train(TINY.name, 0, toy_data(), Path(sys.argv[1]), OPTIONS, quiet)"
-    )
-    folder = tmp_path / "killed"
-    for _ in range(2):
-        process = subprocess.Popen([sys.executable, "-c", program, str(folder)])
-        before = (folder / CHECKPOINT).stat().st_mtime_ns if (folder / CHECKPOINT).exists() else 0
-        while not (folder / CHECKPOINT).exists() or (folder / CHECKPOINT).stat().st_mtime_ns == before:
-            time.sleep(0.01)
-        process.kill()
-        process.wait()
-    assert not (folder / CARD).exists()
-    train(TINY.name, 0, toy_data(), folder, OPTIONS, quiet)
-    assert (folder / WEIGHTS).read_bytes() == (trained / WEIGHTS).read_bytes()
