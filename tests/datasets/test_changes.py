@@ -17,7 +17,6 @@ from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.cleaning import extent_of
 from benchmark.geometry.mesh import Mesh
-from benchmark.protocols.galleries import galleries
 from tests.toy import rod, write_rods
 
 BALL = Mesh(np.asarray(icosphere(subdivisions=3).vertices), np.asarray(icosphere(subdivisions=3).faces))
@@ -91,10 +90,6 @@ def test_changes_add_up_and_a_camera_is_changed_for_views_alone(rods, tmp_path):
     (folder / "dataset.toml").write_text('[canonical_pose]\nthick = "1"\n')
     for change in ("", "[noise=1]", "[noise=1][jitter=1]"):
         assert canonical_shapes(open_dataset(f"{folder}{change}"))["thick"].identifier == "thick1"
-    for name in ("examples/depth[noise=1]", "examples/depth[view-angle=1][jitter=1]"):
-        chosen = galleries([], [name])
-        assert {gallery.dataset.inputs for gallery in chosen} == {("view",)}
-        assert {input_ for gallery in chosen for input_ in gallery.inputs} == {"view"}
 
 
 @pytest.mark.parametrize("camera", [FRONT, SIDE])

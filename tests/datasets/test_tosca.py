@@ -2,7 +2,7 @@ import pytest
 
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.errors import ConfigurationError, DatasetError
+from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE
 from tests.toy import rod, write_off
 
@@ -16,24 +16,10 @@ def test_tosca_may_stay_as_its_archive_unpacks(tmp_path):
         open_dataset("tosca", tmp_path)
 
 
-def test_tosca_takes_the_null_pose_or_what_its_folder_says(tmp_path):
+def test_tosca_takes_the_null_pose_else_the_first_and_sees_animals_from_their_side(tmp_path):
     for name in ("cat1", "cat0", "gorilla0", "gorilla1", "wolf2", "wolf1"):
         write_off(tmp_path / "tosca" / f"{name}.off", rod(0.1, 1.0))
-
-    def canonical():
-        dataset = open_dataset("tosca", tmp_path)
-        return [canonical_shapes(dataset)[subject].identifier for subject in ("cat", "gorilla", "wolf")]
-
-    assert canonical() == ["cat0", "gorilla1", "wolf1"]
-    toml = tmp_path / "tosca" / "dataset.toml"
-    toml.write_text('[canonical_pose]\ncat = "1"\n[camera]\ncat = "other-side"\n')
-    assert canonical() == ["cat1", "gorilla1", "wolf1"]
     dataset = open_dataset("tosca", tmp_path)
-    assert {e.subject: dataset.camera(e).direction for e in dataset.shapes} == {
-        "cat": (-1, 0, 0),
-        "gorilla": FRONT.direction,
-        "wolf": SIDE.direction,
-    }
-    toml.write_text('canonical_pose = "0"')
-    with pytest.raises(ConfigurationError, match="unknown pose of class 'wolf' .*; choose one of 1, 2"):
-        open_dataset("tosca", tmp_path)
+    chosen = canonical_shapes(dataset)
+    assert [chosen[subject].identifier for subject in ("cat", "gorilla", "wolf")] == ["cat0", "gorilla1", "wolf1"]
+    assert {e.subject: dataset.camera(e) for e in dataset.shapes} == {"cat": SIDE, "gorilla": FRONT, "wolf": SIDE}

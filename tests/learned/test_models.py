@@ -132,9 +132,7 @@ def test_a_finished_model_is_left_alone(trained: Path) -> None:
     ("options", "message"),
     [
         ({"epoch": 3}, "unknown parameter of the schedule 'epoch'; did you mean epochs"),
-        ({"threads": "many"}, "'many' does not fit threads of the training; write a whole number of at least 1"),
         ({"device": "tpu"}, "unknown device of the training 'tpu'; did you mean"),
-        ({"learning_rate": "nan"}, "'nan' does not fit learning_rate of the schedule"),
         ({"resolution": 16}, "the network has no resolution 16; pass --resolution 32 to 2048"),
         ({"init": "nowhere"}, "nowhere/card.json cannot be read"),
     ],
