@@ -8,13 +8,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 from scipy.spatial.distance import pdist
 
 from benchmark.pipeline.records import read_records
 from benchmark.report.results import open_results
-from tests.toy import rod, write_off, write_rods
+from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -47,44 +46,19 @@ def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
 
 
 @pytest.mark.slow
-def test_the_learner_is_trained_and_tested_far_from_the_checkout(far, tmp_path):
-    for name, radius in {"cat": 0.08, "dog": 0.1, "horse": 0.2, "wolf": 0.14}.items():
-        for number, bend in enumerate((1.0, 1.5)):
-            write_off(tmp_path / "data" / "tosca" / f"{name}{number}.off", rod(radius, bend, rings=12, sides=8))
-    options = ("-t", "III", "--plugin", "nearest_view.py", "--data-root", "data")
-    assert "kept 4 pairs" in far("benchmark", "train", "nearest-view", *options)
-    output = far("benchmark", "run", "-m", "nearest-view", *options, "--input", "view")
-    assert "Nearest V" in output
-    assert {record.status for record in read_records(tmp_path / "results")} == {"ok"}
-
-
-CPP, OCTAVE = ("graph-stress", "graph_stress"), ("principal-axes", "principal_axes.m")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("program", "source", "status", "reason"),
-    [
-        (CPP, "#!/bin/sh\nkill -SEGV $$", "failed", "graph-stress ended with exit code -11"),
-        (CPP, "#!/bin/sh\necho too flat >&2; exit 2", "failed", "too flat"),
-        (CPP, "#!/bin/sh\nsleep 613 & sleep 613", "timeout", ""),
-        (OCTAVE, "error('too flat')", "failed", "principal-axes ended with exit code 1: error: too flat"),
-    ],
+    ("source", "reason"),
+    [("kill -SEGV $$", "graph-stress ended with exit code -11"), ("echo too flat >&2; exit 2", "too flat")],
 )
-def test_a_program_may_crash_hang_or_refuse(far, tmp_path, program, source, status, reason):
-    name, file = program
-    if program is OCTAVE and shutil.which("octave-cli") is None:
-        pytest.skip("there is no Octave")
-    (tmp_path / file).write_text(source)
-    (tmp_path / file).chmod(0o755)
+def test_a_program_may_crash_or_refuse(far, tmp_path, source, reason):
+    (tmp_path / "graph_stress").write_text(f"#!/bin/sh\n{source}")
+    (tmp_path / "graph_stress").chmod(0o755)
     write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    limit = ("--timeout", "10") if status == "timeout" else ()
-    plugin = ("-m", name, "--plugin", f"{name.replace('-', '_')}.py")
-    far("benchmark", "run", "-d", "rods", *plugin, "--input", "mesh", *limit, code=1)
+    plugin = ("-m", "graph-stress", "--plugin", "graph_stress.py")
+    far("benchmark", "run", "-d", "rods", *plugin, "--input", "mesh", code=1)
     (record,) = read_records(tmp_path / "results")
-    assert record.status == status
+    assert record.status == "failed"
     assert reason in record.reason
-    assert not [process for process in psutil.process_iter(["cmdline"]) if "613" in (process.info["cmdline"] or ())]
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Results in Python: frames, distances, forms and matches."""
 
-import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
@@ -18,19 +17,6 @@ def test_frames_say_what_ran(results):  # noqa: F811
     assert {"shape", "class"} <= set(queries.columns)
     ours = results.scores.query("method == 'gps' and measure == 'NN'")
     assert ours["value"].item() == pytest.approx(jobs.loc[key, "NN"], abs=1e-6)
-
-
-def test_distances_give_the_scores_of_the_job(results):  # noqa: F811
-    key = results.job("gps", "rods")
-    distances = results.distances(key)
-    queries = results.queries.query("job == @key").set_index("shape")
-    assert list(distances.index) == list(queries.index)
-    for query in distances.index:
-        nearest = distances.loc[query].drop(query)
-        ties = nearest.index[nearest == nearest.min()]
-        hits = np.mean([queries.loc[name, "class"] == queries.loc[query, "class"] for name in ties])
-        if len(ties) == 1:
-            assert abs(queries.loc[query, "NN"] - hits) < 1  # a mean over codebooks
 
 
 def test_matches_are_sorted_and_without_the_query(results):  # noqa: F811

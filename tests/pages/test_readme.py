@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +15,6 @@ from benchmark.report.formats import hundredths
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims, verdicts
 from tests.baselines.embedding import limbed
-from tests.toy import write_rods
 from tests.verbs import call
 
 ROOT = Path(__file__).parents[2]
@@ -103,20 +100,6 @@ def test_committed_tables_are_those_of_the_published_records(tmp_path):
     made, committed = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in (tmp_path, TABLES))
     assert made == committed
     assert json.loads(made["tables.json"])
-
-
-@pytest.mark.slow
-def test_the_plugin_of_the_readme_appears_as_a_row(tmp_path):
-    (block,) = (block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "class" in block)
-    (tmp_path / "own.py").write_text(block)
-    write_rods(tmp_path / "rods")
-    words = ["run", "-d", tmp_path / "rods", "-m", "identity", "--input", "mesh", "--results", tmp_path / "results"]
-    command = [sys.executable, "-m", "benchmark", *words, "--plugin", tmp_path / "own.py"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=280, check=False)
-    assert done.returncode == 0, done.stderr
-    title = re.search(r'title="([^"]+)"', block)
-    assert title
-    assert re.search(rf"^{title[1]} +[.1]", done.stdout, re.MULTILINE)
 
 
 def test_the_plugin_of_the_readme_is_biharmonic_mds(tmp_path):
