@@ -18,9 +18,6 @@ __all__ = ["Finding", "check", "failures", "run_checks"]
 #: Seconds that one shape may take.
 LIMIT = 60.0
 
-#: Messages of the process: it is at work on a new shape, or has ended.
-_NEXT_SHAPE, _END = 0, 1
-
 _SPAWN = multiprocessing.get_context("spawn")
 
 
@@ -47,15 +44,14 @@ def check(component: Component, options: Mapping[str, str] | None = None, limit:
         patience = max(limit, LIMIT)  # until its packages are imported
         while ours.poll(patience):
             message, patience = ours.recv(), limit
+            if message is None:
+                return
             if isinstance(message, Finding):
                 yield message
-            elif message == _END:
-                return
-            elif message != _NEXT_SHAPE:
-                name = message
-        yield Finding(
-            name, "failed", f"no answer after {limit:g} s on one shape; find the endless loop or the slow step"
-        )
+            else:
+                name = message or name
+        explanation = f"no answer after {limit:g} s on one shape; find the endless loop or the slow step"
+        yield Finding(name, "failed", explanation)
     except EOFError:
         process.join()
         code = process.exitcode or 0
@@ -80,10 +76,11 @@ def failures(value: Any, options: Mapping[str, str] | None = None) -> list[str]:
 
 
 def _serve(connection: Connection, component: Component, options: Mapping[str, str]) -> None:
+    """Send the name of each check, "" before each shape, the findings, and None at the end."""
     sys.stdout = sys.stderr  # what a plugin prints must not stand among the findings
     try:
-        for event in run_checks(component, options, lambda: connection.send(_NEXT_SHAPE)):
+        for event in run_checks(component, options, lambda: connection.send("")):
             connection.send(event)
     except BenchmarkError as error:
         connection.send(Finding("import", "failed", str(error)))
-    connection.send(_END)
+    connection.send(None)

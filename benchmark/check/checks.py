@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 import tempfile
 import traceback
@@ -89,7 +90,7 @@ def run_checks(
     tick
         Called before each shape.
     """
-    if missing := component.missing_packages() if component.kind != "data set" else ():
+    if missing := component.missing_packages():
         yield Finding("packages", "skipped", f"install {', '.join(missing)}, then check again")
         return
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
@@ -149,11 +150,6 @@ class Case:
     meshes: dict[str, Mesh] = field(default_factory=dict)
 
     @property
-    def info(self) -> Any:
-        """Description of the component."""
-        return self.component.info
-
-    @property
     def is_scorer(self) -> bool:
         """Whether it compares forms."""
         return self.component.kind == "scorer"
@@ -161,12 +157,12 @@ class Case:
     @property
     def is_random(self) -> bool:
         """Whether its answers depend on the seed."""
-        return not getattr(self.info, "deterministic", True)
+        return not getattr(self.component.info, "deterministic", True)
 
     @property
     def reads_images(self) -> bool:
         """Whether it is a method that needs depth images."""
-        return "mesh" not in getattr(self.info, "inputs", ("mesh",))
+        return "mesh" not in getattr(self.component.info, "inputs", ("mesh",))
 
     @cached_property
     def reference(self) -> FloatArray:
@@ -326,18 +322,20 @@ def _repeatable(case: Case) -> str:
 
 
 def _input_untouched(case: Case) -> str:
-    def content(shape: Shape) -> dict[str, Any]:
-        laplacian = shape.laplacian()
-        arrays = {"vertices": shape.mesh.vertices, "faces": shape.mesh.faces, "geodesics": shape.geodesics()}
-        arrays |= {"Laplacian": laplacian.stiffness.data, "vertex areas": laplacian.mass, "depth": shape.depth}
-        facts = (shape.identifier, id(shape.mesh), id(shape.depth), shape.source_area, shape.seed)
-        return {**{name: np.array(array) for name, array in arrays.items()}, "attributes": np.array(facts, object)}
-
     shape = case.shape()
-    before = content(shape)
+
+    def content() -> dict[str, bytes]:
+        laplacian = shape.laplacian()
+        parts = {
+            "vertices": shape.mesh.vertices, "faces": shape.mesh.faces, "geodesics": shape.geodesics(),
+            "Laplacian": laplacian.stiffness, "vertex areas": laplacian.mass, "depth": shape.depth,
+            "attributes": (shape.identifier, shape.source_area, shape.seed),
+        }  # fmt: skip
+        return {name: pickle.dumps(part) for name, part in parts.items()}
+
+    before = content()
     case.answer(shape)
-    after = content(shape)
-    if changed := [name for name, array in before.items() if not np.array_equal(array, after[name])]:
+    if changed := [name for name, part in content().items() if part != before[name]]:
         raise Failed(f"changes the {', '.join(changed)} of the shape; work on a copy")
     return "mesh, geodesics and Laplacian are unchanged"
 
@@ -371,7 +369,7 @@ def _motion(case: Case) -> str:
     if case.is_scorer:
         factor = _SCALE
         hint = "depends on position or size of the form; use a frame fixed to the form, or declare invariant=False"
-        if not case.info.invariant:
+        if not case.component.info.invariant:
             raise Skipped("declares that it undoes motions only if a pose is well defined")
     motion = lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])  # noqa: E731
     return _unchanged(case, motion, hint)
@@ -396,9 +394,10 @@ def _mirror(case: Case) -> str:
 
 def _scale(case: Case) -> str:
     _require_comparable(case)
-    is_equivariant = case.info.scale == "equivariant"
+    declared = case.component.info.scale
+    is_equivariant = declared == "equivariant"
     other = "invariant" if is_equivariant else "equivariant"
-    hint = f"breaks info.scale = '{case.info.scale}'; measure relative to the shape's size, or declare '{other}'"
+    hint = f"breaks info.scale = '{declared}'; measure relative to the shape's size, or declare '{other}'"
     scaled = [case.shape(bend, figure(bend).with_vertices(_SCALE * figure(bend).vertices)) for bend in BENDS]
     if case.reference.ndim == 2 or not is_equivariant:
         return _same_form(case.reference, case.answer(scaled[0]), hint, _SCALE if is_equivariant else 1.0)
@@ -409,7 +408,7 @@ def _scale(case: Case) -> str:
 
 
 def _dissimilarities(case: Case) -> str:
-    several, draws = [case.shape(bend) for bend in BENDS], getattr(case.info, "draws", 1)
+    several, draws = [case.shape(bend) for bend in BENDS], getattr(case.component.info, "draws", 1)
     several += [view(bend) for bend in BENDS] if case.is_scorer else []
     for draw in range(draws):
         distances = case.dissimilarities(several, draw)

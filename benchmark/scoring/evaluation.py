@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmark.errors import ConfigurationError
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.scoring.files import as_distances, as_labels
-from retrieval.measures import evaluate
+from retrieval.measures import chance_levels, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -114,11 +114,10 @@ def evaluate_labelled(labelled: Labelled) -> Evaluation:
     from pandas import DataFrame
 
     scores = evaluate(labelled.distances, labelled.labels)
-    chance = evaluate(np.zeros_like(labelled.distances), labelled.labels)
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
     classes = [label for label, counts in zip(labelled.labels, is_query, strict=True) if counts]
     ends = bootstrap_intervals(values[is_query], classes, LEVEL)
-    table = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance.means}
+    table = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(labelled.labels)}
     queries = DataFrame({"class": labelled.labels, **scores.per_query}, index=list(labelled.names) or None)
     return Evaluation(DataFrame(table, index=list(scores.means)), queries.rename_axis("shape"))

@@ -67,46 +67,39 @@ def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, 
             "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the matrix",
         )
     labels = dict(zip(labelled.names, labelled.labels, strict=True))
-    facts = _beside(results, dataset, input_, method_name(title)) or _own_table(dataset, labels)
+    facts = _facts(results, dataset, input_, method_name(title), labels)
     known = dict(zip(facts["shapes"], facts["labels"], strict=True))
     if known != labels:
         other = [name for name in labels if known.get(name) != labels[name]]
         what = f"the first that differs is '{other[0]}'" if other else f"they are {len(labels)}, not {len(known)}"
-        hint = (
-            f"name them with their classes as there ({' '.join(next(iter(known.items())))}, ...), or another --dataset"
-        )
+        first = " ".join(next(iter(known.items())))
+        hint = f"name them with their classes as there ({first}, ...), or another --dataset"
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
     order = [labelled.names.index(name) for name in known]
     matrix = labelled.distances[np.ix_(order, order)]
-    content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score([matrix], facts["labels"])}
     key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes())])
+    content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score([matrix], facts["labels"])}
     return _keep(results, key, title, content, matrix)
 
 
-def _beside(results: Path, dataset: str, input_: Input, method: str) -> dict[str, Any] | None:
-    """Return the facts of the gallery beside whose rows an external row is shown; None if there is none."""
+def _facts(results: Path, dataset: str, input_: Input, method: str, labels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the facts of the gallery beside whose rows an external row is shown, or else of a table of its own."""
     name = Path(dataset).resolve().name if Path(dataset).is_dir() else dataset
-    records = [
-        record
+    galleries = {
+        record.gallery: record
         for record in read_records(results)
         if record.status == "ok" and record.input == input_ and not record.data.quick and record.method != method
         and name in (record.gallery, record.data.name)
-    ]  # fmt: skip
-    galleries = {record.gallery: record for record in records}
-    if len(galleries) > 1 and name not in galleries:  # parts of a set
-        hint = f"choose one with --dataset: {', '.join(sorted(galleries))}"
-        raise ConfigurationError(f"the rows of '{name}' are of several galleries", hint)
-    if not records and is_known(name):
+    }  # fmt: skip
+    if galleries:
+        if len(galleries) > 1 and name not in galleries:  # parts of a set
+            hint = f"choose one with --dataset: {', '.join(sorted(galleries))}"
+            raise ConfigurationError(f"the rows of '{name}' are of several galleries", hint)
+        record = galleries.get(name) or next(iter(galleries.values()))
+        return {name: getattr(record, name) for name in ("gallery", "gallery_digest", "data", "shapes", "labels")}
+    if is_known(name):
         problem = f"no row of '{name}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
-    if not records:
-        return None
-    record = galleries.get(name, records[-1])
-    return {name: getattr(record, name) for name in ("gallery", "gallery_digest", "data", "shapes", "labels")}
-
-
-def _own_table(dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
-    """Return the facts of a gallery that only external rows have."""
     if "/" in dataset or not dataset.strip():
         raise ConfigurationError(f"'{dataset}' is neither a data set nor a folder", "name the table: --dataset mine")
     return {
@@ -157,33 +150,30 @@ def score_forms(
             return record
     created, signatures, refused = scorer.create(), {}, {}
     for entry in watched(gallery.entries):
+        name = entry.identifier
         try:
-            if entry.identifier not in files:
+            if name not in files:
                 raise UnsupportedShape(f"{folder} has no form of this shape")
-            signatures[entry.identifier] = compute_signature(created, read_mesh(files[entry.identifier]))
+            signatures[name] = compute_signature(created, read_mesh(files[name]))
         except ShapeError as error:
-            refused[entry.identifier] = error.problem
+            refused[name] = error.problem
     if not signatures:
         raise ConfigurationError(f"no form in {folder} is usable: {next(iter(refused.values()))}", "correct the meshes")
     matrices = [compare_signatures(created, [*signatures.values()], draw) for draw in range(scorer.info.draws)]
     answered = [number for number, name in enumerate(facts["shapes"]) if name in signatures]
-    content = {
-        **facts,
-        **score(matrices, facts["labels"], answered if refused else None),
-        "scorer": scorer.name,
-        "scorer_title": scorer.title,
-        "unsupported": [*refused.items()],
-    }
-    return _keep(results, key, title, content, np.mean(matrices, axis=0))
+    scores = score(matrices, facts["labels"], answered)
+    by = {"scorer": scorer.name, "scorer_title": scorer.title, "unsupported": [*refused.items()]}
+    return _keep(results, key, title, {**facts, **scores, **by}, np.mean(matrices, axis=0))
 
 
 def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
     """Return the mesh file of each shape that has one, by name."""
-    paths = ((entry, folder / f"{entry.identifier}{suffix}") for entry in entries for suffix in READABLE)
-    files = {entry.identifier: path for entry, path in reversed([*paths]) if path.is_file()}
+    names = [entry.identifier for entry in entries]
+    paths = ((name, folder / f"{name}{suffix}") for suffix in reversed(READABLE) for name in names)
+    files = {name: path for name, path in paths if path.is_file()}
     if not files:
-        first = next(iter(entries)).identifier
-        raise ConfigurationError(f"{folder} has no form of these shapes", f"name them like the shapes: {first}.off")
+        hint = f"name them like the shapes: {names[0]}.off"
+        raise ConfigurationError(f"{folder} has no form of these shapes", hint)
     return files
 
 
