@@ -6,6 +6,7 @@ import pytest
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.changes import changed, split_name
 from benchmark.datasets.export import export
 from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError, DatasetError
@@ -29,21 +30,22 @@ def beasts(**changes):
     return replace(known, **changes)
 
 
-def facts(dataset):
-    return [(e.subject, e.pose, dataset.camera(e)) for e in dataset.shapes]
-
-
-def test_the_same_shapes_come_back(tmp_path):
-    source = beasts()
+@pytest.mark.parametrize("changes", ["", "[noise=1][depth-noise=5][view-angle=4]"])
+def test_shapes_cameras_noise_and_canonical_poses_come_back(tmp_path, changes):
+    source = beasts(canonical_poses={"cat": "sit"})
+    for change, level in split_name(f"beasts{changes}")[1]:
+        source = changed(source, change, level)
     written, problems = export(source, tmp_path / "out")
     back = folder_set(tmp_path / "out")
     names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
     assert (sorted(written), problems) == (sorted(names), [])
-    assert sorted(facts(back), key=str) == sorted(facts(source), key=str)
     assert (back.half_width, back.stand_in_for) == (1.3, "tosca")
+    assert canonical_shapes(back)["cat"].pose == "sit"
     exported = {(entry.subject, entry.pose): entry for entry in back.shapes}
     for before in source.shapes:
         after = exported[before.subject, before.pose]
+        assert back.sensor(after) == source.sensor(before)
+        assert back.camera(after).direction == pytest.approx(source.camera(before).direction, abs=1e-15)
         first, second = source.load(before), back.load(after)
         assert first.vertices.tobytes() == second.vertices.tobytes()
         assert first.faces.tobytes() == second.faces.tobytes()
@@ -92,23 +94,3 @@ def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, messag
     entries = (Entry("x", subject, pose), Entry("y", subject, "1"))
     with pytest.raises(ConfigurationError, match=message):
         export(beasts(shapes=entries), tmp_path / "out")
-
-
-def test_cameras_of_single_shapes_the_noise_of_depth_and_canonical_poses_are_kept(tmp_path):
-    rods = write_rods(tmp_path / "in")
-    (rods / "dataset.toml").write_text('camera = { direction = [1, 2, 3] }\n[canonical_pose]\nthick = "2"\n')
-    source = open_dataset(f"{rods}[noise=1][depth-noise=5][view-angle=4]")
-    export(source, tmp_path / "out")
-    back = folder_set(tmp_path / "out")
-    assert [canonical_shapes(back)[subject].pose for subject in ("thick", "thin")] == ["2", "0"]
-    exported = {(entry.subject, entry.pose): entry for entry in back.shapes}
-    for before in source.shapes:
-        after = exported[before.subject, before.pose]
-        assert back.sensor(after) == source.sensor(before) is not None
-        assert back.camera(after).direction == pytest.approx(source.camera(before).direction, abs=1e-15)
-        assert back.load(after).vertices.tobytes() == source.load(before).vertices.tobytes()
-    toml = tmp_path / "out" / "dataset.toml"
-    cameras, _, seeds = toml.read_text().rpartition('"thin/0" = ')
-    toml.write_text(f'{cameras}"thin/9" = {seeds}')
-    with pytest.raises(DatasetError, match="depth_noise lacks 'thin/0'; write deviation, step and seeds"):
-        folder_set(tmp_path / "out")

@@ -69,16 +69,6 @@ def test_what_determines_a_shape_are_all_its_files_and_settings(tmp_path):
     assert open_dataset(str(tmp_path / "frames"), None).key(entry) != before
 
 
-def test_the_frames_of_the_examples_are_two_people_of_plausible_heights():
-    dataset = open_dataset("examples/depth", None)
-    assert [entry.subject for entry in dataset.shapes] == ["man-1"] * 4 + ["woman-3"] * 4
-    assert not check(dataset).anomalies
-    heights = [
-        float(np.ptp(dataset.load(entry).vertices[:, 1])) for entry in dataset.shapes if entry.pose == "standing"
-    ]
-    assert heights == pytest.approx([1.6, 1.7], abs=0.15)
-
-
 def test_images_beside_meshes_are_textures(frames, tmp_path):
     folder = tmp_path / "meshes"
     write_off(folder / "cat0.off", rod(0.1, 0.5))
