@@ -7,15 +7,31 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from benchmark.geometry.mesh import Mesh
-from tests.behaviour import suite
 
 RADII = {"thin": 0.06, "thick": 0.18}
 
 
 def rod(radius: float, bend: float, rings: int = 24, sides: int = 12) -> Mesh:
     """Closed rod of length 1, thicker towards one end, bent into an arc of the given angle in radians."""
-    return Mesh(*suite.rod(radius, bend, rings, sides))
+    along = np.linspace(0, 1, rings)
+    zero = np.zeros(rings)
+    x, z = (np.sin(bend * along) / bend, (1 - np.cos(bend * along)) / bend) if bend else (along, zero)
+    centre = np.column_stack([x, zero, z])
+    across = np.column_stack([-np.sin(bend * along), zero, np.cos(bend * along)])
+    angle = np.arange(sides) * 2 * np.pi / sides
+    ring = np.cos(angle)[None, :, None] * across[:, None] + np.sin(angle)[None, :, None] * [0, 1, 0]
+    tube = centre[:, None] + (radius * (1 + 0.6 * along))[:, None, None] * ring
+    vertices = np.concatenate([tube.reshape(-1, 3), centre[:1] - [radius / 2, 0, 0], centre[-1:]])
+    index = np.arange(rings * sides).reshape(rings, sides)
+    a, b, c, d = (
+        part.ravel() for part in (index[:-1], np.roll(index[:-1], -1, 1), index[1:], np.roll(index[1:], -1, 1))
+    )
+    first, last = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
+    caps = [(first, np.roll(index[0], -1), index[0]), (last, index[-1], np.roll(index[-1], -1))]
+    return Mesh(vertices, np.concatenate([np.stack(corners, 1) for corners in [(a, b, c), (b, d, c), *caps]]))
 
 
 def write_off(path: Path, mesh: Mesh) -> None:
@@ -27,11 +43,11 @@ def write_off(path: Path, mesh: Mesh) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-def write_rods(folder: Path, bends: tuple[float, ...] = (0.0, 1.2, 2.4)) -> Path:
+def write_rods(folder: Path, bends: tuple[float, ...] = (0.0, 1.2, 2.4), rings: int = 24, sides: int = 12) -> Path:
     """A data set of two classes in a few poses each, the class in the file name."""
     for name, radius in RADII.items():
         for number, bend in enumerate(bends):
-            write_off(folder / f"{name}{number}.off", rod(radius, bend))
+            write_off(folder / f"{name}{number}.off", rod(radius, bend, rings, sides))
     return folder
 
 

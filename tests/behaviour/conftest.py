@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.behaviour.suite import PLUGINS, ROOT, call, write_frames, write_off, write_rods
+from benchmark.geometry.mesh import Mesh
+from tests.behaviour.suite import PLUGINS, ROOT, call, write_frames
+from tests.toy import write_off, write_rods
 
 #: Example by the name under which it is used.
 EXAMPLES = {
@@ -24,20 +26,18 @@ EXAMPLES = {
 def material(tmp_path_factory) -> Path:
     """Data and plugins."""
     folder = tmp_path_factory.mktemp("material")
-    write_rods(folder / "rods")
-    write_rods(folder / "rods2")
+    write_rods(folder / "rods", rings=16, sides=8)
+    write_rods(folder / "rods2", rings=16, sides=8)
     write_frames(folder / "frames")
     depth = np.load(folder / "frames" / "lean0.npy")
     Image.fromarray(((depth < 2.5) * 255).astype(np.uint8)).save(folder / "mask.png")
-    triangle = np.eye(3), np.array([[0, 1, 2]])
-    write_off(folder / "bad" / "cut0.off", np.full((3, 3), np.nan), triangle[1])
-    write_off(folder / "bad" / "dog0.off", *triangle)
-    for number in range(2):
-        write_off(folder / "one" / f"cat{number}.off", *triangle)
-    tetrahedron = np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    write_off(folder / "four.off", *tetrahedron)
-    for name in ("a0", "a1", "b0"):
-        write_off(folder / "damaged" / f"{name}.off", *tetrahedron)
+    triangle = Mesh(np.eye(3), [[0, 1, 2]])
+    for name in ("bad/dog0", "one/cat0", "one/cat1"):
+        write_off(folder / f"{name}.off", triangle)
+    (folder / "bad" / "cut0.off").write_text((folder / "bad" / "dog0.off").read_text().replace("1.0", "nan"))
+    tetrahedron = Mesh(np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    for name in ("four", "damaged/a0", "damaged/a1", "damaged/b0"):
+        write_off(folder / f"{name}.off", tetrahedron)
     (folder / "damaged" / "b1.off").write_text("OFF 1")
     for name in ("empty", "full", "strange", "forced", "plugins"):
         (folder / name).mkdir()

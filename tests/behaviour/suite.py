@@ -78,40 +78,6 @@ def start(*words: object, cwd: Path, **options: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(command, cwd=cwd, env=paths, text=True, start_new_session=True, **streams)
 
 
-def rod(radius: float, bend: float, rings: int = 16, sides: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Closed club of length 1, bent into an arc of so many radians: vertices and faces."""
-    along = np.linspace(0, 1, rings)
-    zero = np.zeros(rings)
-    x, z = (np.sin(bend * along) / bend, (1 - np.cos(bend * along)) / bend) if bend else (along, zero)
-    centre = np.column_stack([x, zero, z])
-    across = np.column_stack([-np.sin(bend * along), zero, np.cos(bend * along)])
-    angle = np.arange(sides) * 2 * np.pi / sides
-    ring = np.cos(angle)[None, :, None] * across[:, None] + np.sin(angle)[None, :, None] * [0, 1, 0]
-    tube = centre[:, None] + (radius * (1 + 0.6 * along))[:, None, None] * ring
-    vertices = np.concatenate([tube.reshape(-1, 3), centre[:1] - [radius / 2, 0, 0], centre[-1:]])
-    index = np.arange(rings * sides).reshape(rings, sides)
-    a, b, c, d = (
-        part.ravel() for part in (index[:-1], np.roll(index[:-1], -1, 1), index[1:], np.roll(index[1:], -1, 1))
-    )
-    first, last = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
-    caps = [(first, np.roll(index[0], -1), index[0]), (last, index[-1], np.roll(index[-1], -1))]
-    return vertices, np.concatenate([np.stack(corners, 1) for corners in [(a, b, c), (b, d, c), *caps]])
-
-
-def write_off(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Write an OFF file, rounded so that its bytes are the same on every machine."""
-    lines = ["OFF", f"{len(vertices)} {len(faces)} 0", *(" ".join(f"{x:.6f}" for x in point) for point in vertices)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join([*lines, *(f"3 {a} {b} {c}" for a, b, c in faces)]) + "\n")
-
-
-def write_rods(folder: Path) -> None:
-    """Write a data set of two classes in three poses each."""
-    for name, radius in {"thin": 0.06, "thick": 0.18}.items():
-        for number, bend in enumerate((0.0, 1.2, 2.4)):
-            write_off(folder / f"{name}{number}.off", *rod(radius, bend))
-
-
 def write_frames(folder: Path) -> None:
     """Write depth images of two classes: an upright ellipsoid before a wall, thin and thick, in two places each."""
     v, u = np.mgrid[:240, :320].astype(float)

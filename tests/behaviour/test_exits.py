@@ -41,22 +41,6 @@ def wait_for(condition, seconds=120):
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize(
-    ("line", "code", "told"),
-    [
-        ("--version", 0, "canonical-forms"),
-        ("data check bad", 1, "cut0.off"),
-        ("run -t X", 2, "'X'"),
-        ("", 2, "Usage"),
-    ],
-)
-def test_all_well_not_all_well_and_misuse(line, code, told, place):
-    found, out, err = ended(start(*line.split(), cwd=place))
-    assert found == code
-    assert told in out + err
-    assert "Traceback" not in err
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place):
     (place / "slow.py").write_text(SLOW)
@@ -71,16 +55,6 @@ def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place):
     assert "run again" in err
     assert "Traceback" not in err
     wait_for(lambda: not psutil.pid_exists(int(marker.read_text())), 10)
-
-
-def test_a_check_that_is_interrupted(place):
-    process = start("data", "check", "people", cwd=place)
-    assert "checking people" in process.stderr.readline()
-    os.kill(process.pid, signal.SIGINT)
-    found, _, err = ended(process)
-    assert found == 130
-    assert err.count("\n") == 1
-    assert "interrupted" in err
 
 
 @pytest.mark.parametrize("line", ["list datasets", "tables --results results -d rods", "describe gps"])

@@ -1,10 +1,8 @@
 """The comparison with the reference names what changed."""
 
-import json
-
 import pytest
 
-from tests.behaviour.reference import REFERENCE, compare
+from tests.behaviour.reference import compare
 
 ROW, OTHER = "animals (quick), mesh, gps", "animals (quick), mesh, shape-dna"
 ROWS = {ROW: {"NN": [1.0, 0.0], "distance": [1234.56, None]}, OTHER: {"status": ["failed"]}}
@@ -24,9 +22,3 @@ ROWS = {ROW: {"NN": [1.0, 0.0], "distance": [1234.56, None]}, OTHER: {"status": 
 def test_what_changed_is_named(changes, lines):
     assert compare(ROWS, ROWS | changes) == lines
     assert compare(ROWS | {"gone": {}}, ROWS) == ["gone: missing"]
-
-
-def test_the_committed_reference_is_small_and_sorted():
-    assert REFERENCE.stat().st_size <= 500_000
-    rows = json.loads(REFERENCE.read_text(encoding="utf-8"))
-    assert list(rows) == sorted(rows)
