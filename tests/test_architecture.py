@@ -79,10 +79,5 @@ def test_a_module_imports_only_from_layers_below_and_the_harness_no_method_by_na
         assert [target for target in of_suite if not target.startswith(allowed)] == []
 
 
-def test_an_arrow_from_the_pipeline_to_the_runner_would_fail():
-    assert not may_import("benchmark.pipeline.cache", "benchmark.runs.runner")
-    assert may_import("benchmark.runs.runner", "benchmark.pipeline.cache")
-
-
 def test_every_module_has_a_layer():
     assert [name for name, _ in modules() if name != "benchmark" and not package(name)] == []

@@ -7,12 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from scipy.spatial.distance import pdist
 
 from benchmark.pipeline.records import read_records
-from benchmark.report.results import open_results
 from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[1]
@@ -59,21 +56,3 @@ def test_a_program_may_crash_or_refuse(far, tmp_path, source, reason):
     (record,) = read_records(tmp_path / "results")
     assert record.status == "failed"
     assert reason in record.reason
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not (shutil.which("g++") and shutil.which("octave-cli")), reason="there is no g++ or no Octave")
-def test_programs_in_cpp_and_octave_make_rows(far, tmp_path):
-    subprocess.run(["g++", "-O2", "-o", tmp_path / "graph_stress", EXAMPLES / "graph_stress.cpp"], check=True)
-    write_rods(tmp_path / "rods", bends=(0.0, 0.8))
-    rows = ("-m", "identity", "-m", "graph-stress", "-m", "principal-axes", "--input", "mesh")
-    plugins = ("--plugin", "graph_stress.py", "--plugin", "principal_axes.py")
-    far("benchmark", "run", "-d", tmp_path / "rods", *rows, *plugins)
-    results = open_results(tmp_path / "results")
-    jobs = results.jobs.reset_index().set_index("method")
-    assert list(jobs["status"]) == ["ok"] * 3
-    assert jobs.loc["graph-stress", "NN"] > 0.5
-    for name in results.distances(jobs.loc["identity", "job"]).index:
-        forms = (results.form(jobs.loc[method, "job"], name) for method in ("identity", "principal-axes"))
-        given, turned = (pdist(form.vertices) for form in forms)
-        np.testing.assert_allclose(turned, given, atol=1e-5)

@@ -196,20 +196,6 @@ def test_slivers_and_flat_triangles_do_not_spoil_the_matrix() -> None:
             eigenpairs(cotangent_laplacian(sphere(0)), k)
 
 
-def test_a_bent_map_is_interpolated_better_than_by_the_nearest_vertex() -> None:
-    def bent(points: np.ndarray) -> np.ndarray:
-        return np.stack([points[:, 0], points[:, 1], points[:, 2] + 2 * points[:, 0] ** 2], axis=1)
-
-    mesh = sphere(5)
-    prepared = prepare(mesh, 500)
-    points = (mesh.vertices - prepared.centre) / prepared.scale
-    values, distances = interpolate(prepared.mesh, bent(prepared.mesh.vertices), points, vertex_normals(mesh))
-    error = np.abs(values - bent(points)).max()
-    nearest = cdist(points, prepared.mesh.vertices).argmin(axis=1)
-    assert error < min(0.01, np.abs(bent(prepared.mesh.vertices[nearest]) - bent(points)).max() / 3)
-    assert distances.max() < 0.01
-
-
 def test_of_two_sheets_that_lie_close_together_the_one_that_looks_the_same_way_is_taken() -> None:
     sheet = flat_grid(12, 1 / 11)
     up = 1 if vertex_normals(sheet)[0, 2] > 0 else -1

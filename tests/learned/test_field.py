@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 
 from benchmark.api.contracts import Shape
@@ -12,7 +11,6 @@ from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 from learned.field import even_samples, in_frame, with_detail
-from learned.field_network import TOKENS, FieldNetwork
 from learned.methods import DeformationField
 from tests.baselines.deformable import moved_to
 from tests.geometry.surfaces import flat_grid, limbed_body, relabelled, sphere
@@ -58,21 +56,6 @@ def test_samples_do_not_depend_on_the_numbering(mesh: Mesh) -> None:
     (one, one_normals), (other, other_normals) = even_samples(mesh, 100), even_samples(relabelled(mesh, 1)[0], 100)
     assert np.abs(one - other).max() < 1e-9
     assert np.abs(one_normals - other_normals).max() < 1e-6
-
-
-def test_the_order_of_points_and_of_positions_is_of_no_account() -> None:
-    """But for which points are the tokens, the first ones."""
-    points, normals = (torch.from_numpy(array)[None] for array in even_samples(in_frame(BODY), 256))
-    torch.manual_seed(0)
-    network = FieldNetwork().double().eval()
-    order = torch.cat([torch.randperm(TOKENS), TOKENS + torch.randperm(256 - TOKENS)])
-    asked = torch.randperm(256)
-    with torch.no_grad():
-        one = network.decoded(network.encoded(points, normals), points, normals)
-        tokens = network.encoded(points[:, order], normals[:, order])
-        other = network.decoded(tokens, points[:, asked], normals[:, asked])
-    for ours, theirs in zip(one, other, strict=True):
-        assert torch.allclose(ours[:, asked], theirs, atol=1e-9)
 
 
 def test_rotated_positions_and_rotations_give_the_input_rotated() -> None:

@@ -32,7 +32,6 @@ def _path(monkeypatch):
             "import missing_here",
             r"smooth.py:8: ModuleNotFoundError: .*; install 'missing_here', or put missing_here.py",
         ),
-        ("def (", r"smooth.py cannot be imported: smooth.py:8: SyntaxError: "),
         (
             "MethodInfo(name='A', title='B')",
             r"imported: smooth.py:8: .A. does not fit name of MethodInfo; write lower-case words joined by hyphens$",
