@@ -14,7 +14,6 @@ import typer
 from benchmark.cli.main import cli
 from benchmark.registry import select, select_one
 from benchmark.registry.known import BUILT_IN, SCORERS
-from tests.test_architecture import LAYERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -131,10 +130,3 @@ def test_every_file_and_name_in_it_that_the_architecture_names_exists() -> None:
     assert len(re.findall(r"^\d+\. ", ARCHITECTURE, re.MULTILINE)) <= 10 <= len(defined)
     for name, path in defined:
         assert re.search(rf"^(def |class )?{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE), name
-
-
-def test_the_layers_of_the_architecture_are_those_that_imports_are_tested_against() -> None:
-    (block,) = re.findall(r"```layers\n(.*?)```", ARCHITECTURE, re.DOTALL)
-    shown = [set(re.match(r"((?:\S+ {1,2})+)", line)[1].split()) for line in reversed(block.splitlines())]
-    tested = [{package for package in layer if not package.endswith("__main__")} for layer in LAYERS]
-    assert shown == [layer for layer in tested if layer]
