@@ -51,15 +51,9 @@ def test_jobs_run_in_this_process_once_and_silently(tmp_path, capfd):
     np.testing.assert_allclose(form.vertices, prepared.vertices * [1, 1, 0.5], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("data", "methods", "message"),
-    [("rods", ["gsp"], "unknown method 'gsp'; did you mean gps"), ("nowhere", ["gps"], "nowhere")],
-)
-def test_what_is_unknown_is_raised(data, methods, message, tmp_path, monkeypatch):
-    write_rods(tmp_path / "rods")
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigurationError, match=message):
-        benchmark.run(data, methods)
+def test_what_is_unknown_is_raised():
+    with pytest.raises(ConfigurationError, match="unknown method 'gsp'; did you mean gps"):
+        benchmark.run("animals", ["gsp"])
 
 
 def test_a_surface_is_prepared_as_in_a_run():

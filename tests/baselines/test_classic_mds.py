@@ -13,6 +13,7 @@ from baselines.shape_dna import ShapeDNA
 from baselines.si_hks import ScaleInvariantHKS
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
 from tests.baselines.embedding import limbed, sphere, spread
+from tests.geometry.surfaces import joined
 
 
 @pytest.mark.parametrize("n", [4, 40, 301])
@@ -64,10 +65,7 @@ def test_gps_of_a_sphere_is_a_sphere():
 @pytest.mark.parametrize("method", [GPS(), AcceleratedMDS(), ShapeDNA(), ScaleInvariantHKS()])
 def test_balls_that_a_triangle_without_area_joins_are_refused_by_name(method):
     ball = sphere(150)
-    joined = Mesh(
-        np.concatenate([ball.vertices, ball.vertices + np.array([3.0, 0.0, 0.0])]),
-        np.concatenate([ball.faces, ball.faces + 150, [[0, 0, 150]]]),
-    )
+    balls = joined(ball, ball.with_vertices(ball.vertices + np.array([3.0, 0.0, 0.0])))
     apply = getattr(method, "canonicalise", None) or method.describe
     with pytest.raises(UnsupportedShape, match="second eigenvalue of the Laplacian is zero"):
-        apply(Shape(identifier="balls", mesh=joined))
+        apply(Shape(identifier="balls", mesh=Mesh(balls.vertices, [*balls.faces, [0, 0, 150]])))

@@ -13,7 +13,7 @@ from benchmark.registry.known import BUILT_IN
 from benchmark.registry.outputs import compute_descriptor, compute_form
 from tests.baselines.deformable import centre_line, moved_to, shape_of, straightness, tube
 from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, moved, sphere
-from tests.geometry.surfaces import relabelled
+from tests.geometry.surfaces import joined, relabelled
 
 #: All but those that copy the mesh: nothing to compare with another numbering, place or size.
 NAMES = [
@@ -25,7 +25,7 @@ TOLERANCES = {"non-metric-mds": 2e-3, "constrained-mds": 2e-4, "feature-preserve
 
 TRIANGLE = Mesh(np.eye(3), np.array([[0, 1, 2]]))
 BALL = sphere(150)
-TWO_BALLS = Mesh(np.concatenate([BALL.vertices, BALL.vertices + 3]), np.concatenate([BALL.faces, BALL.faces + 150]))
+TWO_BALLS = joined(BALL, BALL.with_vertices(BALL.vertices + 3))
 
 
 def answer(method: Any, shape: Shape) -> np.ndarray:

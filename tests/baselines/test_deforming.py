@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from baselines._kernels.arap import AsRigidAsPossible, _closed_form, nearest_rotations
 from baselines._kernels.repulsion import relax, repulsion
 from baselines.constrained_mds import ConstrainedMDS
-from baselines.feature_preserved import FeaturePreserved, rigid_motions
+from baselines.feature_preserved import FeaturePreserved
 from baselines.mesh_unfolding import MeshUnfolding
 from tests.baselines.deformable import moved_to, shape_of, sheet, tube
 from tests.baselines.embedding import spread
@@ -63,17 +63,6 @@ def test_a_rigid_motion_of_the_surface_is_found_even_from_its_mirror_image(metho
         np.testing.assert_allclose(moved_to(form.vertices, mesh.vertices), mesh.vertices, atol=1e-6)
         assert form.notes["mirrored"] == ("no" if image is mesh.vertices else "yes")
         assert form.notes["largest_edge_strain"] < 1e-6
-
-
-def test_a_part_moves_with_its_own_vertices_and_their_neighbours_alone():
-    shape = shape_of(lopsided(tube(1.3)))
-    surface, parts = AsRigidAsPossible.of(shape), (np.arange(shape.mesh.n_vertices) > 300).astype(np.int64)
-    near = (parts == 0) | (surface.weights @ (parts == 0) > 0)
-    turn = Rotation.from_euler("xyz", [0.3, 1.0, -2.0]).as_matrix()
-    targets = np.where(near[:, None], surface.rest @ turn.T + 1, np.random.default_rng(0).random(surface.rest.shape))
-    rotations, translations = rigid_motions(surface, targets, shape.mesh.vertex_areas, parts)
-    np.testing.assert_allclose(rotations[0], turn, atol=1e-9)
-    np.testing.assert_allclose(translations[0], 1, atol=1e-9)
 
 
 def spread_of(points, masses):

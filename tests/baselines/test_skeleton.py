@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baselines._kernels import curve_skeleton
-from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.curve_skeleton import CurveSkeleton, contraction_skeleton
 from baselines.skeleton import Skeleton, bones_of_triangles, follow_rotations
 from benchmark.api.contracts import Mesh
@@ -57,15 +56,6 @@ def scaled_tips(mesh):
     reach = np.linalg.norm(TIPS, axis=1).max() + 0.2
     factor = np.linalg.norm(mesh.vertices, axis=1).max() / reach
     return TIPS * factor, factor
-
-
-def test_collapse_leaves_a_tree_of_connected_parts(y_shape):
-    owners = collapse(y_shape.with_vertices(curve_skeleton.contract(y_shape)))
-    survivors = np.unique(owners)
-    np.testing.assert_array_equal(owners[survivors], survivors)
-    corners = np.sort(owners[y_shape.faces], axis=1)
-    assert ((corners[:, 0] == corners[:, 1]) | (corners[:, 1] == corners[:, 2])).all()  # no triangle is left
-    assert 10 < len(survivors) < 100
 
 
 def test_of_a_y_has_three_branches(y_shape):

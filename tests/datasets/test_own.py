@@ -108,8 +108,3 @@ def test_a_mesh_that_cannot_be_made_costs_its_shape(plugin, load, message):
     with pytest.raises(BenchmarkError, match=message) as caught:
         dataset.load(dataset.shapes[0])
     assert isinstance(caught.value, UnreadableMesh) or "NaN" in message
-
-
-def test_an_unknown_name_is_answered_with_those_of_the_file(plugin):
-    with pytest.raises(ConfigurationError, match="unknown data set 'rodds'; did you mean rods"):
-        sources(["rodds"], [plugin()])

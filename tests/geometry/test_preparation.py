@@ -17,7 +17,7 @@ from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import clean, connected_components, fans_per_vertex, largest_component, make_manifold
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order, sides_of
-from benchmark.geometry.preparation import Prepared, decimate, isotropic_remesh, prepare
+from benchmark.geometry.preparation import Prepared, prepare
 from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, sphere
 
 TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
@@ -316,24 +316,3 @@ def test_an_open_piece_is_joined_at_its_rim_and_vertices_without_faces_go() -> N
     assert (gaps, bridged.n_vertices) == ([], 4)
     with pytest.raises(InvalidMesh, match="without faces"):
         bridge_components(Mesh(SQUARE.vertices, np.empty((0, 3))))  # type: ignore[arg-type]
-
-
-BALL = sphere(2)
-REMESH = {"iterations": 1, "feature_degrees": 30.0}
-
-
-@pytest.mark.parametrize("call", [lambda: decimate(BALL, 50), lambda: isotropic_remesh(BALL, 0.2, **REMESH)])
-def test_every_parameter_of_a_filter_is_named_because_pymeshlab_remembers_the_last(
-    call: Callable[[], Mesh], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import pymeshlab
-
-    called: dict[str, set[str]] = {}
-    apply = pymeshlab.MeshSet.apply_filter
-    note = lambda meshes, name, **named: (called.update({name: set(named)}), apply(meshes, name, **named))  # noqa: E731
-    monkeypatch.setattr(pymeshlab.MeshSet, "apply_filter", note)
-    call()
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(BALL.vertices, BALL.faces))
-    assert called
-    assert all(named == set(meshes.filter_parameter_values(name)) for name, named in called.items())
