@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.base import Watched, by_subject, canonical_shapes
+from benchmark.datasets.base import Watched, by_subject, canonical_shapes, natural_key
 from benchmark.datasets.settings import SETTINGS_FILE, VIEWS
 from benchmark.errors import ConfigurationError, DatasetError, ShapeError
 from benchmark.geometry.camera import Camera
@@ -128,10 +128,11 @@ def _settings(dataset: ShapeSet, files: Mapping[str, str]) -> str:
     if len(set(views.values())) == 1:
         lines.append(f"camera = {next(iter(views.values()))}")
         views = {}
+    # In a folder, the first file in natural order is the canonical pose.
     poses = {
         subject: _quoted(names[entry.identifier].partition("/")[2])
         for subject, entry in canonical_shapes(dataset).items()
-        if entry != members_of[subject][0]
+        if names[entry.identifier] != min((names[member.identifier] for member in members_of[subject]), key=natural_key)
     }
     sensors = {names[entry.identifier]: dataset.sensor(entry) for entry in dataset.shapes}
     noise = next((sensor for sensor in sensors.values() if sensor), None)
