@@ -22,7 +22,7 @@ from benchmark.geometry.preparation import prepare
 from benchmark.protocols.models import with_model
 from benchmark.registry import select, select_one
 from benchmark.registry.outputs import compute_form
-from benchmark.text import DATA_VARIABLE
+from benchmark.text import DATA_VARIABLE, EVERY
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -86,8 +86,9 @@ def run(
     root = data_root or os.environ.get(DATA_VARIABLE)
     names = [str(name) for name in _listed(data)]
     shapes = galleries((), sources(names, files), Path(root) if root else None, quick)
-    chosen, by = select(_listed(methods), files), select_one(scorer, files, "scorer")
-    options: dict[str, Any] = {"scorer": by, "seed": seed}
+    wanted = _listed(methods)
+    chosen, by = select(wanted, files), select_one(scorer, files, "scorer")
+    options: dict[str, Any] = {"scorer": by, "seed": seed, "named": bool(wanted) and EVERY not in wanted}
     jobs = plan(shapes, [input], chosen, folder, again="all" if again else "failed", **options)
     ended = {job.job.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
     before = {record.key: record for record in _records(folder)}

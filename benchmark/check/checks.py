@@ -487,26 +487,22 @@ def _inputs(case: Case) -> str:
     return "a shape of each class can be prepared, and is seen by its camera"
 
 
-# The tables ----------------------------------------------------------------------------------------------------------
-
-Checks = Mapping[str, Callable[[Case], str]]
-
-_ANSWERS: Checks = {"answer": _answer, "repeatable": _repeatable}
-_SURFACES: Checks = {"relabelling": _relabelling, "rigid motion": _motion}
-_COMPARED: Checks = {"dissimilarities": _dissimilarities}
-_AWKWARD: Checks = {"awkward shapes": _awkward}
-_DATA_SET: Checks = {"shapes": _shapes, "meshes": _meshes, "repeatable": _repeatable_meshes, "inputs": _inputs}
+# What is checked -----------------------------------------------------------------------------------------------------
 
 #: Checks without which the others have nothing to compare.
 _NECESSARY = frozenset({_training, _answer, _repeatable, _shapes, _meshes})
 
 
-def _checks_of(component: Component) -> Checks:
+def _checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
+    """Return the checks of a component by name, in their order."""
     if component.kind == "data set":
-        return _DATA_SET
+        return {"shapes": _shapes, "meshes": _meshes, "repeatable": _repeatable_meshes, "inputs": _inputs}
+    answers = {"answer": _answer, "repeatable": _repeatable}
+    surfaces = {"relabelling": _relabelling, "rigid motion": _motion}
     if component.kind == "scorer":
-        return {**_ANSWERS, **_SURFACES, **_COMPARED, **_AWKWARD}
-    learned: Checks = {"training": _training} if component.learns else {}
-    used: Checks = {"input untouched": _input_untouched, "seed": _seed}
-    changed: Checks = {**_SURFACES, "mirror": _mirror, "scale": _scale, **_AWKWARD}
-    return {**learned, **_ANSWERS, **used, **changed, **(_COMPARED if component.describes else {})}
+        return {**answers, **surfaces, "dissimilarities": _dissimilarities, "awkward shapes": _awkward}
+    learned = {"training": _training} if component.learns else {}
+    used = {"input untouched": _input_untouched, "seed": _seed}
+    changed = {**surfaces, "mirror": _mirror, "scale": _scale, "awkward shapes": _awkward}
+    compared = {"dissimilarities": _dissimilarities} if component.describes else {}
+    return {**learned, **answers, **used, **changed, **compared}

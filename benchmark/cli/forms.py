@@ -34,9 +34,7 @@ from benchmark.pipeline.preparation import N_VERTICES, fit_frame, prepare_mesh, 
 from benchmark.pipeline.records import Record, read_form, read_records
 from benchmark.pipeline.search import search
 from benchmark.pipeline.stages import Preparation, shape_of
-from benchmark.protocols.galleries import Gallery
 from benchmark.protocols.models import find_models
-from benchmark.protocols.tables import own_table
 from benchmark.registry import Component, select_one
 from benchmark.report.drawing import save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
@@ -286,8 +284,7 @@ def retrieve(query: Path, name: str, request: Request, k: int, picture: Path | N
     input_ = _input(query, shapes, component)
     record = _record(options, shapes.name, input_, component)
     shape = _query_shape(query, Preparation(shapes, input_, Cache(options.results)), request)
-    gallery = Gallery(own_table(shapes.name), source, shapes, shapes.shapes, data_root=options.data_root)
-    models = find_models(component, gallery, options.results / "models").values()
+    models = find_models(component, shapes, shapes.shapes, options.data_root, options.results / "models").values()
     method = next((component.create().load(model.folder) for model in models), component.create())
     scorer = select_one(options.scorer, options.plugins, "scorer").create()
     itself = [e.identifier for e in shapes.shapes if e.path and e.path.exists() and e.path.samefile(query)]

@@ -43,7 +43,7 @@ def _galleries(selection: Selection) -> list[Gallery]:
     named = bool(selection.datasets or selection.tables or selection.everything)
     own = tuple(name for name, component in data_sets(selection.plugins).items() if component.plugin)
     names = sources(selection.datasets if named else own, selection.plugins)
-    chosen = galleries(selection.tables, names, root, selection.quick, set(selection.methods) - {EVERY})
+    chosen = galleries(selection.tables, names, root, selection.quick)
     if selection.subjects:
         chosen = [gallery.of_subjects(selection.subjects.split(",")) for gallery in chosen]
     if not selection.input:
@@ -60,6 +60,7 @@ def planned_jobs(selection: Selection, again: Again = "") -> list[Planned]:
         _galleries(selection), [selection.input] if selection.input else INPUTS,
         select(selection.methods, selection.plugins), selection.results,
         scorer=select_one(selection.scorer, selection.plugins, "scorer"), seed=selection.seed, again=again,
+        named=bool(selection.methods) and EVERY not in selection.methods,
     )  # fmt: skip
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")

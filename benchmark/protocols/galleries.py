@@ -20,8 +20,9 @@ from benchmark.datasets.catalogue import (
 )
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.protocols.models import has_models
+from benchmark.protocols.models import MissingModel, Model, TooNear, UnusableModel, find_models
 from benchmark.protocols.tables import INPUTS, PARTS, TABLES, Table, gallery_name, own_table
+from benchmark.protocols.trainings import NoFolds
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
 
@@ -62,8 +63,6 @@ class Gallery:
         The inputs of its column that its shapes have.
     is_split
         Whether networks see only views, and all other methods only complete surfaces.
-    named
-        Methods that were selected by name, which have a row in every table.
     """
 
     table: Table
@@ -75,7 +74,6 @@ class Gallery:
     data_root: Path | None = None
     inputs: tuple[Input, ...] = ()
     is_split: bool = False
-    named: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -97,7 +95,9 @@ class Gallery:
         check_retrievable(self.dataset, entries)
         return replace(self, entries=entries, part=" ".join(filter(None, [self.part, ", ".join(subjects)])))
 
-    def rows(self, input_: Input, methods: Iterable[Component], trained_here: Path | None = None) -> list[Component]:
+    def rows(
+        self, input_: Input, methods: Iterable[Component], trained_here: Path | None = None, *, named: bool = False
+    ) -> list[Component]:
         """Return the methods that are tested on it; networks with each of their trainings that has a model.
 
         Parameters
@@ -105,33 +105,34 @@ class Gallery:
         input_
             The input.
         methods
-            The selected methods; those of plugins have a row in every table.
+            The selected methods.
         trained_here
             Folder of the models that were trained here, in addition to the shipped ones.
+        named
+            Whether they were selected by name: they have a row in every table, like those of plugins.
         """
         chosen: list[Component] = []
         for method in methods:
+            is_wanted = named or not method.of_suite
             try:
-                chosen += self._trainings(method, trained_here) if self._includes(input_, method) else []
+                if self._includes(input_, method, is_wanted):
+                    chosen += self._trainings(method, trained_here, is_wanted)
             except ConfigurationError:  # it cannot be imported, and its row says why
                 chosen.append(method)
         return list({method.name: method for method in chosen}.values())
 
-    def _includes(self, input_: Input, method: Component) -> bool:
+    def _includes(self, input_: Input, method: Component, is_wanted: bool) -> bool:
         is_network = method.learns and "view" in method.info.inputs
         if self.is_split and is_network != (input_ == "view"):
             return False
-        if self._is_named(method):
+        if is_wanted:
             return method.learns or not self.table.is_ablation
         return self.table.runs_by_default(method.base_name) and (not self.quick or method.base_name in QUICK_ROWS)
 
-    def _is_named(self, method: Component) -> bool:
-        return not method.of_suite or bool({method.name, method.base_name} & self.named)
-
-    def _trainings(self, method: Component, trained_here: Path | None) -> Iterator[Component]:
+    def _trainings(self, method: Component, trained_here: Path | None, is_wanted: bool) -> Iterator[Component]:
         """Yield a method; a network also with other seeds, and that of the paper as printed, where it has models."""
         is_papers = method.base_name == NETWORK
-        if not method.learns or is_papers or self._is_named(method) or has_models(method, self, trained_here):
+        if not method.learns or is_papers or is_wanted or self._has_models(method, trained_here):
             yield method
         if not method.learns or method.parameters or self.quick:
             return
@@ -139,7 +140,20 @@ class Gallery:
         variants: list[dict[str, object]] = [{"training_seed": seed} for seed in seeds]
         variants += [{"configuration": "as_printed"}] if is_papers and not self.table.is_ablation else []
         others = map(method.with_parameters, variants)
-        yield from (other for other in others if has_models(other, self, trained_here))
+        yield from (other for other in others if self._has_models(other, trained_here))
+
+    def _has_models(self, method: Component, trained_here: Path | None) -> bool:
+        """Return whether a learner has a model for each shape, be it one that is refused."""
+        try:
+            return bool(self.models(method, trained_here))
+        except TooNear:
+            return True
+        except (MissingModel, NoFolds) as error:
+            return isinstance(error, UnusableModel)
+
+    def models(self, method: Component, trained_here: Path | None) -> dict[str, Model]:
+        """Return the model for each shape; see :func:`benchmark.protocols.models.find_models`."""
+        return find_models(method, self.dataset, self.entries, self.data_root, trained_here)
 
 
 def galleries(
@@ -147,7 +161,6 @@ def galleries(
     dataset_names: Iterable[str] = (),
     data_root: Path | None = None,
     quick: bool = False,
-    named: Iterable[str] = (),
 ) -> list[Gallery]:
     """Return the galleries for a selection on the command line.
 
@@ -165,8 +178,6 @@ def galleries(
         The folder of the official data sets.
     quick
         Use at most :data:`QUICK_POSES` poses of each subject, and only the first fold.
-    named
-        Methods that were selected by name.
 
     Raises
     ------
@@ -195,7 +206,7 @@ def galleries(
     chosen: list[Gallery] = []
     for table, name in places:
         try:
-            chosen += list(_galleries(table, name, data_root, frozenset(named), quick=quick))
+            chosen += list(_galleries(table, name, data_root, quick=quick))
         except DatasetError:
             if not table.part_of or table.identifier in wanted:
                 raise
@@ -227,9 +238,7 @@ def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table
     return [table for table in selected if name in table.datasets or table.is_robustness]
 
 
-def _galleries(
-    table: Table, name: str, data_root: Path | None, named: frozenset[str], *, quick: bool
-) -> Iterator[Gallery]:
+def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) -> Iterator[Gallery]:
     """Yield the galleries of a table on a data set; with ``quick``, of the columns with folds if there are any."""
     with_folds = tuple(column for column in table.columns if len(column.parts) > 1) if quick else ()
     for column in with_folds or table.columns:
@@ -245,7 +254,7 @@ def _galleries(
                 check_retrievable(dataset, entries if part else None)
                 some = thinned(entries, QUICK_POSES) if quick else entries
                 is_quick = len(some) < len(entries)
-                yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split, named)
+                yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split)
 
 
 def _conditions(name: str) -> list[str]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from benchmark.api.datasets import Entry
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import CARD, Card, Learner, digest_of, read_card
 from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_dataset
 from benchmark.datasets.people import CLEARANCE, TESTED
@@ -18,9 +18,6 @@ from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
 from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape
 from benchmark.registry import Component
-
-if TYPE_CHECKING:
-    from benchmark.protocols.galleries import Gallery
 
 #: Environment variable of a folder of models with the layout of the repository, for installations without all models.
 MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
@@ -30,7 +27,7 @@ _ALL_HERE = "README.md"
 
 
 class MissingModel(ConfigurationError):
-    """A learner has not been trained for a gallery."""
+    """A learner has not been trained for some shapes."""
 
 
 class UnusableModel(MissingModel):
@@ -111,15 +108,19 @@ class Model:
         }
 
 
-def find_models(spec: Component, gallery: Gallery, trained_here: Path | None) -> dict[str, Model]:
-    """Return the model for each shape of a gallery, by identifier; empty for a method that does not learn.
+def find_models(
+    spec: Component, dataset: ShapeSet, entries: Iterable[Entry], data_root: Path | None, trained_here: Path | None
+) -> dict[str, Model]:
+    """Return the model for each of some shapes, by identifier; empty for a method that does not learn.
 
     Parameters
     ----------
     spec
         The method.
-    gallery
+    dataset, entries
         The shapes.
+    data_root
+        The folder of the official data sets.
     trained_here
         Folder of the models that were trained here, which take precedence over shipped ones.
 
@@ -137,22 +138,14 @@ def find_models(spec: Component, gallery: Gallery, trained_here: Path | None) ->
     learner = spec.create() if spec.learns else None
     if not isinstance(learner, Learner):
         return {}
-    of_shape = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
+    of_shape = trainings_by_shape(learner, dataset, entries, data_root)
     folders = {training.name: _finished(learner, training.name, trained_here) for training in of_shape.values()}
     if missing := [name for name, folder in folders.items() if folder is None]:
         raise _missing(spec, learner, missing)
     models = {name: _model(name, folder) for name, folder in folders.items() if folder}
     for model in models.values():
-        model.check(gallery.dataset.name, gallery.data_root)
+        model.check(dataset.name, data_root)
     return {identifier: models[training.name] for identifier, training in of_shape.items()}
-
-
-def has_models(spec: Component, gallery: Gallery, trained_here: Path | None) -> bool:
-    """Return whether a learner has a model for each shape of a gallery, be it one that is refused."""
-    try:
-        return bool(find_models(spec, gallery, trained_here))
-    except ConfigurationError as error:
-        return isinstance(error, TooNear | UnusableModel)
 
 
 def with_model(spec: Component) -> Any:

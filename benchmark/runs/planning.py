@@ -21,7 +21,7 @@ from benchmark.pipeline.cache import Cache, Keys
 from benchmark.pipeline.records import Record, Row, read_records
 from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery
-from benchmark.protocols.models import MissingModel, Model, TooNear, find_models
+from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select_one
 from benchmark.runs.tasks import Job, Step
@@ -110,6 +110,7 @@ def plan(
     scorer: Component | None = None,
     seed: int = 0,
     again: Again = "",
+    named: bool = False,
 ) -> list[Planned]:
     """List the jobs of a selection with their states.
 
@@ -125,6 +126,8 @@ def plan(
         Base seed of all methods.
     again
         Which jobs with a record run again.
+    named
+        Whether the methods were selected by name.
     """
     scorer = scorer or select_one("cm-bof", kind="scorer")
     records = {record.row: record for record in read_records(results, published=False)}
@@ -135,7 +138,7 @@ def plan(
         for gallery in galleries
         for input_ in wanted
         if input_ in gallery.inputs
-        for method in gallery.rows(input_, chosen, results / "models")
+        for method in gallery.rows(input_, chosen, results / "models", named=named)
     ]
     return list({job.job.key: job for job in jobs}.values())
 
@@ -260,7 +263,7 @@ def _obstacle(
     if input_ not in method.info.inputs:
         return "unsupported", f"does not take the {input_} input", {}
     try:
-        models = find_models(method, gallery, trained_here)
+        models = gallery.models(method, trained_here)
     except MissingModel as error:
         return "unavailable", str(error), {}
     except (NoFolds, TooNear) as error:

@@ -95,29 +95,25 @@ def _read(path: Path) -> Any:
         raise ConfigurationError(f"there is no file {path}", "name the file of the distances")
     if path.stat().st_size > _LARGEST:
         raise ConfigurationError(f"{path} has more than {_LARGEST // 2**30} GiB", "write it in single precision (.npy)")
+    suffix = path.suffix.lower()
     try:
-        return _readable(path)
+        if suffix == ".npy":
+            return np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
+        if suffix == ".npz":
+            with np.load(path, allow_pickle=False) as archive:
+                sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.zip.infolist()}
+                return archive[_only(sizes, path)]
+        if suffix == ".mat":
+            from scipy.io import loadmat, whosmat
+
+            kinds = ("double", "single")
+            sizes = {name: 8 * int(np.prod(n)) for name, n, kind in whosmat(path) if kind in kinds and np.prod(n) > 1}
+            return loadmat(path, variable_names=[name := _only(sizes, path)])[name]
+        return _read_text(path)
     except (ConfigurationError, MemoryError):
         raise
     except Exception as error:  # of any library, for a damaged file
         raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", _HINT) from error
-
-
-def _readable(path: Path) -> Any:
-    suffix = path.suffix.lower()
-    if suffix == ".npy":
-        return np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
-    if suffix == ".npz":
-        with np.load(path, allow_pickle=False) as archive:
-            sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.zip.infolist()}
-            return archive[_only(sizes, path)]
-    if suffix == ".mat":
-        from scipy.io import loadmat, whosmat
-
-        kinds = ("double", "single")
-        sizes = {name: 8 * int(np.prod(n)) for name, n, kind in whosmat(path) if kind in kinds and np.prod(n) > 1}
-        return loadmat(path, variable_names=[name := _only(sizes, path)])[name]
-    return _read_text(path)
 
 
 def _only(sizes: Mapping[str, int], path: Path) -> str:

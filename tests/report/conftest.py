@@ -18,7 +18,7 @@ def results(tmp_path_factory) -> Results:
     folder = tmp_path_factory.mktemp("results")
     write_rods(folder / "rods")
     names = ["gps", "identity", "surface-area"]
-    planned = plan(galleries([], [str(folder / "rods")], None, named=names), ["mesh"], select(names, ()), folder)
+    planned = plan(galleries([], [str(folder / "rods")]), ["mesh"], select(names, ()), folder, named=True)
     for _ in run(planned, folder, size=0, timeout=600):
         pass
     return open_results(folder)
