@@ -10,7 +10,7 @@ from benchmark.cli.progress import counting
 from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.checking import check_source
 from benchmark.datasets.export import export as export_shapes
-from benchmark.report.drawing import save_png
+from benchmark.report.drawing import check_ending, save_png
 from benchmark.report.sheets import contact_sheet
 from benchmark.text import say
 
@@ -36,11 +36,12 @@ def export(name: str, options: Selection, output: Path, *, force: bool) -> bool:
 def sheet(name: str, options: Selection, output: Path | None) -> None:
     """Draw a contact sheet."""
     dataset = open_dataset(_source(name, options), options.data_root)
-    drawing = contact_sheet(dataset)
-    for problem in drawing.problems:
-        say(f"not drawn: {problem}", err=True)
     target = output or Path(f"sheet-{dataset.name}.png")
-    save_png(drawing.image, target)
+    check_ending(target)
+    image, problems = contact_sheet(dataset)
+    for problem in problems:
+        say(f"not drawn: {problem}", err=True)
+    save_png(image, target)
     say(f"wrote {target}")
 
 

@@ -36,7 +36,7 @@ from benchmark.pipeline.search import search
 from benchmark.pipeline.stages import Preparation, shape_of
 from benchmark.protocols.models import find_models
 from benchmark.registry import Component, select_one
-from benchmark.report.drawing import save_png
+from benchmark.report.drawing import check_ending, save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.text import aligned, say
 
@@ -80,7 +80,7 @@ def canonicalise(
     if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
     if picture is not None and not others and source.is_file():
-        require_png(picture)
+        check_ending(picture)
     if warning := trained_on_people(select_one(request.method, request.selection.plugins)):
         say(f"{request.method}: {warning}", err=True)
     if may_miss or source.suffix.lower() in EXTENSIONS or source.is_dir():
@@ -103,12 +103,6 @@ def canonicalise(
         save_png(mesh_picture(read_mesh(source), form.mesh), picture)
     say(", ".join([f"{target}: {len(form.vertices)} vertices", *_facts(form.notes)]))
     return True
-
-
-def require_png(picture: Path) -> None:
-    """Raise ``ConfigurationError`` for a picture that cannot be written, before anything is computed."""
-    if picture.suffix.lower() != ".png":
-        raise ConfigurationError(f"{picture} is not the name of a picture", "use .png")
 
 
 def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
@@ -233,6 +227,8 @@ def _frame_jobs(paths: Sequence[Path], request: Request, output: Path | None, pi
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     if frames == list(paths[:1]):
+        if picture is not None:
+            check_ending(picture)
         return [(files(frames[0]), _mesh_target(output, frames[0], request.method), picture)]
     above = os.path.commonpath([path.absolute().parent for path in frames])
     jobs = []
@@ -276,7 +272,7 @@ def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
 def retrieve(query: Path, name: str, request: Request, k: int, picture: Path | None = None) -> None:
     """Print the shapes of a gallery that are nearest to a query."""
     if picture is not None:
-        require_png(picture)
+        check_ending(picture)
     start, options = time.perf_counter(), request.selection
     component = select_one(request.method, options.plugins)
     (source,) = sources([name], options.plugins)

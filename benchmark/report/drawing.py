@@ -5,9 +5,8 @@ On coloured surfaces, the colour shows how far a point is from the centre of the
 
 from __future__ import annotations
 
-import io
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +15,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points, edges_of
 from benchmark.geometry.rasterise import depth_buffer
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Direction of the light in image coordinates: right, up, towards the viewer.
 _LAMP = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])
@@ -35,16 +31,6 @@ _PLAIN = np.array([0.60, 0.68, 0.77])
 
 _SOURCES = 48
 _FINER = 2
-
-#: Metadata by file extension, without the date and the version of matplotlib.
-_UNDATED: dict[str, dict[str, str | None]] = {
-    ".png": {"Software": None},
-    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
-    ".svg": {"Date": None, "Creator": None},
-}
-
-#: File extensions of figures.
-ENDINGS = tuple(_UNDATED)
 
 
 def outwardness(mesh: Mesh) -> NDArray[np.float64]:
@@ -139,29 +125,12 @@ def turned_like(form: Points, shape: Points) -> Points:
     return np.asarray(moving @ (left @ right))
 
 
+def check_ending(path: Path, endings: Sequence[str] = (".png",)) -> None:
+    """Raise ``ConfigurationError`` for a picture that cannot be written, before anything is computed."""
+    if path.suffix.lower() not in endings:
+        raise ConfigurationError(f"{path} is not the name of a picture", f"use {', '.join(endings)}")
+
+
 def save_png(image: Image.Image, path: Path) -> None:
-    """Write a PNG without date; raise ``ConfigurationError`` for another extension or if writing fails."""
-    if path.suffix.lower() != ".png":
-        raise ConfigurationError(f"{path} is not the name of a PNG file", "use the extension .png")
-    try:
-        write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))
-    except OSError as error:
-        raise ConfigurationError(
-            f"cannot write {path}: {error.strerror}", "choose another file with -o or --picture"
-        ) from error
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PDF, PNG or SVG by its extension, without dates; publishers take the fonts (Type 42)."""
-    import matplotlib as mpl
-
-    ending, stream = path.suffix.lower(), io.BytesIO()
-    if ending not in ENDINGS:
-        raise ConfigurationError(f"{path} is not the name of a figure", f"use {', '.join(ENDINGS)}")
-    options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
-    with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42, "ps.fonttype": 42}):
-        figure.savefig(stream, format=ending[1:], **options)
-    try:
-        write_atomically(path, lambda file: file.write(stream.getvalue()))
-    except OSError as error:
-        raise BenchmarkError(f"cannot write {path}: {error.strerror}", "choose another folder") from error
+    """Write a PNG without date."""
+    write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError
+from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import Record, read_distances
@@ -19,11 +24,6 @@ from benchmark.report.forms import StoredForms
 from benchmark.report.sheets import spread
 from benchmark.report.tables import Row, TableView
 from benchmark.text import clean
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
 
 #: Widths in inches of one column and of the text of a two-column paper.
 COLUMN, WIDTH = 3.5, 7.16
@@ -40,46 +40,58 @@ COLOURS: Mapping[Kind, str] = {"form": "#3a6ea5", "network": "#c8553d", "descrip
 RECALLS = np.round(np.arange(1, 21) * 0.05, 2)
 
 _SIZE = 7
+_STYLE = {
+    "axes.labelsize": _SIZE, "xtick.labelsize": _SIZE - 1, "ytick.labelsize": _SIZE - 1,
+    "axes.spines.top": False, "axes.spines.right": False,
+}  # fmt: skip
+
+#: Metadata by file extension, without the date and the version of matplotlib.
+_UNDATED: dict[str, dict[str, str | None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+
+#: File extensions of figures.
+ENDINGS = tuple(_UNDATED)
 
 
-def scores_figure(view: TableView, measure: str = MEASURE) -> Figure:
+def scores_figure(view: TableView) -> Figure:
     """Draw the scores of a table with their intervals over classes (95 %), one line a row."""
     titles = [column.title for column in view.columns]
-    figure, axes = _axes(WIDTH, 0.5 + 0.14 * len(view.printed_rows), len(titles), sharey=True)
+    figure, axes = _axes(WIDTH, 0.5 + 0.14 * len(view.printed_rows), n_columns=len(titles), sharey=True)
     rows = view.printed_rows[::-1]
-    for place, title in zip(axes, titles, strict=True):
+    for place, title in zip(axes[0], titles, strict=True):
         for height, row in enumerate(rows):
             if one := row.scored.get(title):
-                place.plot(one.intervals[measure], [height, height], color=COLOURS[row.kind], lw=1)
-                place.plot(one.means[measure], height, "o", ms=3, color=COLOURS[row.kind])
-        place.axvline(view.chance[title][measure], color="0.6", lw=0.8, ls="--", zorder=0)
-        place.set_xlim(0, 1.02)
-        place.set_xlabel(f"{measure}, {title}", fontsize=_SIZE)
-    axes[0].set_yticks(range(len(rows)), [clean(row.title) for row in rows], parse_math=False)
+                place.plot(one.intervals[MEASURE], [height, height], color=COLOURS[row.kind], lw=1)
+                place.plot(one.means[MEASURE], height, "o", ms=3, color=COLOURS[row.kind])
+        place.axvline(view.chance[title][MEASURE], color="0.6", lw=0.8, ls="--", zorder=0)
+        place.set(xlim=(0, 1.02), xlabel=f"{MEASURE}, {title}")
+    axes[0, 0].set_yticks(range(len(rows)), [clean(row.title) for row in rows], parse_math=False)
     return figure
 
 
-def cost_figure(view: TableView, measure: str = MEASURE) -> Figure:
+def cost_figure(view: TableView) -> Figure:
     """Draw seconds a shape against a measure; no row is both faster and better than those on the line."""
-    points = costs(view, measure)
-    figure, (place,) = _axes(COLUMN, 2.8)
+    points = costs(view)
+    figure, ((place,),) = _axes(COLUMN, 2.8)
     for row, seconds, score in points:
         place.plot(seconds, score, "o", ms=3.5, color=COLOURS[row.kind])
         place.annotate(clean(row.title), (seconds, score), (3, 2), textcoords="offset points", fontsize=5,
                        parse_math=False)  # fmt: skip
     front = pareto_front([(seconds, score) for _, seconds, score in points])
-    place.plot(*zip(*front, strict=True), color="0.7", lw=0.8, zorder=0) if front else None
-    place.set_xscale("log")
-    place.set_xlabel("seconds a shape: form and geodesics", fontsize=_SIZE)
-    place.set_ylabel(measure, fontsize=_SIZE)
+    if front:
+        place.plot(*zip(*front, strict=True), color="0.7", lw=0.8, zorder=0)
+    place.set(xscale="log", xlabel="seconds a shape: form and geodesics", ylabel=MEASURE)
     return figure
 
 
-def costs(view: TableView, measure: str = MEASURE) -> list[tuple[Row, float, float]]:
+def costs(view: TableView) -> list[tuple[Row, float, float]]:
     """Return rows with their seconds a shape and their score in the first column."""
     title = view.columns[0].title
     return [
-        (row, max(row.seconds, 1e-3), row.scored[title].means[measure])
+        (row, max(row.seconds, 1e-3), row.scored[title].means[MEASURE])
         for row in view.printed_rows
         if title in row.scored and row.seconds is not None
     ]
@@ -105,33 +117,29 @@ def precision_recall_figure(view: TableView, forms: StoredForms) -> Figure:
     curves = precision_recall(view, forms)
     if not curves:
         raise ConfigurationError(f"no distances of table {view.table.identifier} are stored here", "run it here")
-    figure, (place,) = _axes(COLUMN, 2.8)
-    for row in view.printed_rows:
-        if row.method in curves:
-            place.plot(RECALLS, curves[row.method], lw=1, label=clean(row.title))
-    place.set(xlim=(0, 1), ylim=(0, 1.02))
-    place.set_xlabel("recall", fontsize=_SIZE)
-    place.set_ylabel("precision", fontsize=_SIZE)
+    figure, ((place,),) = _axes(COLUMN, 2.8)
+    for row, curve in curves:
+        place.plot(RECALLS, curve, lw=1, label=clean(row.title))
+    place.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="recall", ylabel="precision")
     place.legend(fontsize=5, frameon=False)
     return figure
 
 
-def precision_recall(view: TableView, forms: StoredForms) -> dict[str, NDArray[np.float64]]:
-    """Return mean interpolated precision at :data:`RECALLS` by method, for rows whose distances are all stored."""
-    title, curves = view.columns[0].title, {}
+def precision_recall(view: TableView, forms: StoredForms) -> list[tuple[Row, NDArray[np.float64]]]:
+    """Return rows whose distances are all stored with their mean interpolated precision at :data:`RECALLS`."""
+    title, curves = view.columns[0].title, []
     for row in view.printed_rows:
         records = row.scored[title].all_records if title in row.scored else []
-        each = [(record, read_distances(forms.folder, record)) for record in records]
-        stored = [(record, matrix) for record, matrix in each if matrix is not None]
-        if records and len(stored) == len(records):
-            curves[row.method] = np.mean([_precision(record, matrix) for record, matrix in stored], axis=0)
+        stored = [(record, read_distances(forms.folder, record)) for record in records]
+        each = [_precision(record, matrix) for record, matrix in stored if matrix is not None]
+        if records and len(each) == len(records):
+            curves.append((row, np.mean(each, axis=0)))
     return curves
 
 
 def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean precision of the queries of a record; refused shapes rank nothing and are found by nobody."""
-    refused = {shape for shape, _ in record.unsupported}
-    labels = np.array([label for s, label in zip(record.shapes, record.labels, strict=True) if s not in refused])
+    labels = np.array([record.labels[number] for number in record.answered])
     sizes = {label: record.labels.count(label) - 1 for label in set(record.labels)}
     n_queries = sum(sizes[label] > 0 for label in record.labels)
     total = np.zeros(len(RECALLS))
@@ -145,13 +153,13 @@ def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float6
     return total / max(n_queries, 1)
 
 
-def effect_figure(records: Sequence[Record], forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
+def effect_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
     """Draw some shapes in a row, and below them their forms by each method; those of views from an angle.
 
     Parameters
     ----------
-    records
-        Records of one gallery and input, one a method.
+    view
+        The table, whose first column gives the gallery.
     forms
         Reader of the forms.
     shapes
@@ -162,6 +170,9 @@ def effect_figure(records: Sequence[Record], forms: StoredForms, shapes: Sequenc
     ConfigurationError
         If no form of these shapes is stored.
     """
+    records = effect_records(view)
+    if not records:
+        raise ConfigurationError(f"no selected row of table {view.table.identifier} has forms", "select another method")
     names = list(shapes) or some_shapes(records[0])
     lines: list[tuple[str, list[Mesh | None]]] = [("", [forms.shape(records[0], name) for name in names])]
     lines += [
@@ -170,16 +181,14 @@ def effect_figure(records: Sequence[Record], forms: StoredForms, shapes: Sequenc
     lines = [(title, meshes) for title, meshes in lines if any(meshes)]
     if len(lines) < 2:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
-    figure, axes = _axes(WIDTH, WIDTH / len(names) * len(lines), len(names) * len(lines), columns=len(names))
-    for number, (title, meshes) in enumerate(lines):
-        for column, mesh in enumerate(meshes):
-            place = axes[number * len(names) + column]
+    figure, axes = _axes(WIDTH, WIDTH / len(names) * len(lines), len(lines), len(names))
+    camera = UPRIGHT if records[0].input == "mesh" else OBLIQUE
+    for of_line, (title, meshes) in zip(axes, lines, strict=True):
+        of_line[0].set_title(clean(title), fontsize=_SIZE, loc="left", parse_math=False)
+        for place, mesh, shape in zip(of_line, meshes, lines[0][1], strict=True):
             place.axis("off")
             if mesh is not None:
-                camera = UPRIGHT if records[0].input == "mesh" else OBLIQUE
-                place.imshow(np.asarray(shaded(mesh, camera, 280, values_like(mesh, lines[0][1][column]))))
-            if column == 0 and title:
-                place.set_title(clean(title), fontsize=_SIZE, loc="left", parse_math=False)
+                place.imshow(np.asarray(shaded(mesh, camera, 280, values_like(mesh, shape))))
     return figure
 
 
@@ -198,15 +207,13 @@ def values_like(form: Mesh, shape: Mesh | None) -> NDArray[np.float64]:
 
 def some_shapes(record: Record, n_classes: int = 2, n_shapes: int = 3) -> list[str]:
     """Return some shapes of some classes of a record that have a result."""
-    refused = {shape for shape, _ in record.unsupported}
     classes: dict[str, list[str]] = {}
-    for shape, label in zip(record.shapes, record.labels, strict=True):
-        if shape not in refused:
-            classes.setdefault(label, []).append(shape)
+    for number in record.answered:
+        classes.setdefault(record.labels[number], []).append(record.shapes[number])
     return [shape for of_class in spread([*classes.values()], n_classes) for shape in spread(of_class, n_shapes)]
 
 
-def scorers_figure(scores: DataFrame, measure: str = MEASURE) -> Figure:
+def scorers_figure(scores: DataFrame) -> Figure:
     """Draw the scores of the paper's methods by two scorers with intervals over classes; crossing lines change order.
 
     Parameters
@@ -215,29 +222,30 @@ def scorers_figure(scores: DataFrame, measure: str = MEASURE) -> Figure:
         ``method``, ``scorer``, ``measure``, ``value``, ``low``, ``high``.
     """
     scorers = list(dict.fromkeys(scores["scorer"]))
-    figure, axes = _axes(COLUMN, 2.6)
-    for number, (method, of_method) in enumerate(scores[scores["measure"] == measure].groupby("method", sort=False)):
+    figure, ((place,),) = _axes(COLUMN, 2.6)
+    for number, (method, of_method) in enumerate(scores[scores["measure"] == MEASURE].groupby("method", sort=False)):
         part = of_method.set_index("scorer").loc[scorers]
         places, values = np.arange(len(scorers)) + 0.02 * (number - 3.5), part["value"].to_numpy()
         errors = np.abs(part[["low", "high"]].to_numpy().T - values)
-        line = axes[0].errorbar(places, values, errors, marker="o", ms=3, lw=1, elinewidth=0.5)
-        axes[0].annotate(TITLES.get(str(method), str(method)), (places[-1], values[-1]), (4, -2), fontsize=5,
-                         textcoords="offset points", color=line[0].get_color())  # fmt: skip
-    axes[0].set_xticks(range(len(scorers)), scorers)
-    axes[0].set_xlim(-0.3, len(scorers) - 0.4)
-    axes[0].set_ylabel(measure, fontsize=_SIZE)
+        line = place.errorbar(places, values, errors, marker="o", ms=3, lw=1, elinewidth=0.5)
+        place.annotate(TITLES.get(str(method), str(method)), (places[-1], values[-1]), (4, -2), fontsize=5,
+                       textcoords="offset points", color=line[0].get_color())  # fmt: skip
+    place.set_xticks(range(len(scorers)), scorers)
+    place.set(xlim=(-0.3, len(scorers) - 0.4), ylabel=MEASURE)
     return figure
 
 
-def _axes(
-    width: float, height: float, count: int = 1, *, columns: int = 0, **options: Any
-) -> tuple[Figure, list[Axes]]:
-    from matplotlib.figure import Figure
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PDF, PNG or SVG by its extension, without dates; publishers take the fonts (Type 42)."""
+    ending = path.suffix.lower()
+    options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
+    with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42, "ps.fonttype": 42}):
+        write_atomically(path, lambda file: figure.savefig(file, format=ending[1:], **options))
 
+
+def _axes(
+    width: float, height: float, n_rows: int = 1, n_columns: int = 1, *, sharey: bool = False
+) -> tuple[Figure, NDArray[np.object_]]:
     figure = Figure(figsize=(width, height), layout="constrained")
-    columns = columns or count
-    axes = figure.subplots(count // columns, columns, squeeze=False, **options).ravel().tolist()
-    for place in axes:
-        place.tick_params(labelsize=_SIZE - 1)
-        place.spines[["top", "right"]].set_visible(False)
-    return figure, axes
+    with mpl.rc_context(_STYLE):
+        return figure, figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)

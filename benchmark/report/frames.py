@@ -5,9 +5,9 @@ All tables are pure functions of records, so they need neither data nor methods.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from benchmark.datasets.changes import CHANGES
 from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
@@ -25,11 +25,11 @@ def changed(dataset: str) -> tuple[str, str, str] | None:
     return (base, change, strength) if change in CHANGES else None
 
 
-def grouped(records: Iterable[Record], key: Callable[[Record], str]) -> dict[str, list[Record]]:
-    """Return records by key, in the order of the first of each."""
+def by_gallery(records: Iterable[Record]) -> dict[str, list[Record]]:
+    """Return records by the name of their gallery, in the order of the first of each."""
     groups: dict[str, list[Record]] = {}
     for record in records:
-        groups.setdefault(key(record), []).append(record)
+        groups.setdefault(record.gallery, []).append(record)
     return groups
 
 
@@ -137,28 +137,16 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     """
     from pandas import DataFrame
 
-    names = ["table", "dataset", "method", "source", "fold", "measure", "value"]
-    every = list(records)
-    frame = DataFrame([*_scores(every), *_printed(every)], columns=names)
-    return frame.groupby(names[:-1], sort=False, as_index=False)["value"].mean()
-
-
-def _scores(records: Iterable[Record]) -> Iterator[tuple[Any, ...]]:
+    rows: list[tuple[str | float, ...]] = []
+    with_paper = set()
     for record in records:
-        where = record.data.name, row_of(record), record.input, fold_of(record)
-        for table in tables_of(record.data.name, where[-1]):
-            for measure, value in record.scores.items():
-                yield (table.identifier, *where, measure, value)
-
-
-def _printed(records: Iterable[Record]) -> Iterator[tuple[Any, ...]]:
-    shown = {
-        (table.identifier, record.data.name)
-        for record in records
-        for table in tables_of(record.data.name, fold_of(record))
-        if table.has_paper
-    }
-    for table, dataset in sorted(shown):
-        for method, figures in PRINTED[table].items():
-            for measure, value in figures.items():
-                yield (table, dataset, method, "paper", "", measure, value)
+        dataset, fold = record.data.name, fold_of(record)
+        for table in tables_of(dataset, fold):
+            where = table.identifier, dataset, row_of(record), record.input, fold
+            rows += [(*where, measure, value) for measure, value in record.scores.items()]
+            with_paper |= {(table.identifier, dataset)} if table.has_paper else set()
+    for numeral, dataset in sorted(with_paper):
+        for method, figures in PRINTED[numeral].items():
+            rows += [(numeral, dataset, method, "paper", "", measure, value) for measure, value in figures.items()]
+    names = ["table", "dataset", "method", "source", "fold", "measure", "value"]
+    return DataFrame(rows, columns=names).groupby(names[:-1], sort=False, as_index=False)["value"].mean()

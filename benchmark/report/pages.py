@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from pandas import DataFrame
+from plotly import express
+from plotly.graph_objects import Figure, Mesh3d
+from plotly.offline import get_plotlyjs
 from scipy.spatial import cKDTree
 
 from benchmark.depth.frame import UPRIGHT
@@ -20,26 +24,15 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.records import Record
 from benchmark.reference.paper import MEASURES
+from benchmark.report import figures
 from benchmark.report.drawing import PALETTE, shaded
-from benchmark.report.figures import (
-    COLOURS,
-    RECALLS,
-    costs,
-    effect_records,
-    pareto_front,
-    precision_recall,
-    some_shapes,
-    values_like,
-)
+from benchmark.report.figures import MEASURE
 from benchmark.report.formats import blocks, hundredths
 from benchmark.report.forms import StoredForms
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
-from benchmark.report.tables import BLOCKS, TableView
-from benchmark.text import brief, clean
-
-if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
+from benchmark.report.tables import BLOCKS, Row, TableView
+from benchmark.text import brief, clean, say
 
 #: Vertices of a form in 3D and pixels of its height; forms of a shape, and shapes, for browsers draw at most 16.
 VERTICES, SIDE, SIDE_BY_SIDE, POSES = 700, 180, 6, 2
@@ -77,8 +70,7 @@ class Pages:
         links += [_link(f"{v.stem}.html", _short(v), is_here=v is view) for v in self.views]
         tabs = []
         if view is not None:
-            places = {"": "Scores", "-forms": "Forms", "-queries": "Worst queries"}
-            names = {f"{view.stem}{ending}.html": text for ending, text in places.items()}
+            names = {f"{view.stem}{ending}.html": text for ending, (text, _) in KINDS.items()}
             tabs = ["<nav>", *(_link(place, text, is_here=place == name) for place, text in names.items()), "</nav>"]
         lines = [
             "<!doctype html>", "<html lang='en'><head><meta charset='utf-8'>",
@@ -108,9 +100,8 @@ class Pages:
 
 
 def write_report(
-    results: Results, views: Sequence[TableView], folder: Path, *, data_root: Path | None = None, force: bool = False,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[str]:  # fmt: skip
+    results: Results, views: Sequence[TableView], folder: Path, *, data_root: Path | None = None, force: bool = False
+) -> list[str]:
     """Write the report into its folder.
 
     Parameters
@@ -125,8 +116,6 @@ def write_report(
         Folder of the official data sets, whose cameras say which side of a shape is up.
     force
         Whether to replace files that were edited or come from elsewhere.
-    say
-        Called with each progress message.
 
     Returns
     -------
@@ -138,25 +127,21 @@ def write_report(
     ConfigurationError
         If a file would be replaced that the report did not write.
     """
-    from plotly.offline import get_plotlyjs
-
     pages = Pages(results, StoredForms(results.folder, data_root), views)
     style = resources.files("benchmark.report").joinpath("style.css").read_text(encoding="utf-8")
     pages.files |= {"plotly.min.js": get_plotlyjs(), "style.css": style}
     pages.add("index.html", "Canonical forms benchmark", overview(pages))
     for view in views:
-        say(f"table {view.table.identifier}, {view.dataset}")
-        pages.add(f"{view.stem}.html", _title(view), table_page(pages, view), view)
-        pages.add(f"{view.stem}-forms.html", f"{_title(view)}: forms", forms_page(pages, view), view)
-        pages.add(f"{view.stem}-queries.html", f"{_title(view)}: worst queries", queries_page(pages, view), view)
+        say(f"table {view.table.identifier}, {view.dataset}", err=True)
+        for ending, (name, page) in KINDS.items():
+            title = _title(view) + (f": {name.lower()}" if ending else "")
+            pages.add(f"{view.stem}{ending}.html", title, page(pages, view), view)
     write_files(folder, pages.files, force=force)
     return list(pages.files)
 
 
 def overview(pages: Pages) -> Iterator[str]:
     """Yield the first page: all tables, and what failed."""
-    from pandas import DataFrame
-
     for view in pages.views:
         yield f"<h2>{_link(f'{view.stem}.html', _title(view))}</h2>"
         yield from html_table(view)
@@ -177,10 +162,10 @@ def table_page(pages: Pages, view: TableView) -> Iterator[str]:
     yield _html(scores_chart(view))
     yield "<h2>Score against cost</h2><p>No row is both faster and better than those on the line.</p>"
     yield _html(cost_chart(view))
-    curves = precision_recall(view, pages.forms)
+    curves = figures.precision_recall(view, pages.forms)
     if curves:
         yield "<h2>Precision over recall</h2><p>Mean over all queries; a refused shape finds nothing.</p>"
-        yield _html(precision_chart(view, curves))
+        yield _html(precision_chart(curves))
 
 
 def html_table(view: TableView) -> Iterator[str]:
@@ -202,59 +187,48 @@ def html_table(view: TableView) -> Iterator[str]:
     yield "</tbody></table></div>"
 
 
-def scores_chart(view: TableView, measure: str = "DCG") -> Figure:
+def scores_chart(view: TableView) -> Figure:
     """Return a chart of scores with intervals, a line a row."""
-    from pandas import DataFrame
-    from plotly import express
-
     titles = [column.title for column in view.columns]
     points = []
     for title, row in ((title, row) for title in titles for row in view.printed_rows[::-1] if title in row.scored):
-        mean, (low, high) = row.scored[title].means[measure], row.scored[title].intervals[measure]
+        mean, (low, high) = row.scored[title].means[MEASURE], row.scored[title].intervals[MEASURE]
         group = title if len(titles) > 1 else BLOCKS[row.kind]
         points.append([_text(row.title), _text(group), mean, high - mean, mean - low])
-    frame = DataFrame(points, columns=["row", "group", measure, "above", "below"])
+    frame = DataFrame(points, columns=["row", "group", MEASURE, "above", "below"])
     figure = express.scatter(
-        frame, x=measure, y="row", color="group", error_x="above", error_x_minus="below", color_discrete_map=_COLOURS
+        frame, x=MEASURE, y="row", color="group", error_x="above", error_x_minus="below", color_discrete_map=_COLOURS
     ).update_traces(error_x={"thickness": 1, "width": 0})
     for title in titles:
-        figure.add_vline(view.chance[title][measure], line={"dash": "dot", "width": 1, "color": "grey"})
-    return _laid_out(figure, 120 + 19 * len(view.printed_rows), measure, "", [0, 1.02])
+        figure.add_vline(view.chance[title][MEASURE], line={"dash": "dot", "width": 1, "color": "grey"})
+    return _laid_out(figure, 120 + 19 * len(view.printed_rows), MEASURE, "", [0, 1.02])
 
 
-def cost_chart(view: TableView, measure: str = "DCG") -> Figure:
+def cost_chart(view: TableView) -> Figure:
     """Return a chart of seconds a shape against a measure."""
-    from pandas import DataFrame
-    from plotly import express
-
-    points = [(_text(row.title), BLOCKS[row.kind], seconds, score) for row, seconds, score in costs(view, measure)]
-    frame = DataFrame(points, columns=["row", "block", "seconds", measure])
+    points = [(_text(row.title), BLOCKS[row.kind], seconds, score) for row, seconds, score in figures.costs(view)]
+    frame = DataFrame(points, columns=["row", "block", "seconds", MEASURE])
     figure = express.scatter(
-        frame, x="seconds", y=measure, color="block", hover_name="row", log_x=True, color_discrete_map=_COLOURS
+        frame, x="seconds", y=MEASURE, color="block", hover_name="row", log_x=True, color_discrete_map=_COLOURS
     )
-    front = DataFrame(pareto_front([point[2:] for point in points]), columns=["seconds", measure])
+    front = DataFrame(figures.pareto_front([point[2:] for point in points]), columns=["x", "y"])
     line = {"color": "lightgrey"}
-    figure.add_scatter(
-        x=front["seconds"], y=front[measure], mode="lines", line=line, showlegend=False, hoverinfo="skip"
-    )
-    return _laid_out(figure, 420, "seconds a shape: form and geodesics", measure)
+    figure.add_scatter(x=front["x"], y=front["y"], mode="lines", line=line, showlegend=False, hoverinfo="skip")
+    return _laid_out(figure, 420, "seconds a shape: form and geodesics", MEASURE)
 
 
-def precision_chart(view: TableView, curves: Mapping[str, NDArray[np.float64]]) -> Figure:
+def precision_chart(curves: Iterable[tuple[Row, NDArray[np.float64]]]) -> Figure:
     """Return a chart of precision over recall."""
-    from plotly.graph_objects import Figure
-
     figure = Figure()
-    for row in view.rows:
-        if row.method in curves:
-            figure.add_scatter(x=RECALLS, y=curves[row.method], mode="lines", name=_text(row.title))
+    for row, curve in curves:
+        figure.add_scatter(x=figures.RECALLS, y=curve, mode="lines", name=_text(row.title))
     return _laid_out(figure, 420, "recall", "precision", [0, 1])
 
 
 def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of forms: poses of one subject, each with its forms by several methods."""
-    records = effect_records(view, SIDE_BY_SIDE - 1)
-    shapes = some_shapes(records[0], 1, POSES) if records else []
+    records = figures.effect_records(view, SIDE_BY_SIDE - 1)
+    shapes = figures.some_shapes(records[0], 1, POSES) if records else []
     rows = {shape: _forms_of(pages, records, shape) for shape in shapes}
     if not any(len(meshes) > 1 for meshes in rows.values()):
         yield f"<p>No forms of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
@@ -263,7 +237,7 @@ def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
     for shape, meshes in rows.items():
         yield f"<h2>{_text(shape)}</h2><div class='forms'>"
         for title, mesh in meshes.items():
-            values = values_like(mesh, meshes.get(ITSELF))
+            values = figures.values_like(mesh, meshes.get(ITSELF))
             printed = pages.image(f"{view.stem}-{shape}-{title}", mesh, values, SIDE)
             chart = _html(mesh_chart(mesh, values))
             yield f"<figure>{chart}{printed}<figcaption>{_text(title)}</figcaption></figure>"
@@ -282,8 +256,6 @@ def _forms_of(pages: Pages, records: Sequence[Record], shape: str) -> dict[str, 
 
 def mesh_chart(mesh: Mesh, values: NDArray[np.float64]) -> Figure:
     """Return a mesh in 3D."""
-    from plotly.graph_objects import Figure, Mesh3d
-
     small = decimate(mesh, VERTICES) if mesh.n_vertices > VERTICES else mesh
     shown = values[cKDTree(mesh.vertices).query(small.vertices)[1]]
     (x, y, z), (i, j, k) = small.vertices.T.round(3), small.faces.T
@@ -301,31 +273,30 @@ def mesh_chart(mesh: Mesh, values: NDArray[np.float64]) -> Figure:
 
 def queries_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of queries: for each method, those that find least, with their nearest matches."""
-    title, count = view.columns[0].title, 0
-    for row in view.printed_rows:
-        for record in row.scored[title].all_records[:1] if title in row.scored else ():
-            if count < METHODS and (lines := _worst(pages, record)):
-                count += 1
-                yield f"<h2>{_text(row.title)}</h2><div class='frame'><table class='queries'><tbody>"
-                yield from lines
-                yield "</tbody></table></div>"
-    if not count:
+    title = view.columns[0].title
+    rows = [row for row in view.printed_rows if title in row.scored]
+    worst = ((row.title, _worst(pages, row.scored[title].all_records[0])) for row in rows)
+    shown = list(islice(((name, lines) for name, lines in worst if lines), METHODS))
+    for name, lines in shown:
+        yield f"<h2>{_text(name)}</h2><div class='frame'><table class='queries'><tbody>"
+        yield from lines
+        yield "</tbody></table></div>"
+    if not shown:
         yield f"<p>No distances of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
 
 
 def _worst(pages: Pages, record: Record) -> list[str]:
     """Return a table row for each of the worst queries of a job; none if its distances are not stored."""
     labels = dict(zip(record.shapes, record.labels, strict=True))
-    scores = dict(zip(record.shapes, record.per_query["DCG"], strict=True))
-    refused = {shape for shape, _ in record.unsupported}
-    ranked = [shape for shape, score in scores.items() if score is not None and shape not in refused]
+    scores = dict(zip(record.shapes, record.per_query[MEASURE], strict=True))
+    answered = [(scores[shape], shape) for shape in (record.shapes[number] for number in record.answered)]
     lines = []
-    for query in sorted(ranked, key=lambda shape: (scores[shape], shape))[:WORST]:
+    for score, query in sorted(pair for pair in answered if pair[0] is not None)[:WORST]:
         try:
             matches = pages.results.matches(record.key, query, MATCHES)
         except ConfigurationError:
             return []
-        cells = [f"<th>{pages.picture(record, query)}<br>{_text(query)}<br>DCG {hundredths(scores[query])}</th>"]
+        cells = [f"<th>{pages.picture(record, query)}<br>{_text(query)}<br>{MEASURE} {hundredths(score)}</th>"]
         for shape in matches["shape"]:
             mark = "hit" if labels[shape] == labels[query] else "miss"
             cells.append(f"<td class='{mark}'>{pages.picture(record, shape)}<br>{_text(shape)}</td>")
@@ -333,7 +304,10 @@ def _worst(pages: Pages, record: Record) -> list[str]:
     return lines
 
 
-_COLOURS = {BLOCKS[kind]: colour for kind, colour in COLOURS.items()}
+#: Pages of a table by the end of their name.
+KINDS = {"": ("Scores", table_page), "-forms": ("Forms", forms_page), "-queries": ("Worst queries", queries_page)}
+
+_COLOURS = {BLOCKS[kind]: colour for kind, colour in figures.COLOURS.items()}
 _CONFIG = {"displayModeBar": False, "responsive": True}
 
 

@@ -12,18 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pandas import DataFrame
 
 from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import Record, read_distances, read_form, read_records
 from benchmark.report.frames import chosen_records, jobs_frame, queries_frame, scores_frame
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-    from benchmark.geometry.mesh import Mesh
 
 __all__ = ["Results", "open_results"]
 
@@ -91,8 +87,6 @@ class Results:
         ConfigurationError
             If there is no such job, or its distances are not stored here, as for published jobs.
         """
-        from pandas import DataFrame
-
         record = self._record(job)
         matrix = read_distances(self.folder, record)
         if matrix is None:
@@ -118,8 +112,6 @@ class Results:
 
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
         """Return the nearest other shapes of a query: ``rank``, ``shape``, ``class``, ``distance``."""
-        from pandas import DataFrame
-
         record, matrix = self._record(job), self.distances(job)
         if query not in matrix.index:
             raise did_you_mean("shape", query, matrix.index)

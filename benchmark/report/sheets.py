@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -32,16 +31,13 @@ _OBJECT = np.array([0.95, 0.55, 0.2])
 _FONT = ImageFont.load_default(12)  # bundled with Pillow, so sheets look the same on every machine
 
 
-@dataclass(frozen=True)
-class ContactSheet:
-    """Picture of a data set, and a line for each shape that cannot be drawn and is crossed out."""
-
-    image: Image.Image
-    problems: tuple[str, ...]
-
-
-def contact_sheet(shapes: ShapeSet) -> ContactSheet:
+def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
     """Draw some poses of each subject, as a shaded surface and as a depth image at the scale of the data set.
+
+    Returns
+    -------
+    tuple of PIL.Image.Image and list of str
+        The picture, and a line for each shape that cannot be drawn and is crossed out.
 
     Raises
     ------
@@ -74,8 +70,7 @@ def contact_sheet(shapes: ShapeSet) -> ContactSheet:
                 pen.line((left, top + _PIXELS, left + _PIXELS, top), fill="grey")
             pen.text((left, top + _PIXELS), entry.pose[: _PIXELS // 4], fill="grey", font=_FONT)
     # A palette of two ramps reduces files to a third.
-    few = sheet.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    return ContactSheet(few, tuple(problems))
+    return sheet.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE), problems
 
 
 def spread(values: Sequence[T], most: int) -> list[T]:

@@ -16,7 +16,7 @@ from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
-from benchmark.report.frames import changed, fold_of, grouped, kind_of, row_of, seconds_of, tables_of
+from benchmark.report.frames import by_gallery, changed, fold_of, kind_of, row_of, seconds_of, tables_of
 from benchmark.report.notes import notes
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.text import brief
@@ -102,15 +102,19 @@ class Row:
     failed: tuple[Record, ...] = ()
 
     @property
+    def records(self) -> list[Record]:
+        """All records with scores."""
+        return [record for one in self.scored.values() for record in one.all_records]
+
+    @property
     def is_published(self) -> bool:
         """Whether none of its jobs ran here."""
-        return all(record.published for one in self.scored.values() for record in one.all_records)
+        return all(record.published for record in self.records)
 
     @property
     def seconds(self) -> float | None:
         """Seconds a shape for form and geodesics: the median over its jobs."""
-        known = (seconds_of(record) for one in self.scored.values() for record in one.all_records)
-        measured = [seconds for seconds in known if seconds is not None]
+        measured = [seconds for record in self.records if (seconds := seconds_of(record)) is not None]
         return statistics.median(measured) if measured else None
 
 
@@ -186,10 +190,9 @@ class TableView:
     @cached_property
     def chance(self) -> dict[str, dict[str, float]]:
         """Scores of a random order, by column: means over galleries."""
-        levels = {title: [chance_levels(of) for of in galleries] for title, galleries in self.galleries.items()}
         return {
-            title: {name: statistics.fmean(level[name] for level in each) for name in MEASURES}
-            for title, each in levels.items()
+            title: {name: statistics.fmean(chance_levels(labels)[name] for labels in galleries) for name in MEASURES}
+            for title, galleries in self.galleries.items()
         }
 
     @property
@@ -278,8 +281,7 @@ def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
 
 def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozenset[str]) -> TableView:
     """Return one table with its rows, of which none may have scores or have failed."""
-    by_gallery = grouped(records, lambda record: record.gallery)
-    current = {gallery: _of_newest_version(of) for gallery, of in by_gallery.items()}
+    current = {gallery: _of_newest_version(of) for gallery, of in by_gallery(records).items()}
     newest = [record for of in current.values() for record in of]
     left_out = [f"{r.method} on {r.gallery}, {r.input}" for r in records if r not in current[r.gallery]]
     sample = next((record for record in newest if record.data.name == dataset), newest[0])
@@ -330,8 +332,8 @@ def _row(
         of_column = [record for record in records if record.gallery in names]
         input_ = _input(column, kind, {record.input for record in of_column})
         part = [record for record in of_column if record.input == input_]
-        by_gallery = grouped((record for record in part if record.status == "ok"), lambda record: record.gallery)
-        having = {name: by_gallery[name] for name in names if name in by_gallery}
+        ranked = by_gallery(record for record in part if record.status == "ok")
+        having = {name: ranked[name] for name in names if name in ranked}
         if having:
             values = [query_measures(having.get(name, []), labels.get(name, ())) for name in names]
             classes = [f"{name} {label}" for name in names for label in labels.get(name, ())]

@@ -90,8 +90,6 @@ class AssessedClaim:
         significantly behind in at least one. Undecided: neither.
     leads, certain, n_comparisons
         Comparisons (rows times measures) in which it leads, whose sign is significant, and all.
-    missing
-        Rows without complete scores.
     """
 
     claim: Claim
@@ -99,18 +97,17 @@ class AssessedClaim:
     leads: int = 0
     certain: int = 0
     n_comparisons: int = 0
-    missing: tuple[str, ...] = ()
 
 
 def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
     """Judge a claim by the test over classes, with Holm's correction; on the five subjects of Table I."""
     if view is None:
-        return AssessedClaim(claim, "not comparable", missing=(claim.better,))
+        return AssessedClaim(claim, "not comparable")
     title = "5 subjects" if "5 subjects" in view.groups else view.columns[0].title
     scored = {row.method: row.scored[title] for row in view.rows if title in row.scored}
     complete = {method: one for method, one in scored.items() if not one.missing}
-    if missing := tuple(name for name in (claim.better, *claim.others) if name not in complete):
-        return AssessedClaim(claim, "not comparable", missing=missing)
+    if not complete.keys() >= {claim.better, *claim.others}:
+        return AssessedClaim(claim, "not comparable")
     places = [MEASURES.index(name) for name in claim.measures]
     pairs = np.array([_lead(complete[claim.better], complete[name]) for name in claim.others])[:, :, places]
     leads, certain = pairs[:, 0].ravel(), holm(pairs[:, 1].ravel()) < ALPHA
@@ -159,8 +156,7 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
     )  # fmt: skip
     rows = []
     for one in claims(views):
-        counted = [f"{one.leads} of {one.n_comparisons}", f"{one.certain}"] if one.n_comparisons else ["", ""]
-        row = one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, one.decision
-        rows.append([*row, *counted])
+        counted = [f"{one.leads} of {one.n_comparisons}", f"{one.certain}"] if one.n_comparisons else []
+        rows.append([one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, one.decision, *counted])
     head = ["Claim", "row", "table", "decision", "leads", "certain"]
     return "\n".join([*lines, "", *markdown_table(head, rows)]) + "\n"

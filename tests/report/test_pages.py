@@ -10,14 +10,14 @@ from PIL import Image
 from benchmark.api import Entry, ShapeSet
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.report.drawing import save, shaded, turned_like
+from benchmark.report.drawing import shaded, turned_like
 from benchmark.report.figures import (
     RECALLS,
     _precision,
     cost_figure,
     effect_figure,
-    effect_records,
     pareto_front,
+    save,
     scores_figure,
 )
 from benchmark.report.forms import StoredForms
@@ -85,14 +85,15 @@ def test_400_shapes_are_written_soon_and_small(tmp_path):
 def test_figures_have_fonts_that_publishers_take(results, tmp_path):
     view = table_views(results.records)[0]
     forms = StoredForms(results.folder)
-    figures = [scores_figure(view), cost_figure(view), effect_figure(effect_records(view), forms)]
+    figures = [scores_figure(view), cost_figure(view), effect_figure(view, forms)]
     for number, figure in enumerate(figures):
         save(figure, tmp_path / f"{number}.pdf")
         data = (tmp_path / f"{number}.pdf").read_bytes()
         assert b"/Type3" not in data
         assert b"CreationDate" not in data
-    with pytest.raises(ConfigurationError, match="not the name of a figure"):
-        save(figures[0], tmp_path / "figure.gif")
+    few = table_views(results.records, methods=["surface-area"])[0]
+    with pytest.raises(ConfigurationError, match="no selected row of table rods has forms"):
+        effect_figure(few, forms)
 
 
 def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
@@ -142,8 +143,8 @@ def shapes(n_classes=3, n_poses=4, broken=()):
 
 
 def test_a_sheet_shows_each_subject_and_crosses_out_what_cannot_be_read():
-    assert contact_sheet(shapes(3)).image.height > contact_sheet(shapes(2)).image.height
-    assert [line.partition(":")[0] for line in contact_sheet(shapes(broken={"s2-0"})).problems] == ["s2-0"]
+    assert contact_sheet(shapes(3))[0].height > contact_sheet(shapes(2))[0].height
+    assert [line.partition(":")[0] for line in contact_sheet(shapes(broken={"s2-0"}))[1]] == ["s2-0"]
 
 
 def test_some_of_many_are_spread_evenly():
