@@ -38,13 +38,16 @@ def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
         if record.method in sides and record.status == "ok":
             sides[record.method][record.gallery, record.input] = record
     one, other = sides[first], sides[second]
-    places = [place for place in one if place in other]
-    if not places:
+    pairs = [(one[place], other[place]) for place in one if place in other]
+    if not pairs:
         raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
-    unequal = [place for place in places if one[place].gallery_digest != other[place].gallery_digest]
-    lines = [line for place in places if place not in unequal for line in _lines(one[place], other[place])]
-    problems = [_difference(one[place], other[place]) for place in unequal]
-    if problems and not lines:
+    lines, problems = [], []
+    for pair in pairs:
+        if pair[0].gallery_digest == pair[1].gallery_digest:
+            lines += _lines(*pair)
+        else:
+            problems.append(_difference(*pair))
+    if not lines:
         raise ConfigurationError(problems[0], "run both again on the same data")
     return [f"{first} -> {second}", *lines, *(f"not compared: {problem}" for problem in problems), LEGEND]
 
@@ -52,13 +55,11 @@ def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
 def _lines(first: Record, second: Record) -> list[str]:
     """Return a heading, and a line for each measure."""
     gains, labels = query_measures([second]) - query_measures([first]), ranked_classes(first.labels)
-    ends = bootstrap_intervals(gains, labels, 0.95)
-    tests = class_test(gains, labels), query_test(gains)
     changed = np.count_nonzero(np.abs(gains).max(axis=1) > 5e-7)
     lines = [f"{first.gallery}, {first.input}: {changed} of {len(gains)} queries differ"]
-    for place, name in enumerate(MEASURES):
+    tests = bootstrap_intervals(gains, labels, 0.95), class_test(gains, labels), query_test(gains)
+    for name, (low, high), classes, queries in zip(MEASURES, *tests, strict=True):
         scores = first.scores[name], second.scores[name]
-        (low, high), classes, queries = ends[place], tests[0][place], tests[1][place]
         better = (second if scores[1] > scores[0] else first).method
         verdict = f"  {better} is better for other subjects" if classes < ALPHA else ""
         change = f"{scores[1] - scores[0]:+.3f}  ({low:+.3f} to {high:+.3f})"

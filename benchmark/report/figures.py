@@ -40,10 +40,7 @@ COLOURS: Mapping[Kind, str] = {"form": "#3a6ea5", "network": "#c8553d", "descrip
 RECALLS = np.round(np.arange(1, 21) * 0.05, 2)
 
 _SIZE = 7
-_STYLE = {
-    "axes.labelsize": _SIZE, "xtick.labelsize": _SIZE - 1, "ytick.labelsize": _SIZE - 1,
-    "axes.spines.top": False, "axes.spines.right": False,
-}  # fmt: skip
+_STYLE = {"axes.labelsize": _SIZE, "axes.spines.top": False, "axes.spines.right": False}
 
 #: Metadata by file extension, without the date and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
@@ -192,12 +189,12 @@ def effect_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = (
     return figure
 
 
-def effect_records(view: TableView, most: int = 6) -> list[Record]:
-    """Return one record of the first gallery for some rows that make forms."""
+def effect_records(view: TableView) -> list[Record]:
+    """Return one record of the first gallery for each printed row that makes forms."""
     title = view.columns[0].title
     rows = [row for row in view.printed_rows if row.kind in ("form", "network") and title in row.scored]
     every = [row.scored[title].all_records[0] for row in rows]
-    return [record for record in every if record.gallery == every[0].gallery][:most]
+    return [record for record in every if record.gallery == every[0].gallery]
 
 
 def values_like(form: Mesh, shape: Mesh | None) -> NDArray[np.float64]:
@@ -238,9 +235,9 @@ def scorers_figure(scores: DataFrame) -> Figure:
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PDF, PNG or SVG by its extension, without dates; publishers take the fonts (Type 42)."""
     ending = path.suffix.lower()
-    options: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.03, "metadata": _UNDATED[ending]}
-    with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42, "ps.fonttype": 42}):
-        write_atomically(path, lambda file: figure.savefig(file, format=ending[1:], **options))
+    options: dict[str, Any] = {"format": ending[1:], "bbox_inches": "tight", "pad_inches": 0.03}
+    with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
+        write_atomically(path, lambda file: figure.savefig(file, metadata=_UNDATED[ending], **options))
 
 
 def _axes(
@@ -248,4 +245,7 @@ def _axes(
 ) -> tuple[Figure, NDArray[np.object_]]:
     figure = Figure(figsize=(width, height), layout="constrained")
     with mpl.rc_context(_STYLE):
-        return figure, figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)
+        axes = figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)
+    for place in axes.flat:
+        place.tick_params(labelsize=_SIZE - 1)
+    return figure, axes

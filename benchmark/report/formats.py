@@ -10,7 +10,7 @@ from textwrap import wrap
 from typing import Any
 
 from benchmark.reference.paper import MEASURES
-from benchmark.report.notes import MARKS
+from benchmark.report.notes import MARKS, table_notes
 from benchmark.report.tables import BLOCKS, PAPER, Row, TableView
 from benchmark.text import clean
 
@@ -40,8 +40,7 @@ def hundredths(value: float | None) -> str:
     """Return a score with two decimals and no leading zero; halves, up to the six decimals of records, round up."""
     if value is None or math.isnan(value):
         return BLANK
-    text = f"{math.floor(round(value * 1e6) / 1e4 + 0.5) / 100:.2f}"
-    return text.removeprefix("0") if value >= 0 else text.replace("-0", "-", 1)
+    return f"{math.floor(round(value * 1e6) / 1e4 + 0.5) / 100:.2f}".removeprefix("0")
 
 
 def duration(seconds: float | None) -> str:
@@ -115,7 +114,8 @@ def markdown(view: TableView) -> str:
             body.append([title, *(_joined(group, styles) for group in line.groups), line.seconds])
     table = markdown_table(["Method", f"{first}: {' '.join(MEASURES)}", *others, "s"], body)
     caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
-    return "\n".join([*_wrapped(caption, WIDTH), "", *table, "", *_notes(map(markdown_text, view.notes), WIDTH)]) + "\n"
+    notes = _notes(map(markdown_text, table_notes(view)), WIDTH)
+    return "\n".join([*_wrapped(caption, WIDTH), "", *table, "", *notes]) + "\n"
 
 
 def _wrapped(words: str, width: int, indent: str = "") -> list[str]:
@@ -162,7 +162,7 @@ def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
                 title = line.title if len(line.title) <= longest else f"{line.title[: longest - 1]}…"
                 cells = "  ".join(_padded(group, styles, len(names)) for group in line.groups[part])
                 printed.append(f"{title:<{longest}}  {cells}  {line.seconds:>5}".rstrip())
-    notes = [clean(note) for note in view.notes if colour or note != MARKS]
+    notes = [clean(note) for note in table_notes(view) if colour or note != MARKS]
     return "\n".join([*printed, "", *_notes(notes, width)]) + "\n"
 
 
@@ -189,7 +189,7 @@ def latex(view: TableView) -> str:
             body.append(_latex_row("".join(map(_breakable, line.title)), *chain(*cells), line.seconds))
     groups = ("Paper" if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
     citation = rf" Paper:~\cite{{{_PAPER}}}." if view.paper else ""
-    notes = " ".join(map(latex_text, view.notes))
+    notes = " ".join(map(latex_text, table_notes(view)))
     return "\n".join([
         "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
         rf"\caption{{{latex_text(view.caption)}.{citation}}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",

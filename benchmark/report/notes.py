@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 from benchmark.reference.paper import MEASURES
+from benchmark.report.tables import Row, TableView
 from benchmark.text import brief
-
-if TYPE_CHECKING:
-    from benchmark.report.tables import Row, TableView
 
 #: Note on bold and italic.
 MARKS = (
@@ -21,16 +18,18 @@ MARKS = (
 _NAMED = 3
 
 
-def notes(view: TableView) -> list[str]:
-    """Return the notes of a table."""
+def table_notes(view: TableView) -> list[str]:
+    """Return the notes of a table, at most eight."""
     rows = view.printed_rows
+    unreadable = dict.fromkeys(shape for row in rows for record in row.records for shape in record.unprepared)
+    incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
     facts = {
         "{}": " ".join(_columns(view)),
         "No result: {}.": _listed(_failed(rows)),
-        "Cannot be read or prepared, and counts 0 in every row: {}.": _listed(_unreadable(rows)),
+        "Cannot be read or prepared, and counts 0 in every row: {}.": _listed(unreadable),
         "Refused shapes, which count 0: {}.": _listed(_refused(rows), "; "),
         "Seen in training: {}.": _listed(_seen(rows)),
-        "Missing, and counts 0: {}.": _listed(_missing(rows)),
+        "Missing, and counts 0: {}.": _listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
         "Left out, because they rank another version of the data: {}; run them again.": _listed(view.left_out),
         "Published with the suite, not run here: {}.": _published(rows),
         "Shapes of several pieces are joined, by at most {}.": _joined(rows),
@@ -60,10 +59,6 @@ def _failed(rows: Iterable[Row]) -> list[str]:
     return [f"{_listed(titles)} ({reason})" for reason, titles in reasons.items()]
 
 
-def _unreadable(rows: Iterable[Row]) -> Iterable[str]:
-    return dict.fromkeys(shape for row in rows for record in row.records for shape in record.unprepared)
-
-
 def _refused(rows: Iterable[Row]) -> Iterator[str]:
     for row in rows:
         refused = {
@@ -83,10 +78,6 @@ def _seen(rows: Iterable[Row]) -> Iterator[str]:
             total = len({(record.gallery, shape) for record in one.all_records for shape in record.shapes})
             if count:
                 yield f"{row.title} {count} of {total} ({title})"
-
-
-def _missing(rows: Iterable[Row]) -> list[str]:
-    return [f"{row.title} ({', '.join(one.missing)})" for row in rows for one in row.scored.values() if one.missing]
 
 
 def _published(rows: Iterable[Row]) -> str:

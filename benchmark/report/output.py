@@ -110,7 +110,4 @@ def _earlier(folder: Path) -> dict[str, str]:
 
 
 def _digest(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        return ""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

@@ -29,6 +29,7 @@ from benchmark.report.drawing import PALETTE, shaded
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import blocks, hundredths
 from benchmark.report.forms import StoredForms
+from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
 from benchmark.report.tables import BLOCKS, Row, TableView
@@ -157,7 +158,7 @@ def overview(pages: Pages) -> Iterator[str]:
 def table_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of a table: scores with intervals, cost against score, and precision over recall."""
     yield from html_table(view)
-    yield from ("<ul>", *(f"<li>{_text(note)}</li>" for note in view.notes), "</ul>")
+    yield from ("<ul>", *(f"<li>{_text(note)}</li>" for note in table_notes(view)), "</ul>")
     yield "<h2>Scores with intervals</h2><p>95 % of resampled classes; dotted: a random order.</p>"
     yield _html(scores_chart(view))
     yield "<h2>Score against cost</h2><p>No row is both faster and better than those on the line.</p>"
@@ -227,7 +228,7 @@ def precision_chart(curves: Iterable[tuple[Row, NDArray[np.float64]]]) -> Figure
 
 def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of forms: poses of one subject, each with its forms by several methods."""
-    records = figures.effect_records(view, SIDE_BY_SIDE - 1)
+    records = figures.effect_records(view)[: SIDE_BY_SIDE - 1]
     shapes = figures.some_shapes(records[0], 1, POSES) if records else []
     rows = {shape: _forms_of(pages, records, shape) for shape in shapes}
     if not any(len(meshes) > 1 for meshes in rows.values()):
@@ -263,9 +264,8 @@ def mesh_chart(mesh: Mesh, values: NDArray[np.float64]) -> Figure:
         x=x, y=-z, z=y, i=i, j=j, k=k, intensity=shown.round(2), colorscale=list(PALETTE), showscale=False,
         hoverinfo="skip",
     ))  # fmt: skip
-    plain = {"visible": False}
     figure.update_scenes(
-        xaxis=plain, yaxis=plain, zaxis=plain, aspectmode="data",
+        xaxis_visible=False, yaxis_visible=False, zaxis_visible=False, aspectmode="data",
         camera={"eye": {"x": 0, "y": -1.9, "z": 0.2}, "projection": {"type": "orthographic"}},
     )  # fmt: skip
     return figure.update_layout(height=SIDE, margin={"l": 0, "r": 0, "t": 0, "b": 0})

@@ -81,18 +81,17 @@ def spread(values: Sequence[T], most: int) -> list[T]:
 
 def _pictures(shapes: ShapeSet, entries: Sequence[Entry]) -> tuple[dict[str, list[Image.Image]], list[str]]:
     """Return surface and depth image of each shape, and what is wrong with the others."""
-    meshes, problems = {}, []
+    meshes, problems = [], []
     for entry in entries:
         try:
-            meshes[entry.identifier] = clean(shapes.load(entry))[0]
+            meshes.append((entry, clean(shapes.load(entry))[0]))
         except ShapeError as error:
             problems.append(f"{entry.identifier}: {error}")
-    drawn = [entry for entry in entries if entry.identifier in meshes]
-    each = [fit_half_width([meshes[entry.identifier]], shapes.camera(entry)) for entry in drawn]
+    each = [fit_half_width([mesh], shapes.camera(entry)) for entry, mesh in meshes]
     half_width = shapes.half_width or (common_half_width(each) if each else 1.0)
     pictures = {}
-    for entry in drawn:
-        mesh, camera, sensor = meshes[entry.identifier], shapes.camera(entry), shapes.sensor(entry)
+    for entry, mesh in meshes:
+        camera, sensor = shapes.camera(entry), shapes.sensor(entry)
         depth = render_depth(mesh, camera, half_width, 3 * _PIXELS)
         depth = depth if sensor is None else sensor.perturbed(depth)
         pictures[entry.identifier] = [shaded(mesh, camera, _PIXELS), depth_picture(depth, _PIXELS)]

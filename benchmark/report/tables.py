@@ -17,7 +17,6 @@ from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.report.frames import by_gallery, changed, fold_of, kind_of, row_of, seconds_of, tables_of
-from benchmark.report.notes import notes
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.text import brief
 from retrieval.measures import chance_levels
@@ -217,11 +216,6 @@ class TableView:
                 marks |= dict(zip(rivals, _marks([*rivals.values()]).tolist(), strict=True))
         return marks
 
-    @cached_property
-    def notes(self) -> list[str]:
-        """At most eight short notes."""
-        return notes(self)
-
 
 def table_views(
     records: Iterable[Record], tables: Iterable[str] = (), methods: Iterable[str] = (), datasets: Iterable[str] = ()
@@ -242,12 +236,12 @@ def table_views(
     wanted, sets, shown = set(tables), set(datasets), frozenset(methods)
     by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in records:
-        if changed(record.data.name) and record.data.name not in sets:
-            continue  # shown by the table of robustness
-        for table in tables_of(record.data.name, fold_of(record)):
-            is_wanted = not wanted or {table.identifier, table.part_of} & wanted
-            if is_wanted and (not sets or record.data.name in sets):
-                main = table.stand_ins[0] if record.data.name in table.stand_ins else record.data.name
+        name = record.data.name
+        if name not in sets if sets else changed(name):
+            continue  # the table of robustness shows changed sets
+        for table in tables_of(name, fold_of(record)):
+            if not wanted or {table.identifier, table.part_of} & wanted:
+                main = table.stand_ins[0] if name in table.stand_ins else name
                 by_table.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
     keys = sorted(by_table, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
@@ -298,11 +292,12 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
     made = [row for row in every if row.scored or row.failed or row.method in printed]
     order = {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))}
     made.sort(key=lambda row: (list(BLOCKS).index(row.kind), order.get(row.method, len(order)), row.title))
-    columns = tuple(column for column in table.columns if any(column.title in row.scored for row in made))
-    ranked = {column.title: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
+    ranked = {column: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
+    known = [column for column in table.columns if ranked[column]]
+    columns = tuple(column for column in known if any(column.title in row.scored for row in made)) or tuple(known[:1])
     return TableView(
-        table, dataset, _title(sample), quick, columns or table.columns[:1],
-        {title: of for title, of in ranked.items() if of}, tuple(made), printed, shown, tuple(dict.fromkeys(left_out)),
+        table, dataset, _title(sample), quick, columns, {column.title: ranked[column] for column in known},
+        tuple(made), printed, shown, tuple(dict.fromkeys(left_out)),
     )  # fmt: skip
 
 

@@ -6,11 +6,12 @@ on other data shows nothing; claims and orders can be compared.
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from textwrap import wrap
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,6 @@ from benchmark.reference.paper import CLAIMS, CLASSICAL, MEASURES, PRINTED, Clai
 from benchmark.report.formats import hundredths, markdown_table
 from benchmark.report.statistics import ALPHA, class_test, holm
 from benchmark.report.tables import Scored, TableView
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 Verdict = Literal["reproduced", "same order", "otherwise", "no figure"]
 Decision = Literal["supported", "contradicted", "undecided", "not comparable"]
@@ -39,17 +37,16 @@ _SLACK = 5e-7
 _MARKS = {"reproduced": "=", "same order": "~", "otherwise": "x", "no figure": ""}
 
 
-def verdicts(views: Sequence[TableView]) -> DataFrame:
-    """Return a verdict on each classical figure of Table III on TOSCA, from complete surfaces and all rows.
+def verdicts(views: Sequence[TableView]) -> dict[str, list[tuple[float, float, Verdict]]]:
+    """Return verdicts on the classical figures of Table III on TOSCA, from complete surfaces and all rows.
 
     Returns
     -------
-    pandas.DataFrame
-        ``method``, ``measure``, ``paper``, ``ours`` (NaN if missing), ``verdict``; empty without results on TOSCA.
+    dict
+        By method, for each measure: the paper's figure, ours (NaN if missing), and the verdict; empty without results
+        on TOSCA.
     """
-    from pandas import DataFrame
-
-    rows = []
+    found = defaultdict(list)
     for view in views:
         if (view.table.identifier, view.dataset) != ("III", "tosca"):
             continue
@@ -57,11 +54,9 @@ def verdicts(views: Sequence[TableView]) -> DataFrame:
         for measure in MEASURES:
             ours = {name: one.means[measure] for name, one in complete.items()}
             printed = {name: PRINTED["III"][name][measure] for name in CLASSICAL}
-            rows += [
-                (name, measure, printed[name], ours.get(name, np.nan), verdict_of(name, printed, ours))
-                for name in CLASSICAL
-            ]
-    return DataFrame(rows, columns=["method", "measure", "paper", "ours", "verdict"])
+            for name, theirs in printed.items():
+                found[name].append((theirs, ours.get(name, np.nan), verdict_of(name, printed, ours)))
+    return found
 
 
 def verdict_of(name: str, printed: Mapping[str, float], ours: Mapping[str, float]) -> Verdict:
@@ -135,20 +130,20 @@ def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
 
 def verdicts_markdown(views: Sequence[TableView]) -> str:
     """Return verdicts and claims as Markdown."""
-    frame, lines = verdicts(views), ["**What of the paper holds up.**", ""]
-    if len(frame):
-        counts = frame["verdict"].value_counts()
+    assessed, lines = verdicts(views), ["**What of the paper holds up.**", ""]
+    if assessed:
+        counts = Counter(verdict for figures in assessed.values() for *_, verdict in figures)
         lines += wrap(
-            f"Table III, TOSCA, complete surfaces: {counts.get('reproduced', 0)} of {len(frame)} classical figures are "
-            f"reproduced (`=`, at most .05 apart), {counts.get('same order', 0)} keep the order (`~`, at least three "
-            f"quarters of the comparisons with other rows agree), {counts.get('otherwise', 0)} do neither (`x`). "
+            f"Table III, TOSCA, complete surfaces: {counts['reproduced']} of {counts.total()} classical figures are "
+            f"reproduced (`=`, at most .05 apart), {counts['same order']} keep the order (`~`, at least three "
+            f"quarters of the comparisons with other rows agree), {counts['otherwise']} do neither (`x`). "
             "Each cell: the paper's figure, ours.",
             100,
         )
         body = []
-        for name, of_row in frame.groupby("method", sort=False):
-            texts = (f"{hundredths(c.paper)} {hundredths(c.ours)} {_MARKS[c.verdict]}" for c in of_row.itertuples())
-            body.append([TITLES[str(name)], *map(str.strip, texts)])
+        for name, figures in assessed.items():
+            cells = (f"{hundredths(theirs)} {hundredths(ours)} {_MARKS[verdict]}" for theirs, ours, verdict in figures)
+            body.append([TITLES[name], *map(str.strip, cells)])
         lines += ["", *markdown_table(["Method", *MEASURES], body), ""]
     lines += wrap(
         "The paper's claims, all methods on one depth view. Leads: comparisons (rows times measures) in which the row "
