@@ -89,10 +89,10 @@ def run(
     wanted = _listed(methods)
     chosen, by = select(wanted, files), select_one(scorer, files, "scorer")
     options: dict[str, Any] = {"scorer": by, "seed": seed, "named": bool(wanted) and EVERY not in wanted}
-    jobs = plan(shapes, [input], chosen, folder, again="all" if again else "failed", **options)
-    ended = {job.job.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
-    before = {record.key: record for record in _records(folder)}
-    return jobs_frame([ended.get(job.job.key) or before[job.job.key] for job in jobs if job.state != "unsupported"])
+    jobs = plan(shapes, [input], chosen, folder, again=["failed", "finished"] if again else ["failed"], **options)
+    ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
+    records = {record.key: record for record in _records(folder)} | ended
+    return jobs_frame([records[job.record.key] for job in jobs if job.state != "unsupported"])
 
 
 def canonicalise(

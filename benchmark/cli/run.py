@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
@@ -26,8 +26,7 @@ from benchmark.report.formats import duration, hundredths
 from benchmark.report.frames import changed, chosen_records, seconds_of
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
-from benchmark.runs.estimates import estimate
-from benchmark.runs.planning import Again, Planned
+from benchmark.runs.planning import Planned, estimate
 from benchmark.runs.planning import plan as make_plan
 from benchmark.runs.runner import run as run_jobs
 from benchmark.scoring.rows import score_forms as score_folder
@@ -54,7 +53,7 @@ def _galleries(selection: Selection) -> list[Gallery]:
     return fitting
 
 
-def planned_jobs(selection: Selection, again: Again = "") -> list[Planned]:
+def planned_jobs(selection: Selection, again: Collection[str] = ()) -> list[Planned]:
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
     jobs = make_plan(
         _galleries(selection), [selection.input] if selection.input else INPUTS,
@@ -79,7 +78,12 @@ def plan(selection: Selection, *, traceback: bool = False) -> None:
 
 
 def run(
-    selection: Selection, *, size: int | None = None, dask: str = "", timeout: float = 7200.0, again: Again = ""
+    selection: Selection,
+    *,
+    size: int | None = None,
+    dask: str = "",
+    timeout: float = 7200.0,
+    again: Collection[str] = (),
 ) -> bool:
     """Run the selected jobs and print their tables; return whether all of them are ok."""
     if not (selection.everything or selection.tables or selection.methods or selection.datasets or selection.plugins):
@@ -91,7 +95,7 @@ def run(
     for job in jobs:
         if job.state in ("failed", "unavailable") and not job.to_run:
             remedy = "; --retry runs it again" if job.state == "failed" else ""
-            say(f"{job.state:<11}  {job.name}  {brief(job.reason)}{remedy}")
+            say(f"{job.state:<11}  {job.record.row}  {brief(job.reason)}{remedy}")
     if to_run and not any(map(compiled_kernels, suite_sources())):
         say("the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance")
     if size == 0:
@@ -102,7 +106,7 @@ def run(
     with Bar(len(to_run), estimate(to_run, selection.results).seconds / max(1, size)) as bar:
         ended = run_jobs(jobs, selection.results, size=size, timeout=timeout, dask=dask, watch=bar.watch)
         for job, record in ended:
-            bar.ended(f"{record.status:<11}  {job.name}  {outcome(record)}")
+            bar.ended(f"{record.status:<11}  {job.record.row}  {outcome(record)}")
             fine &= record.status == "ok"
             traced |= bool(record.traceback)
     if traced:
@@ -111,7 +115,7 @@ def run(
         for record in _records_of(jobs, selection.results):
             say(f"{record.row}  {outcome(record)}")
         return fine
-    methods = [job.job.method.name for job in jobs] if selection.is_narrow else ()
+    methods = [job.record.method for job in jobs] if selection.is_narrow else ()
     print_tables(selection, [job.gallery for job in jobs], methods)
     if any("|" in name for name in selection.methods):
         say("- The best of several values is tuned on these shapes; choose it on others: --subjects A,B.")
@@ -119,7 +123,7 @@ def run(
 
 
 def _records_of(jobs: Sequence[Planned], results: Path) -> list[Record]:
-    keys = {job.job.key for job in jobs}
+    keys = {job.record.key for job in jobs}
     return [record for record in read_records(results, published=False) if record.key in keys]
 
 
@@ -151,8 +155,6 @@ def score_forms(selection: Selection, forms: Sequence[str]) -> None:
 def print_tables(selection: Selection, shown: Sequence[Gallery], methods: Sequence[str] = ()) -> None:
     """Print the tables of galleries, with all rows or those of some methods."""
     every = read_records(selection.results)
-    for line in every.skipped:
-        say(line, err=True)
     pairs = {(gallery.name, input_) for gallery in shown for input_ in gallery.inputs}
     chosen = chosen_records(every, quick=selection.quick, scorer=selection.scorer, seed=selection.seed)
     records = [record for record in chosen if (record.gallery, record.input) in pairs]
@@ -166,7 +168,7 @@ def print_tables(selection: Selection, shown: Sequence[Gallery], methods: Sequen
 
 def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
     """Announce stand-ins and skipped files."""
-    for name, official in {job.facts["data"]["name"]: job.facts["data"]["stand_in_for"] for job in jobs}.items():
+    for name, official in {job.record.data.name: job.record.data.stand_in_for for job in jobs}.items():
         if official in CATALOGUE and name in CATALOGUE:
             where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
             absent = "" if is_present(official, data_root) else f", which is not at {where}; see --data-root"
@@ -178,15 +180,15 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
 
 
 def _job_lines(jobs: Sequence[Planned]) -> list[str]:
-    width = max(len(clean(job.name)) for job in jobs)
-    return [f"{job.state:<11}  {clean(job.name):<{width}}  {brief(job.reason)}".rstrip() for job in jobs]
+    width = max(len(clean(str(job.record.row))) for job in jobs)
+    return [f"{job.state:<11}  {clean(str(job.record.row)):<{width}}  {brief(job.reason)}".rstrip() for job in jobs]
 
 
 def _summary(jobs: Sequence[Planned]) -> list[str]:
     """Count the jobs of each table and input by state, and the most frequent reasons."""
     states = defaultdict[str, Counter[str]](Counter)
     for job in jobs:
-        states[f"{job.gallery.table.identifier} {job.job.input}"][job.state] += 1
+        states[f"{job.gallery.table.identifier} {job.record.input}"][job.state] += 1
     rows = [(name, ", ".join(f"{n} {state}" for state, n in counts.most_common())) for name, counts in states.items()]
     reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.state != "finished")
     frequent = [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]

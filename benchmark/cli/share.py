@@ -25,8 +25,6 @@ def merge(folders: Sequence[Path], results: Path, *, published: bool) -> bool:
         others = [folder for folder in folders if folder.resolve() != results.resolve()]
         merged = merge_records(others, results)
         public = publish(results, is_public) if published else merged
-    for line in merged.skipped:
-        say(line, err=True)
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
     say(f"records: {len(public.added)} added, {public.known} known, {len(merged.conflicts)} in conflict")

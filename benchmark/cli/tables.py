@@ -31,8 +31,6 @@ def recorded(options: Selection) -> list[Record]:
         If there is none, or no record knows a table or data set.
     """
     every = read_records(options.results, local=not options.published)
-    for line in every.skipped:
-        say(line, err=True)
     known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}
     for name in options.tables:
         if name not in known:

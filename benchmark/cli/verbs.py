@@ -46,7 +46,7 @@ def run(
     if forms:
         score_forms(selection, forms)
     else:
-        again: Literal["", "failed", "all"] = "all" if force else "failed" if retry else ""
+        again = ["failed", "finished"] if force else ["failed"] if retry else []
         _end(run(selection, size=jobs, dask=dask, timeout=timeout, again=again))
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import fcntl
 import io
-import os
 import zipfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,26 +18,13 @@ from benchmark.errors import BenchmarkError
 from benchmark.files import sweep, write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
-Kind = Literal["prepared", "forms", "signatures", "records"]
+Kind = Literal["prepared", "forms", "signatures", "records"]  # in the order in which they are made
 
 #: Folder of local results in a results folder.
 RUNS = "runs"
 
 #: Folders of the suite's versions up to 0.2.
 _OLD = ("runs/artefacts", "runs/scratch", "runs/edited")
-
-
-class Keys(NamedTuple):
-    """Keys of the cached files of a shape for a job; ``signature`` is "" for a descriptor."""
-
-    prepared: str
-    form: str
-    signature: str
-
-    def files(self) -> list[tuple[Kind, str]]:
-        """Return kind and key of each file, in the order in which they are made."""
-        kinds: tuple[Kind, ...] = ("prepared", "forms", "signatures")
-        return [(kind, key) for kind, key in zip(kinds, self, strict=True) if key]
 
 
 class StorageError(BenchmarkError):
@@ -74,10 +59,8 @@ def writing(results: Path) -> Iterator[None]:
         )
     with storing(results):
         (results / RUNS / "records").mkdir(parents=True, exist_ok=True)
-        lock = os.open(results / RUNS / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        with TemporaryFile(dir=results / RUNS / "records"):
-            pass  # now rather than after the first form
-    try:
+        lock = (results / RUNS / "lock").open("a")
+    with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -88,8 +71,6 @@ def writing(results: Path) -> Iterator[None]:
             pass  # a file system without locks
         sweep(results / RUNS)
         yield
-    finally:
-        os.close(lock)
 
 
 @dataclass(frozen=True)

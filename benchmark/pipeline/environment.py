@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import subprocess
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 
 from benchmark.code_digest import FIRST_PARTY, ROOT
 
@@ -16,13 +16,9 @@ PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "to
 @cache
 def packages() -> dict[str, str]:
     """Return the versions of Python and of the installed packages, and the machine."""
-    versions = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
-    for name in PACKAGES:
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return versions
+    machine = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    installed = {found.name: found.version for found in distributions()}
+    return machine | {name: installed[name] for name in PACKAGES if name in installed}
 
 
 @cache

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -18,17 +18,18 @@ from benchmark.api.contracts import Input
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import RUNS, Cache, StorageError, storing
+from benchmark.pipeline.cache import RUNS, Cache, Kind, StorageError, storing
 from benchmark.pipeline.environment import has_edits
 from benchmark.pipeline.measures import DECIMALS
-from benchmark.text import LONGEST_NAME
+from benchmark.text import LONGEST_NAME, say
 from retrieval.measures import PRINTED
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=1000)]
+Key = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
 
-Status = Literal["ok", "failed", "crashed", "killed", "timeout", "memory", "unavailable", "unsupported"]
+Status = Literal["ok", "failed", "crashed", "timeout", "memory", "unavailable", "unsupported"]
 
 #: Scorer of the tables.
 DEFAULT_SCORER = "cm-bof"
@@ -67,14 +68,6 @@ class Note(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max: float
 
 
-class Files(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Keys of the cached files of each shape, in the order of the gallery; meaningless on another machine."""
-
-    prepared: list[str]
-    forms: list[str]
-    signatures: list[str]
-
-
 class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """What a finished job leaves: its scores, or why it has none.
 
@@ -108,7 +101,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     finished, commit, packages
         When it ended, and by which code and packages.
     parts, files
-        Digests of the parts of the key by name, and keys of cached files; in local records only.
+        Digests of the parts of the key by name, and keys of the cached files of each shape; in local records only.
     published
         Whether it was read from the published records; never stored.
     """
@@ -144,8 +137,12 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     commit: str = ""
     packages: dict[str, str] = {}
     parts: dict[str, str] = {}
-    files: Files | None = None
+    files: dict[Kind, list[Key]] = {}
     published: bool = False
+
+    def __post_init__(self) -> None:
+        for fault in _faults(self):
+            raise ValueError(fault)
 
     @property
     def row(self) -> Row:
@@ -159,6 +156,12 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         return [number for number, name in enumerate(self.shapes) if name not in refused]
 
     @property
+    def keys(self) -> list[dict[Kind, str]]:
+        """Keys of the cached files of each shape, in the order in which they are made."""
+        rows = zip(*self.files.values(), strict=True)
+        return [{kind: key for kind, key in zip(self.files, row, strict=True) if key} for row in rows]
+
+    @property
     def coverage(self) -> float:
         """Share of the shapes with a result; 0 without scores."""
         return len(self.answered) / len(self.shapes) if self.scores and self.shapes else 0.0
@@ -168,7 +171,7 @@ class Row(NamedTuple):
     """What a record is the result of."""
 
     gallery: str
-    input: str
+    input: Input
     method: str
     seed: int = 0
     scorer: str = DEFAULT_SCORER
@@ -182,33 +185,14 @@ class Row(NamedTuple):
 # Reading -------------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Records:
-    """Records of a results folder, one for each row, oldest first.
+def read_records(results: Path, *, local: bool = True, published: bool = True) -> list[Record]:
+    """Read the records of a results folder, one for each row, oldest first.
 
-    Parameters
-    ----------
-    records
-        The records.
-    skipped
-        A line for each file or line that is not a record.
+    Those of jobs that ran here come with published ones for other rows, if no record of other shapes of their gallery
+    was made here. Damaged files and lines are named on stderr and passed over.
     """
-
-    records: list[Record] = field(default_factory=list)
-    skipped: list[str] = field(default_factory=list)
-
-    def __iter__(self) -> Iterator[Record]:
-        return iter(self.records)
-
-
-def read_records(results: Path, *, local: bool = True, published: bool = True) -> Records:
-    """Read the records of a results folder: those of jobs that ran here, and published ones for other rows.
-
-    A published record fills in only where no record of other shapes of the gallery was made here. Damaged files and
-    lines are named in ``skipped`` and passed over.
-    """
-    here = _read((results / RUNS / "records").glob("*.json")) if local else Records()
-    elsewhere = _read((results / "records").glob("*.jsonl")) if published else Records()
+    here = _read((results / RUNS / "records").glob("*.json")) if local else []
+    elsewhere = _read((results / "records").glob("*.jsonl")) if published else []
     digests = {record.gallery: record.gallery_digest for record in here}
     fitting = [
         msgspec.structs.replace(record, published=True)
@@ -216,7 +200,7 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
         if digests.get(record.gallery, record.gallery_digest) == record.gallery_digest
     ]
     newest = _newest(fitting) | _newest(here)
-    return Records(sorted(newest.values(), key=_age), [*here.skipped, *elsewhere.skipped])
+    return sorted(newest.values(), key=_age)
 
 
 def _newest(records: Iterable[Record]) -> dict[Row, Record]:
@@ -227,37 +211,32 @@ def _age(record: Record) -> tuple[str, str]:
     return record.finished, record.key
 
 
-def _read(paths: Iterable[Path]) -> Records:
-    found = Records()
+_decoder = msgspec.json.Decoder(Record)
+
+
+def _read(paths: Iterable[Path]) -> list[Record]:
+    records = []
     for path in sorted(paths):
         try:
             if path.stat().st_size > LARGEST_FILE:
                 raise OSError(0, f"it is larger than {LARGEST_FILE:,} bytes")
             text = path.read_bytes()
         except OSError as error:
-            found.skipped.append(f"skipped {path}: {error.strerror}")
+            _skip(f"{path}: {error.strerror}")
             continue
         for number, line in enumerate([text] if path.suffix == ".json" else text.splitlines(), 1):
             try:
-                found.records.append(parse_record(line))
-            except ConfigurationError as error:
+                records.append(_decoder.decode(line))
+            except (msgspec.DecodeError, RecursionError) as error:  # ValidationError, which names the field, is one
                 where = f"{path}:{number}" if path.suffix == ".jsonl" else path
-                found.skipped.append(f"skipped {where}: {error.problem}; remove it")
-    return found
+                _skip(f"{where}: it is not a record: {error}; remove it")
+    return records
 
 
-_decoder = msgspec.json.Decoder(Record)
-
-
-def parse_record(text: bytes) -> Record:
-    """Return the record in a text; raise ``ConfigurationError`` that names the field if it is not one."""
-    try:
-        record = _decoder.decode(text)
-    except (msgspec.DecodeError, RecursionError) as error:  # ValidationError is one
-        raise ConfigurationError(f"it is not a record: {error}") from error
-    for fault in _faults(record):
-        raise ConfigurationError(f"it is not a record: {fault}")
-    return record
+@cache
+def _skip(what: str) -> None:
+    """Name a file or line that is no record, once however often it is read."""
+    say(f"skipped {what}", err=True)
 
 
 def _faults(record: Record) -> Iterator[str]:
@@ -321,9 +300,10 @@ def forget(results: Path, is_meant: Callable[[Record], bool]) -> int:
 
 
 def _files_of(record: Record) -> Iterator[str]:
-    if record.files:
-        yield from (f"forms/{key}.npz" for key in record.files.forms)
-        yield from (f"signatures/{key}.npz" for key in record.files.signatures)
+    """Yield the files of a record that other methods cannot use."""
+    for kind, keys in record.files.items():
+        if kind != "prepared":
+            yield from (f"{kind}/{key}.npz" for key in keys)
 
 
 def _remove(folder: Path, *keys: str) -> None:
@@ -354,33 +334,20 @@ def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in form and "faces" in arrays else None
 
 
-def _read_arrays(results: Path, record: Record, kind: Any, shape: str) -> dict[str, NDArray[Any]]:
-    if record.files is None or shape not in record.shapes:
-        return {}
-    return Cache(results).read(kind, getattr(record.files, kind)[record.shapes.index(shape)]) or {}
+def _read_arrays(results: Path, record: Record, kind: Kind, shape: str) -> dict[str, NDArray[Any]]:
+    keys = dict(zip(record.shapes, record.files.get(kind, []), strict=False))
+    return Cache(results).read(kind, keys.get(shape, "")) or {}
 
 
 # Joining and publishing ----------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Merged:
-    """Outcome of a merge.
+class Merged(NamedTuple):
+    """Outcome of a merge: new records, the number of known ones, and pairs with one key and different scores."""
 
-    Parameters
-    ----------
-    added, known
-        New records, and the number of those that were there.
-    conflicts
-        Pairs of records with one key and different scores; neither replaces the other.
-    skipped
-        A line for each file or line that is not a record.
-    """
-
-    added: list[Record] = field(default_factory=list)
-    known: int = 0
-    conflicts: list[tuple[Record, Record]] = field(default_factory=list)
-    skipped: list[str] = field(default_factory=list)
+    added: list[Record]
+    known: int
+    conflicts: list[tuple[Record, Record]]
 
 
 def merge(folders: Iterable[Path], results: Path) -> Merged:
@@ -391,23 +358,22 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
     StorageError
         If a folder holds no records.
     """
-    merged, known = Merged(), _newest(read_records(results, published=False))
+    known = _newest(read_records(results, published=False))
+    added, n_known, conflicts = list[Record](), 0, list[tuple[Record, Record]]()
     for folder in folders:
         if not (folder / RUNS / "records").is_dir():
             raise StorageError(f"{folder} holds no records", "name a results folder, which has runs/records")
-        others = _read((folder / RUNS / "records").glob("*.json"))
-        merged.skipped += others.skipped
-        for record in others:
+        for record in _read((folder / RUNS / "records").glob("*.json")):
             existing = known.get(record.row)
             if existing is None or _replaces(record, existing):
-                known[record.row] = msgspec.structs.replace(record, files=None)
+                known[record.row] = msgspec.structs.replace(record, files={})
                 write_record(results, known[record.row], existing.key if existing else "")
-                merged.added.append(record)
+                added.append(record)
             elif record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
-                merged.conflicts.append((existing, record))
+                conflicts.append((existing, record))
             else:
-                merged.known += 1
-    return merged
+                n_known += 1
+    return Merged(added, n_known, conflicts)
 
 
 def _replaces(record: Record, other: Record) -> bool:
@@ -445,21 +411,21 @@ def publish(results: Path, is_public: Callable[[Record], bool]) -> Merged:
     now = before | {record.row: portable(record) for record in here}
     write_published(results, now.values())
     added = [record for key, record in now.items() if record != before.get(key)]
-    return Merged(added, len(now) - len(added))
+    return Merged(added, len(now) - len(added), [])
 
 
 def portable(record: Record) -> Record:
     """Return a record without what means nothing on another machine."""
     per_query = {name: values for name, values in record.per_query.items() if name in PRINTED}
-    return msgspec.structs.replace(record, per_query=per_query, parts={}, files=None, traceback="", published=False)
+    return msgspec.structs.replace(record, per_query=per_query, parts={}, files={}, traceback="", published=False)
 
 
 def write_published(results: Path, records: Iterable[Record]) -> None:
     """Write records as lines, a file for each data set, in the order of their rows."""
-    files: dict[str, bytes] = {}
+    files = defaultdict[str, bytes](bytes)
     for record in sorted(records, key=lambda record: record.row):
         base = re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME] or "records"
-        files[f"{base}.jsonl"] = files.get(f"{base}.jsonl", b"") + msgspec.json.encode(record) + b"\n"
+        files[f"{base}.jsonl"] += msgspec.json.encode(record) + b"\n"
     folder = results / "records"
     with storing(results):
         for name, text in files.items():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,15 +12,13 @@ from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.api.scoring import Scorer
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Arrays, Cache
-from benchmark.pipeline.ranking import untimed
+from benchmark.pipeline.cache import Cache, Kind
+from benchmark.pipeline.ranking import distances
 from benchmark.pipeline.records import Record
 from benchmark.pipeline.stages import SharedStages, compute_answer, mesh_of, require_result, sign
-from benchmark.registry.outputs import compare_signatures, compute_distances
 
 
-@dataclass(frozen=True)
-class Hit:
+class Hit(NamedTuple):
     """A retrieved shape, its class, and its distance from the query: the mean over the draws of the scorer."""
 
     shape: str
@@ -28,19 +26,10 @@ class Hit:
     distance: float
 
 
-@dataclass(frozen=True, eq=False)
-class SearchResult:
-    """Result of a search.
+class SearchResult(NamedTuple):
+    """Shapes of the gallery that have a form, nearest first, and the form of the query; None for a descriptor."""
 
-    Parameters
-    ----------
-    hits
-        All shapes of the gallery that have a form, nearest first.
-    form
-        Canonical form of the query; None for a descriptor.
-    """
-
-    hits: tuple[Hit, ...]
+    hits: list[Hit]
     form: Mesh | None
 
     @property
@@ -79,29 +68,20 @@ def search(
     ShapeError
         If the query is refused.
     """
-    answer = require_result(compute_answer(method, query, SharedStages(), first=False))
-    describes = isinstance(method, Descriptor)
-    known = _stored(results, record, without, describes=describes)
-    if not known:
+    answer = require_result(compute_answer(method, query, SharedStages()))
+    kind: Kind = "forms"
+    form = None
+    if isinstance(method, Method):
+        kind, form = "signatures", mesh_of(answer, {"faces": query.mesh.faces})
+        answer = require_result(sign(scorer, form))
+    keys, cache = record.keys, Cache(results)
+    wanted = [index for index in record.answered if keys and record.shapes[index] not in without]
+    found = {index: cache.read(kind, keys[index][kind]) for index in wanted}
+    stored = {index: arrays for index, arrays in found.items() if arrays is not None}
+    if not stored:
         raise ConfigurationError(f"no form of {record.row} is kept in {results}", "run it again here")
-    form = None if describes else mesh_of(answer, {"faces": query.mesh.faces})
-    if isinstance(method, Descriptor):
-        vectors = [arrays["descriptor"] for arrays in (*known.values(), answer)]
-        distances = compute_distances(method, vectors)[-1, :-1]
-    else:
-        assert form is not None  # noqa: S101
-        signatures = [*map(untimed, known.values()), untimed(require_result(sign(scorer, form)))]
-        draws = [compare_signatures(scorer, signatures, draw)[-1, :-1] for draw in range(scorer.info.draws)]
-        distances = np.mean(draws, axis=0)
-    pairs = sorted(zip(distances.tolist(), known, strict=True))
-    return SearchResult(tuple(Hit(record.shapes[k], record.labels[k], distance) for distance, k in pairs), form)
-
-
-def _stored(results: Path, record: Record, without: Collection[str], *, describes: bool) -> dict[int, Arrays]:
-    """Return the descriptors or signatures of the shapes of a record, by index."""
-    if record.files is None:
-        return {}
-    keys = record.files.forms if describes else record.files.signatures
-    answered = [index for index in record.answered if record.shapes[index] not in without]
-    stored = {index: Cache(results).read("forms" if describes else "signatures", keys[index]) for index in answered}
-    return {index: arrays for index, arrays in stored.items() if arrays is not None}
+    comparing = scorer if isinstance(method, Method) else method
+    draws = [matrix[-1, :-1] for matrix in distances(comparing, [*stored.values(), answer])]
+    pairs = zip(np.mean(draws, axis=0).tolist(), stored, strict=True)
+    hits = [Hit(record.shapes[index], record.labels[index], distance) for distance, index in sorted(pairs)]
+    return SearchResult(hits, form)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -28,16 +28,14 @@ NOTE = "note:"
 #: Arrays that say why there is no result, how many seconds the result took, and that this includes loading.
 REFUSED, SECONDS, FIRST = "refused", "seconds", "first"
 
+_SMALLER = "simplify the mesh, or use -j 1"
+
 #: Says that work begins which is charged to no method, such as ``"geodesics"``, and returns its ``with`` block.
 Aside = Callable[[str], AbstractContextManager[object]]
 
 
-class SharedFailure(UnsupportedShape):
-    """A result that methods share cannot be had in this run: the shape is refused for all of them."""
-
-
 class Unprepared(UnsupportedShape):
-    """A shape cannot be read or prepared, whatever the method."""
+    """A shape cannot be read or prepared, or its geodesics cannot be had: it is refused for all methods."""
 
 
 # Prepared shapes -----------------------------------------------------------------------------------------------------
@@ -60,7 +58,6 @@ class Preparation:
     shapes: ShapeSet
     input: Input
     cache: Cache
-    _keys: dict[str, str] = field(default_factory=dict, repr=False)
 
     @cached_property
     def code(self) -> dict[str, str]:
@@ -78,20 +75,21 @@ class Preparation:
 
     def key(self, entry: Entry) -> str:
         """Return the key of a prepared shape."""
-        if entry.identifier not in self._keys:
-            shapes, view = self.shapes, []
-            if self.input == "view":
-                view = [self.camera_key, repr(shapes.camera(entry)), repr(shapes.sensor(entry))]
-            self._keys[entry.identifier] = digest([self.input, shapes.key(entry), view, self._code_digest])
-        return self._keys[entry.identifier]
+        shapes, view = self.shapes, []
+        if self.input == "view":
+            view = [self.camera_key, repr(shapes.camera(entry)), repr(shapes.sensor(entry))]
+        return digest([self.input, shapes.key(entry), view, self._code_digest])
 
     @cached_property
     def _code_digest(self) -> str:
         return digest(self.code)
 
     def arrays(self, entry: Entry) -> Arrays:
-        """Return the arrays of a prepared shape; raise :class:`Unprepared` if it cannot be read or prepared."""
-        arrays = self.cache.get("prepared", self.key(entry), lambda: timed(lambda: self._prepare(entry)))
+        """Return the arrays of a prepared shape; raise :class:`Unprepared` if there are none."""
+        try:
+            arrays = self.cache.get("prepared", self.key(entry), lambda: timed(lambda: self._prepare(entry)))
+        except MemoryError as error:
+            raise Unprepared("no memory to prepare it", _SMALLER) from error
         return require_result(arrays, Unprepared)
 
     @cached_property
@@ -119,28 +117,24 @@ class Preparation:
         return {"half_width": np.asarray(common_frame(widths))}
 
 
-def refusable(compute: Callable[[], Arrays]) -> Arrays:
-    """Return the arrays of a stage; for a refused shape, the reason.
+def timed(compute: Callable[[], Arrays]) -> Arrays:
+    """Return the arrays of a stage, or the reason why it refuses the shape, with the seconds that it took.
 
     Raises
     ------
     InvalidForm, InvalidSignature
         If a method or a scorer returned something else, which is not the fault of the shape.
-    SharedFailure
+    Unprepared
         If the shape is refused in this run only.
     """
+    start = time.perf_counter()
     try:
-        return compute()
-    except (InvalidForm, InvalidSignature, SharedFailure):
+        arrays = compute()
+    except (InvalidForm, InvalidSignature, Unprepared):
         raise
     except ShapeError as error:
-        return {REFUSED: np.array([error.problem, error.hint])}
-
-
-def timed(compute: Callable[[], Arrays]) -> Arrays:
-    """Return the arrays of a stage, or the reason of a refusal, with the seconds that it took."""
-    start = time.perf_counter()
-    return {**refusable(compute), SECONDS: np.asarray(time.perf_counter() - start)}
+        arrays = {REFUSED: np.array([error.problem, error.hint])}
+    return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
 
 
 def require_result(arrays: Arrays, error: type[UnsupportedShape] = UnsupportedShape) -> Arrays:
@@ -153,7 +147,6 @@ def require_result(arrays: Arrays, error: type[UnsupportedShape] = UnsupportedSh
 # Forms, descriptors and signatures -----------------------------------------------------------------------------------
 
 
-@dataclass
 class SharedStages:
     """Results that several methods take from a shape, such as geodesics; each is computed once.
 
@@ -163,35 +156,33 @@ class SharedStages:
         Told about the work, which is not charged to a method.
     """
 
-    aside: Aside = lambda _: nullcontext()
-    seconds: dict[str, float] = field(default_factory=dict)
-    #: Seconds of computing for the current method, and the stages that it used.
-    spent: float = 0.0
-    used: set[str] = field(default_factory=set)
-    _arrays: dict[tuple[Any, ...], Arrays] = field(default_factory=dict)
+    def __init__(self, aside: Aside = lambda _: nullcontext()) -> None:
+        self._aside = aside
+        self._results: dict[tuple[Any, ...], tuple[Arrays, float]] = {}
+        #: Seconds of each stage that the current method used, and those that passed while it waited for them.
+        self.used: dict[str, float] = {}
+        self.waited = 0.0
 
     def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
         """Return the arrays of a stage; compute them if they are missing.
 
         Raises
         ------
-        SharedFailure
+        Unprepared
             If there is no memory for them; the method is not to blame.
         """
-        self.used.add(stage)
         key = (stage, *sorted(parameters.items()))
-        if key not in self._arrays:
+        if key not in self._results:
             start = time.perf_counter()
             try:
-                with self.aside(stage):
-                    self._arrays[key] = compute()
+                with self._aside(stage):
+                    arrays = compute()
             except MemoryError as error:
-                raise SharedFailure(f"no memory for its {stage}", "simplify the mesh, or use -j 1") from error
-            finally:
-                took = time.perf_counter() - start
-                self.spent += took
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + took
-        return self._arrays[key]
+                raise Unprepared(f"no memory for its {stage}", _SMALLER) from error
+            self._results[key] = arrays, time.perf_counter() - start
+            self.waited += self._results[key][1]
+        arrays, self.used[stage] = self._results[key]
+        return arrays
 
 
 def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
@@ -206,7 +197,7 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages
     )
 
 
-def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedStages, *, first: bool) -> Arrays:
+def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedStages) -> Arrays:
     """Compute the form or the descriptor of a shape; for a refused shape, the reason.
 
     Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is
@@ -224,15 +215,13 @@ def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedStag
     InvalidForm
         If it returns anything other than a form of the shape, or a vector of finite numbers.
     """
-    shared.spent, shared.used = 0.0, set()
+    shared.used, shared.waited = {}, 0.0
     if isinstance(method, Method):
         arrays = timed(lambda: _form(method, shape))
     else:
         arrays = timed(lambda: {"descriptor": compute_descriptor(method, shape)})
-    seconds = {stage: shared.seconds[stage] for stage in shared.used & shared.seconds.keys()}
-    shares = {f"{SECONDS}:{stage}": np.asarray(value) for stage, value in seconds.items()}
-    own = {SECONDS: arrays[SECONDS] - shared.spent, **({FIRST: np.asarray(True)} if first else {})}
-    return {**arrays, **shares, **own}
+    shares = {f"{SECONDS}:{stage}": np.asarray(seconds) for stage, seconds in shared.used.items()}
+    return {**arrays, **shares, SECONDS: arrays[SECONDS] - shared.waited}
 
 
 def _form(method: Method, shape: Shape) -> Arrays:

@@ -147,4 +147,4 @@ def open_results(path: str | Path = "results", *, local: bool = True, published:
     folder = Path(path)
     if not folder.is_dir():
         raise ConfigurationError(f"{folder} is no folder", "name a results folder")
-    return Results(folder, tuple(read_records(folder, local=local, published=published).records))
+    return Results(folder, tuple(read_records(folder, local=local, published=published)))

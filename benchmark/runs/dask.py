@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Iterator
 from importlib.util import find_spec
 from typing import Any
 
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.machine import memory_per_process
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
-from benchmark.runs.workers import INTERVAL, Ended, Pool
+from benchmark.runs.workers import INTERVAL, Pool
 
 #: The worker process of each thread of a dask worker.
 _of_thread = threading.local()
@@ -21,10 +22,10 @@ def run_in_worker(task: Task, timeout: float, threads: int) -> list[tuple[Step, 
     """Run a task on a dask worker, in a process of its own, which may crash."""
     if not hasattr(_of_thread, "pool"):
         _of_thread.pool = Pool(1, memory_per_process(threads), timeout)
-    queue, ended = Queue(lambda step, shape: True), list[tuple[Step, Outcome]]()
+    queue, ended = Queue(lambda step: True), list[tuple[Step, Outcome]]()
     queue.append(task)
     while len(ended) < len(task.steps):
-        ended += [(step, outcome) for _, step, outcome in _of_thread.pool.poll(queue)]
+        ended += _of_thread.pool.poll(queue)
     return ended
 
 
@@ -60,9 +61,9 @@ class DaskPool:
     @property
     def working(self) -> list[str]:
         """What the workers are doing."""
-        return [f"{task.steps[0].job.method.name}, {task.shape or 'ranking'}" for task in self._tasks.values()]
+        return [str(task.steps[0]) for task in self._tasks.values()]
 
-    def poll(self, queue: Queue) -> Ended:
+    def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
         """Submit tasks of a queue, and yield the steps that have ended; dask moves those of a lost worker."""
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._tasks) < 2 * threads and (task := queue.take()):
@@ -72,12 +73,12 @@ class DaskPool:
         if not done:
             time.sleep(INTERVAL)
         for future in done:
-            task = self._tasks.pop(future)
+            del self._tasks[future]
             if future.status != "finished":
                 raise BenchmarkError(
                     f"the cluster lost a task: {future.exception()}", "run again: what is done is kept"
                 )
-            yield from ((task, *pair) for pair in future.result())
+            yield from future.result()
 
     def close(self) -> None:
         """Cancel what is under way."""

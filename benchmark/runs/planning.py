@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+import statistics
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 
 from benchmark.api.contracts import Input
-from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.code_digest import code_of_modules, digest
+from benchmark.code_digest import ROOT, code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
-from benchmark.errors import ConfigurationError
-from benchmark.pipeline.cache import Cache, Keys
+from benchmark.pipeline.cache import Cache, Kind
 from benchmark.pipeline.records import Record, Row, read_records
 from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery
@@ -31,8 +30,8 @@ MEASURES = "benchmark.pipeline.measures"
 
 State = Literal["finished", "failed", "missing", "stale", "unavailable", "unsupported"]
 
-#: Which jobs with a record run again: none, those that failed, or all.
-Again = Literal["", "failed", "all"]
+#: Trained model of each shape of a gallery; None for a method that does not learn.
+Models = Sequence[Model | None]
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,10 @@ class Planned:
         The job.
     gallery
         The shapes.
-    facts
-        Fields of its record that are known in advance.
-    keys
-        Keys of the cached files of each shape.
+    record
+        Its record without the outcome.
     models
-        Trained model of each shape, by name; empty if the method does not learn.
+        Folder of the trained model for each shape.
     state, reason
         ``finished``: it has a record. ``failed``: its record says that it failed. ``stale``: its record is of other
         code, data or parameters; the reason names them. ``missing``: it has none. ``unavailable``: a package or a
@@ -63,42 +60,17 @@ class Planned:
 
     job: Job
     gallery: Gallery
-    facts: Mapping[str, Any] = field(repr=False)
-    keys: tuple[Keys, ...] = field(repr=False)
-    models: Mapping[str, Model] = field(repr=False)
+    record: Record = field(repr=False)
+    models: tuple[Path | None, ...] = field(repr=False)
     state: State
     reason: str
     replaces: str
     to_run: bool
 
-    @property
-    def name(self) -> str:
-        """Gallery, input and method, for messages."""
-        return self.job.name
-
-    @property
-    def shapes(self) -> tuple[str, ...]:
-        """Names of the shapes, in the order of the distance matrix."""
-        return tuple(self.facts["shapes"])
-
-    def steps(self) -> Iterator[tuple[Entry, Step]]:
-        """Yield each shape with its step."""
-        for entry, keys in zip(self.gallery.entries, self.keys, strict=True):
-            model = self.models.get(entry.identifier)
-            yield entry, Step(self.job, keys, model.folder if model else None)
-
-    def record(self, **facts: Any) -> Record:
-        """Return the record of the job with further facts."""
-        files = dict(zip(("prepared", "forms", "signatures"), map(list, zip(*self.keys, strict=True)), strict=False))
-        models = {model.training: model.summary() for model in self.models.values()}
-        known = {**self.facts, "models": [*models.values()], "seen": _seen(self.gallery, self.models)}
-        return msgspec.convert({**known, "files": files or None, **facts}, Record)
-
-
-def _seen(gallery: Gallery, models: Mapping[str, Model]) -> list[str]:
-    """Return the names of the shapes that the model for them was trained on."""
-    pairs = [(entry, models.get(entry.identifier)) for entry in gallery.entries]
-    return [entry.identifier for entry, model in pairs if model and model.has_seen(entry, gallery.dataset.name)]
+    def steps(self) -> list[Step]:
+        """Return the step at each shape."""
+        places = zip(self.record.shapes, self.record.keys, self.models, strict=True)
+        return [Step(self.job, shape, keys, model) for shape, keys, model in places]
 
 
 def plan(
@@ -109,7 +81,7 @@ def plan(
     *,
     scorer: Component | None = None,
     seed: int = 0,
-    again: Again = "",
+    again: Collection[str] = (),
     named: bool = False,
 ) -> list[Planned]:
     """List the jobs of a selection with their states.
@@ -125,22 +97,18 @@ def plan(
     seed
         Base seed of all methods.
     again
-        Which jobs with a record run again.
+        States of jobs that run again: ``"failed"``, ``"finished"``.
     named
         Whether the methods were selected by name.
     """
-    scorer = scorer or select_one("cm-bof", kind="scorer")
-    records = {record.row: record for record in read_records(results, published=False)}
-    planning = _Planning(results.absolute(), scorer, seed, again, records)
-    chosen, wanted = list[Any](methods), list(inputs)
-    jobs = [
-        planning.job(gallery, input_, method)
-        for gallery in galleries
-        for input_ in wanted
-        if input_ in gallery.inputs
-        for method in gallery.rows(input_, chosen, results / "models", named=named)
-    ]
-    return list({job.job.key: job for job in jobs}.values())
+    planning = _Planning(results.absolute(), scorer or select_one("cm-bof", kind="scorer"), seed, again)
+    chosen, wanted = list(methods), list(inputs)
+    jobs: dict[str, Planned] = {}
+    for gallery in galleries:
+        for input_ in (name for name in wanted if name in gallery.inputs):
+            rows = gallery.rows(input_, chosen, results / "models", named=named)
+            jobs |= {job.record.key: job for job in planning.jobs(gallery, input_, rows)}
+    return list(jobs.values())
 
 
 @dataclass
@@ -150,85 +118,85 @@ class _Planning:
     results: Path
     scorer: Component
     seed: int
-    again: Again
-    records: Mapping[Row, Record]
+    again: Collection[str]
 
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
-        self._preparations: dict[tuple[str, Input], Preparation] = {}
         self._measures = code_of_modules([MEASURES])
+        self._records = {record.row: record for record in read_records(self.results, published=False)}
 
-    def job(self, gallery: Gallery, input_: Input, method: Component) -> Planned:
-        """Return the job of a row with its state."""
-        scores = not method.missing_packages() and not method.describes
-        facts = gallery_facts(gallery, input_) | {
-            "status": "ok",
-            "method": method.name,
-            "title": method.title,
-            "family": method.info.family,
-            "parameters": json.loads(json.dumps(dict(method.parameters), default=str)),
-            "seed": self.seed,
-            "scorer": self.scorer.name if scores else "",
-            "scorer_title": self.scorer.title if scores else "",
-        }
-        row = Row(gallery.name, input_, method.name, self.seed, facts["scorer"])
-        before = self.records.get(row)
-        state, reason, models = _obstacle(gallery, input_, method, self.results / "models")
-        keys: list[Keys] = []
-        if state is None:
-            keys = self._keys(gallery, input_, method, models, scores=scores)
-            facts["key"] = digest([row, facts["gallery_digest"], keys, self._measures])
-            facts["parts"] = self._parts(gallery, input_, method, models, scores=scores)
-            facts["parts"]["the data"] = facts["gallery_digest"]
-            state, reason = _state(before, facts)
-        else:
-            facts["key"] = digest(["unavailable", row])
+    def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
+        """Yield the job of each method with its state."""
+        facts, preparation = gallery_facts(gallery, input_), Preparation(gallery.dataset, input_, Cache(self.results))
+        prepared = [preparation.key(entry) for entry in gallery.entries]
         source = gallery.source
         if is_path(source) and not is_known(source):  # workers may have another working directory
             source = str(Path(source).absolute())
-        by = "" if self.scorer.name == "cm-bof" else f" by {self.scorer.name}"
-        job = Job(
-            facts["key"], f"{gallery.name} {input_} {method.name}{by}", source,
-            gallery.data_root and gallery.data_root.absolute(), input_, method, self.scorer, self.seed, self.results,
-            digest([self._key(method), self._key(self.scorer)]) if keys else "",
-        )  # fmt: skip
-        runs = state in ("missing", "stale") or (state in ("finished", "failed") and self.again in ("all", state))
-        replaces = before.key if before else ""
-        return Planned(job, gallery, facts, tuple(keys), models, state, reason, replaces, to_run=runs)
+        data_root = gallery.data_root and gallery.data_root.absolute()
+        for method in methods:
+            scorer = None if method.missing_packages() or method.describes else self.scorer
+            row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "")
+            before = self._records.get(row)
+            state, reason, models = _obstacle(gallery, input_, method, self.results / "models")
+            key, code, parts, files = digest(["unavailable", row]), "", dict[str, str](), dict[str, list[str]]()
+            if state is None:
+                code = digest([self._key(method), self._key(self.scorer)])
+                files = self._files(prepared, method, scorer, models)
+                key = digest([row, facts["gallery_digest"], [*zip(*files.values(), strict=True)], self._measures])
+                parts = self._parts(preparation, method, scorer, models) | {"the data": facts["gallery_digest"]}
+                state, reason = _state(before, key, parts)
+            content = facts | {
+                "key": key,
+                "status": "unavailable",
+                "method": method.name,
+                "title": method.title,
+                "family": method.info.family,
+                "parameters": json.loads(json.dumps(dict(method.parameters), default=str)),
+                "seed": self.seed,
+                "scorer": row.scorer,
+                "scorer_title": scorer.title if scorer else "",
+                "models": [model.summary() for model in dict.fromkeys(filter(None, models))],
+                "seen": _seen(gallery, models),
+                "parts": parts,
+                "files": files,
+            }
+            yield Planned(
+                Job(key, row, source, data_root, method, self.scorer, self.results, code),
+                gallery,
+                msgspec.convert(content, Record),
+                tuple(model.folder if model else None for model in models),
+                state,
+                reason,
+                replaces=before.key if before else "",
+                to_run=state in ("missing", "stale", *self.again),
+            )
 
-    def _keys(
-        self, gallery: Gallery, input_: Input, method: Component, models: Mapping[str, Model], *, scores: bool
-    ) -> list[Keys]:
-        """Return the keys of the files of each shape."""
-        preparation, keys = self._preparation(gallery, input_), []
-        for entry in gallery.entries:
-            prepared, model = preparation.key(entry), models.get(entry.identifier)
-            form = digest([prepared, self._key(method), self.seed, model.digest if model else ""])
-            keys.append(Keys(prepared, form, digest([form, self._key(self.scorer)]) if scores else ""))
-        return keys
+    def _files(
+        self, prepared: list[str], method: Component, scorer: Component | None, models: Models
+    ) -> dict[str, list[str]]:
+        """Return the keys of the cached files of each shape; those of signatures are "" for a descriptor."""
+        forms = [
+            digest([key, self._key(method), self.seed, model.digest if model else ""])
+            for key, model in zip(prepared, models, strict=True)
+        ]
+        signatures = [digest([key, self._key(scorer)]) if scorer else "" for key in forms]
+        return {"prepared": prepared, "forms": forms, "signatures": signatures}
 
     def _parts(
-        self, gallery: Gallery, input_: Input, method: Component, models: Mapping[str, Model], *, scores: bool
+        self, preparation: Preparation, method: Component, scorer: Component | None, models: Models
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
-        preparation = self._preparation(gallery, input_)
-        parts = preparation.code | self._code(method) | self._measures | (self._code(self.scorer) if scores else {})
+        parts = preparation.code | self._code(method) | self._measures | (self._code(scorer) if scorer else {})
         parts["the camera"] = preparation.camera_key
         for name, component in (("its", method), ("the scorer's", self.scorer)):
             parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
-        return parts | {f"the model {model.training}": model.digest for model in models.values()}
-
-    def _preparation(self, gallery: Gallery, input_: Input) -> Preparation:
-        key = (gallery.source, input_)
-        if key not in self._preparations:
-            self._preparations[key] = Preparation(gallery.dataset, input_, Cache(self.results))
-        return self._preparations[key]
+        return parts | {f"the model {model.training}": model.digest for model in models if model}
 
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     """Return the fields of a record that describe the shapes of a gallery."""
     shapes = gallery.dataset
-    content = [(entry.identifier, entry.subject, _content_key(shapes, entry)) for entry in gallery.entries]
+    content = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
     return {
         "gallery": gallery.name,
         "gallery_digest": digest(content),
@@ -245,41 +213,40 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     }
 
 
-def _content_key(shapes: ShapeSet, entry: Entry) -> str:
-    try:
-        return str(shapes.key(entry))
-    except ConfigurationError:
-        raise
-    except Exception as error:  # an unreadable file, which is refused when it is prepared
-        return type(error).__name__
-
-
 def _obstacle(
     gallery: Gallery, input_: Input, method: Component, trained_here: Path
-) -> tuple[State | None, str, dict[str, Model]]:
+) -> tuple[State | None, str, Models]:
     """Return why a job cannot run, as a state with the reason, or None with the model of each shape."""
+    none = [None] * len(gallery.entries)
     if missing := method.missing_packages():
-        return "unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}", {}
+        return "unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}", none
     if input_ not in method.info.inputs:
-        return "unsupported", f"does not take the {input_} input", {}
+        return "unsupported", f"does not take the {input_} input", none
     try:
-        models = gallery.models(method, trained_here)
+        found = gallery.models(method, trained_here)
     except MissingModel as error:
-        return "unavailable", str(error), {}
+        return "unavailable", str(error), none
     except (NoFolds, TooNear) as error:
-        return "unsupported", str(error), {}
+        return "unsupported", str(error), none
+    models = [found.get(entry.identifier) for entry in gallery.entries]
     if gallery.table.all_unseen and (seen := _seen(gallery, models)):
         reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}; take a model of another training"
         return "unsupported", reason, models
     return None, "", models
 
 
-def _state(record: Record | None, facts: Mapping[str, Any]) -> tuple[State, str]:
+def _seen(gallery: Gallery, models: Models) -> list[str]:
+    """Return the names of the shapes that the model for them was trained on."""
+    pairs = zip(gallery.entries, models, strict=True)
+    return [entry.identifier for entry, model in pairs if model and model.has_seen(entry, gallery.dataset.name)]
+
+
+def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[State, str]:
     """Return the state of a job that can run and the reason for it, from the record of its row."""
     if record is None:
         return "missing", "never run"
-    if record.key != facts["key"]:
-        return "stale", describe_change(record.parts, facts["parts"])
+    if record.key != key:
+        return "stale", describe_change(record.parts, parts)
     return ("finished", "") if record.status == "ok" else ("failed", f"{record.status}: {record.reason}")
 
 
@@ -296,3 +263,54 @@ def _in_words(name: str, before: str, now: str) -> str:
     if re.fullmatch("[0-9a-f]{16}", now or before):  # the digest of a file
         return f"{Path(name).name} {'changed' if before and now else 'is new' if now else 'is no longer used'}"
     return f"{name} {before or 'none'} -> {now or 'none'}"
+
+
+# Time ----------------------------------------------------------------------------------------------------------------
+
+#: Timed stages of each kind of file in the cache.
+STAGES: Mapping[Kind, tuple[str, ...]] = {
+    "prepared": ("prepare", "geodesics"), "forms": ("canonicalise",), "signatures": ("signature",)
+}  # fmt: skip
+
+#: Results folder of the checkout, whose published records know seconds of every method; an installed package has none.
+SUITE_RESULTS = ROOT / "results"
+
+
+class Estimate(NamedTuple):
+    """Upper bound for seconds on one core, and the number of jobs without one: no job of their method has finished."""
+
+    seconds: float
+    unknown: int
+
+
+def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_RESULTS) -> Estimate:
+    """Estimate the work of a plan as if nothing were in the cache; a form that several galleries rank counts once.
+
+    Seconds a shape are those of the same method and input on the same gallery, otherwise the median over other
+    galleries, of the method with any parameters if need be. Jobs here count before published ones.
+    """
+    to_run = [job.record for job in planned if job.to_run]
+    finished = [*read_records(published, local=False), *read_records(results, published=False)] if to_run else []
+    unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
+    for record in to_run:
+        seconds = _seconds_a_shape(record, finished)
+        unknown += not seconds
+        for kind, keys in record.files.items():
+            of_file = sum(seconds.get(stage, 0.0) for stage in STAGES[kind])
+            spent |= {key: max(spent.get(key, 0.0), of_file) for key in keys}
+    return Estimate(sum(spent.values()), unknown)
+
+
+def _seconds_a_shape(job: Record, finished: Sequence[Record]) -> dict[str, float]:
+    """Return seconds by stage; empty if they are unknown."""
+    timed = [record for record in finished if record.seconds and record.input == job.input]
+    alike = [record for record in timed if record.method == job.method]
+    alike = alike or [record for record in timed if _base(record) == _base(job)]
+    of_gallery = [record for record in alike if record.gallery == job.gallery]
+    seconds = [record.seconds for record in of_gallery[-1:] or alike]
+    stages = set[str]().union(*seconds)
+    return {stage: statistics.median(of_job.get(stage, 0.0) for of_job in seconds) for stage in stages}
+
+
+def _base(record: Record) -> str:
+    return record.method.partition("[")[0]

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import msgspec
 
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import memory_per_process
-from benchmark.pipeline.cache import Cache, StorageError, writing
+from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.environment import commit, packages
-from benchmark.pipeline.ranking import Ranked
 from benchmark.pipeline.records import Record, write_record
 from benchmark.runs.planning import Planned
-from benchmark.runs.tasks import Job, Outcome, Queue, Step, Task
-from benchmark.runs.workers import Here, Pool
+from benchmark.runs.tasks import Outcome, Queue, Step, Task
+from benchmark.runs.workers import Pool
 from benchmark.text import say
 
 #: A method that refuses as many shapes for one reason, before any other outcome, fails.
@@ -27,17 +28,8 @@ _ALIKE = 3
 _SMALLEST = 2**29
 
 
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is.
-
-    Parameters
-    ----------
-    done, total
-        Numbers of forms.
-    working
-        What the workers are doing.
-    """
+class Progress(NamedTuple):
+    """How far a run is: numbers of forms, and what the workers are doing."""
 
     done: int
     total: int
@@ -82,8 +74,8 @@ def run(
     with writing(results):
         for job in planned:
             if job.state == "unavailable":
-                write_record(results, job.record(status="unavailable", reason=job.reason), job.replaces)
-        if to_run := {job.job.key: job for job in planned if job.to_run}:
+                write_record(results, msgspec.structs.replace(job.record, reason=job.reason), job.replaces)
+        if to_run := {job.record.key: job for job in planned if job.to_run}:
             drop_stale_kernels()
             workers = _workers(size, timeout, dask)
             try:
@@ -97,113 +89,102 @@ def _workers(size: int, timeout: float, dask: str) -> Any:
         from benchmark.runs.dask import DaskPool
 
         return DaskPool(dask, timeout)
-    if not size:
-        return Here()
-    possible = max(1, min(size, memory_per_process() // _SMALLEST))
+    possible = min(size, max(1, memory_per_process() // _SMALLEST))
     if possible < size:
         say(f"only {possible} of {size} processes run at a time: there is no memory for more", err=True)
-    return Pool(possible, memory_per_process(possible), timeout)
+    return Pool(possible, memory_per_process(possible or 1), timeout)
 
 
-@dataclass
 class _Run:
     """Jobs under way, by key."""
 
-    jobs: dict[str, Planned]
-    results: Path
-    #: Shapes without a result, by the key of the job.
-    left: dict[str, set[str]] = field(default_factory=dict)
-    lost: dict[tuple[str, str], dict[str, str]] = field(default_factory=dict)
-    #: Outcomes of the first shapes, by the key of the job.
-    first: dict[str, list[str]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
+    def __init__(self, jobs: dict[str, Planned], results: Path) -> None:
+        self.jobs, self.results = jobs, results
         self.queue = Queue(self._is_open)
+        #: Shapes without a result, by the key of the job.
+        self.left: dict[str, set[str]] = {}
+        #: Reasons why the first shapes are refused, "" for one that is not, by the key of the job.
+        self.first: dict[str, list[str]] = {}
+        #: Shapes that are refused for all methods, with the reason, by data set and input.
+        self.lost = defaultdict[tuple[str, str], dict[str, str]](dict)
 
     def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
         """Run the jobs."""
         self.queue.extend(self._tasks())
         total = self._n_left
-        self.queue.extend(self._ranking(job) for key, job in self.jobs.items() if not self.left[key])
+        for planned in self.jobs.values():
+            self._finish(planned)
         while self.jobs:
-            for task, step, outcome in workers.poll(self.queue):
-                if self._is_open(step, task.shape):
-                    yield from self._take(task, step, outcome)
+            for step, outcome in workers.poll(self.queue):
+                if self._is_open(step):
+                    yield from self._take(step, outcome)
             watch(Progress(total - self._n_left, total, workers.working))
 
     @property
     def _n_left(self) -> int:
         return sum(map(len, self.left.values()))
 
-    def _is_open(self, step: Step, shape: str) -> bool:
+    def _is_open(self, step: Step) -> bool:
         """Return whether the outcome of a step is still wanted."""
-        return step.job.key in self.jobs and (not shape or shape in self.left[step.job.key])
+        return step.job.key in self.jobs and (not step.shape or step.shape in self.left[step.job.key])
 
     def _tasks(self) -> list[Task]:
-        """Return a task for each shape, plugin and seed, with the steps of all jobs."""
-        steps: dict[tuple[str, str, int, str], list[Step]] = {}
+        """Return a task for each shape, plugin and seed, with the steps of all jobs that lack its files."""
+        tasks = defaultdict[tuple[str, str, int, str], list[Step]](list)
         cache = Cache(self.results)
         for key, planned in self.jobs.items():
-            self.left[key] = set()
-            for entry, step in planned.steps():
-                if not cache.has(*step.keys.files()[-1]):
-                    group = (planned.job.source, planned.job.plugin, planned.job.seed, entry.identifier)
-                    steps.setdefault(group, []).append(step)
-                    self.left[key].add(entry.identifier)
-        return [Task(tuple(of_group), group[-1]) for group, of_group in steps.items()]
+            job, steps = planned.job, planned.steps()
+            missing = [step for step in steps if not cache.has(*[*step.keys.items()][-1])]
+            self.left[key] = {step.shape for step in missing}
+            self.first[key] = [] if missing == steps else [""]
+            for step in missing:
+                tasks[job.source, job.plugin, job.row.seed, step.shape].append(step)
+        return [Task(tuple(steps)) for steps in tasks.values()]
 
-    def _ranking(self, planned: Planned) -> Task:
-        lost = self.lost.get((planned.job.source, planned.job.input), {})
-        gallery = Ranked(planned.shapes, planned.facts["labels"], planned.keys, lost)
-        models = tuple(step.model for _, step in planned.steps())
-        return Task((Step(planned.job),), gallery=gallery, models=models)
-
-    def _take(self, task: Task, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
+    def _take(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
         """Note an outcome; yield the job with its record if it has ended."""
-        job, planned = step.job, self.jobs[step.job.key]
-        if outcome.status == "storage":
-            raise StorageError(outcome.reason)
-        if outcome.status == "changed":
-            raise BenchmarkError(f"{job.name}: {outcome.reason}", "finished jobs are kept")
-        if outcome.status == "lost" and task.shape:
-            self._lose(task.shape, job, outcome.reason)
-        elif task.gallery or outcome.status not in ("ok", "refused", "unprepared"):
-            yield planned, self._end(planned, task.shape, outcome)
-        elif self._is_refused_alike(job, outcome):
-            alike = Outcome("failed", f"the first {_ALIKE} shapes are refused alike: {outcome.reason}")
-            yield planned, self._end(planned, task.shape, alike)
+        planned, first = self.jobs[step.job.key], self.first[step.job.key]
+        if outcome.status == "stopped":
+            raise BenchmarkError(outcome.reason)
+        if outcome.status == "lost":
+            self._lose(step, outcome.reason)
+        elif not step.shape or outcome.status not in ("ok", "refused"):
+            yield planned, self._end(planned, step.shape, outcome)
         else:
-            self._finish(job.key, task.shape)
+            first.append(outcome.reason)
+            if len(first) == _ALIKE and set(first) == {outcome.reason} != {""}:
+                alike = Outcome("failed", f"the first {_ALIKE} shapes are refused alike: {outcome.reason}")
+                yield planned, self._end(planned, step.shape, alike)
+            else:
+                self._finish(planned, step.shape)
 
-    def _finish(self, key: str, shape: str) -> None:
+    def _finish(self, planned: Planned, shape: str = "") -> None:
         """Note that a job is done with a shape; rank its gallery after the last one."""
-        self.left[key].discard(shape)
-        if not self.left[key]:
-            self.queue.append(self._ranking(self.jobs[key]))
+        left = self.left[planned.job.key]
+        left.discard(shape)
+        if not left:
+            lost = self.lost[planned.job.source, planned.record.input]
+            self.queue.append(Task((Step(planned.job),), planned.record, planned.steps(), lost))
 
-    def _lose(self, shape: str, job: Job, reason: str) -> None:
+    def _lose(self, step: Step, reason: str) -> None:
         """Refuse a shape for all jobs with its data and input."""
-        say(f"{shape}: {reason}", err=True)
-        self.lost.setdefault((job.source, job.input), {})[shape] = reason
+        say(f"{step.shape}: {reason}", err=True)
+        place = step.job.source, step.job.row.input
+        self.lost[place][step.shape] = reason
         for key, other in self.jobs.items():
-            if (other.job.source, other.job.input) == (job.source, job.input) and shape in self.left[key]:
-                self._finish(key, shape)
-
-    def _is_refused_alike(self, job: Job, outcome: Outcome) -> bool:
-        """Return whether this is the last of the first outcomes of a job, and all of them are one refusal."""
-        first = self.first.setdefault(job.key, [])
-        if outcome.status == "unprepared" or len(first) == _ALIKE:
-            return False
-        first.append(outcome.reason)
-        return len(first) == _ALIKE and set(first) == {outcome.reason} and outcome.status == "refused"
+            if (other.job.source, other.record.input) == place and step.shape in self.left[key]:
+                self._finish(other, step.shape)
 
     def _end(self, planned: Planned, shape: str, outcome: Outcome) -> Record:
         reason = f"{shape}: {outcome.reason}" if shape else outcome.reason
-        facts = outcome.content or {"reason": reason, "traceback": outcome.traceback}
-        finished = datetime.now(UTC).isoformat(timespec="milliseconds")
-        record = planned.record(
-            status=outcome.status, finished=finished, commit=commit(), packages=packages(), **facts
-        )  # fmt: skip
+        content = msgspec.to_builtins(planned.record) | {
+            "status": outcome.status,
+            "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "commit": commit(),
+            "packages": packages(),
+            **(outcome.content or {"reason": reason, "traceback": outcome.traceback}),
+        }
+        record = msgspec.convert(content, Record)
         write_record(self.results, record, planned.replaces)
         del self.jobs[planned.job.key], self.left[planned.job.key]
         return record

@@ -1,7 +1,6 @@
 """Tasks, into which jobs are divided, and the program of a worker that runs them.
 
-Messages of a worker are pairs: ``("aside", name)`` when work begins that is charged to no method, ``("aside", "")``
-when it ends, and ``("outcome", outcome)``.
+Messages of a worker are the name of work that begins and is charged to no method, None when it ends, and outcomes.
 """
 
 from __future__ import annotations
@@ -15,21 +14,24 @@ import sys
 import traceback
 from bdb import BdbQuit
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from benchmark.api.contracts import Descriptor, Input, Shape
-from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.datasets import ShapeSet
 from benchmark.code_digest import digest
 from benchmark.errors import BenchmarkError, InvalidForm, InvalidSignature, ShapeError, locate
 from benchmark.pipeline import stages
-from benchmark.pipeline.cache import Arrays, Cache, Keys, StorageError
-from benchmark.pipeline.ranking import Ranked, rank
+from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
+from benchmark.pipeline.ranking import rank
+from benchmark.pipeline.records import Record, Row
 from benchmark.registry.components import Component
 from benchmark.text import say
 
@@ -42,13 +44,11 @@ class Job:
 
     Parameters
     ----------
-    key
-        Key of its record.
-    name
-        Gallery, input and method, for messages.
+    key, row
+        Key of its record, and what that is the result of.
     source, data_root
         Where the shapes come from: a name or a folder, and the folder of official sets.
-    input, method, scorer, seed
+    method, scorer
         What to do with them.
     results
         The results folder.
@@ -57,13 +57,11 @@ class Job:
     """
 
     key: str
-    name: str
+    row: Row
     source: str
     data_root: Path | None
-    input: Input
     method: Component
     scorer: Component
-    seed: int
     results: Path
     code: str
 
@@ -74,42 +72,42 @@ class Job:
 
 
 class Step(NamedTuple):
-    """A job at one shape, or its ranking."""
+    """A job at one shape, with the keys of its files and its model; or the ranking of its gallery."""
 
     job: Job
-    keys: Keys = Keys("", "", "")
+    shape: str = ""
+    keys: Mapping[Kind, str] = {}
     model: Path | None = None
+
+    def __str__(self) -> str:
+        return f"{self.job.method.name}, {self.shape}" if self.shape else f"ranking {self.job.row}"
 
 
 class Task(NamedTuple):
-    """Work for one worker: all steps at one shape, or the ranking of one job.
+    """Work for one worker: all steps at one shape of a data set, or the ranking of one job.
 
     Parameters
     ----------
     steps
-        The steps, of jobs on one data set.
-    shape
-        Name of the shape; "" for a ranking.
-    gallery, models
-        For a ranking: the shapes, and the model for each.
+        The steps.
+    record, shapes, lost
+        For a ranking: the record without its outcome, the step at each shape, and why shapes were lost for all methods.
     """
 
     steps: tuple[Step, ...]
-    shape: str = ""
-    gallery: Ranked | None = None
-    models: tuple[Path | None, ...] = ()
+    record: Record | None = None
+    shapes: Sequence[Step] = ()
+    lost: Mapping[str, str] = {}
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """What became of a step.
 
     Parameters
     ----------
     status
-        ``"ok"``, ``"refused"`` (the shape by this method), ``"unprepared"`` (by preparation), ``"lost"`` (the shape for
-        all methods in this run), ``"storage"`` (the results folder cannot be written), ``"changed"`` (other code than
-        in the plan), or the status of the record of a job that failed.
+        ``"ok"``, ``"refused"`` (the shape by this method), ``"lost"`` (the shape for all methods), ``"stopped"`` (the
+        run cannot go on), or the status of the record of a job that failed.
     reason, traceback
         Why there is no result.
     content
@@ -119,7 +117,7 @@ class Outcome:
     status: str
     reason: str = ""
     traceback: str = ""
-    content: Mapping[str, Any] = field(default_factory=dict)
+    content: Mapping[str, Any] = {}
 
 
 class Queue(deque[Task]):
@@ -128,10 +126,10 @@ class Queue(deque[Task]):
     Parameters
     ----------
     is_open
-        Says whether the outcome of a step at a shape is still wanted.
+        Says whether the outcome of a step is still wanted.
     """
 
-    def __init__(self, is_open: Callable[[Step, str], bool]) -> None:
+    def __init__(self, is_open: Callable[[Step], bool]) -> None:
         super().__init__()
         self._is_open = is_open
 
@@ -139,7 +137,7 @@ class Queue(deque[Task]):
         """Return the next task with its open steps; None if there is none."""
         while self:
             task = self.popleft()
-            if steps := tuple(step for step in task.steps if self._is_open(step, task.shape)):
+            if steps := tuple(filter(self._is_open, task.steps)):
                 return task._replace(steps=steps)
         return None
 
@@ -147,28 +145,12 @@ class Queue(deque[Task]):
 # Steps ---------------------------------------------------------------------------------------------------------------
 
 
-class CodeChanged(BenchmarkError):
-    """The code that a worker has is not that of the plan."""
-
-
-#: Status of a step with an error of the suite; the first type that fits counts.
-_STATUSES: Mapping[type[BenchmarkError], str] = {
-    StorageError: "storage",
-    CodeChanged: "changed",
-    stages.SharedFailure: "lost",
-    InvalidForm: "failed",
-    InvalidSignature: "failed",
-    stages.Unprepared: "unprepared",
-    ShapeError: "refused",
-    BenchmarkError: "failed",
-}
-
 #: Methods that this process has used, with their input: the first use includes loading and compiling.
 _used: set[tuple[Component, str]] = set()
 
 
 class Work:
-    """A task under way, with what its steps share: the mesh of the shape, its prepared surfaces and their geodesics.
+    """A task under way, with what its steps share: surfaces of the shape and their geodesics.
 
     Parameters
     ----------
@@ -179,8 +161,8 @@ class Work:
     """
 
     def __init__(self, task: Task, aside: stages.Aside = lambda _: nullcontext()) -> None:
-        self.task, self.aside = task, aside
-        self._shapes: dict[str, tuple[Shape, stages.SharedStages]] = {}
+        self.task, self._aside = task, aside
+        self._surfaces: dict[str, tuple[Arrays, Shape, stages.SharedStages]] = {}
 
     def outcome(self, step: Step) -> Outcome:
         """Do a step; what goes wrong in it becomes its outcome.
@@ -190,105 +172,102 @@ class Work:
         KeyboardInterrupt
             If the run is interrupted, which no method is to blame for; so is ``BdbQuit``, with which a debugger ends.
         """
+        job = step.job
         try:
-            return self._rank(step) if self.task.gallery else self._process(step)
+            with self._aside("loading"):
+                if not _is_as_planned(job):
+                    problem = "its code changed during the run, or is another one on this machine"
+                    return Outcome("stopped", f"{job.row}: {problem}; run again: finished jobs are kept")
+                method, scorer = _load_method(job, step.model), _load_scorer(job)
+            if self.task.record:
+                return self._rank(self.task.record, job, method if isinstance(method, Descriptor) else scorer)
+            return self._process(step, method, scorer)
         except (KeyboardInterrupt, BdbQuit):
             raise
         except MemoryError:
             return Outcome("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
+        except StorageError as error:
+            return Outcome("stopped", str(error))
+        except stages.Unprepared as error:
+            return Outcome("lost", str(error))
+        except (InvalidForm, InvalidSignature) as error:
+            return Outcome("failed", str(error))
+        except ShapeError as error:
+            return Outcome("refused", str(error))
         except BenchmarkError as error:
-            return Outcome(next(status for kind, status in _STATUSES.items() if isinstance(error, kind)), str(error))
+            return Outcome("failed", str(error))
         except BaseException as error:  # SystemExit included: a method must not end its worker
             return Outcome("failed", locate(error), traceback.format_exc())
 
-    def _process(self, step: Step) -> Outcome:
+    def _process(self, step: Step, method: Any, scorer: Any) -> Outcome:
         """Compute the files of a step that are missing."""
-        cache_ = Cache(step.job.results)
-        form = stages.require_result(cache_.get("forms", step.keys.form, lambda: self._answer(step)))
-        if step.keys.signature:
-            stages.require_result(cache_.get("signatures", step.keys.signature, lambda: self._sign(step, form)))
+        job, cache_, input_ = step.job, Cache(step.job.results), step.job.row.input
+        if input_ not in self._surfaces:
+            with self._aside("preparation"):
+                preparation = _preparation(job.source, job.data_root, input_, job.results)
+                entry = next(entry for entry in preparation.shapes.shapes if entry.identifier == step.shape)
+                prepared = preparation.arrays(entry)
+            shared = stages.SharedStages(self._aside)
+            self._surfaces[input_] = prepared, stages.shape_of(prepared, step.shape, job.row.seed, shared), shared
+        prepared, shape, shared = self._surfaces[input_]
+
+        def answer() -> Arrays:
+            is_first = (job.method, input_) not in _used
+            _used.add((job.method, input_))
+            arrays = stages.compute_answer(method, shape, shared)
+            return {**arrays, stages.FIRST: np.asarray(True)} if is_first else arrays
+
+        form = stages.require_result(cache_.get("forms", step.keys["forms"], answer))
+        if "signatures" in step.keys:
+            mesh = stages.mesh_of(form, prepared)
+            stages.require_result(cache_.get("signatures", step.keys["signatures"], lambda: stages.sign(scorer, mesh)))
         return Outcome("ok")
 
-    def _answer(self, step: Step) -> Arrays:
-        job = step.job
-        with self.aside("loading"):
-            method, first = load_method(job, step.model), (job.method, job.input) not in _used
-        if job.input not in self._shapes:
-            shared = stages.SharedStages(self.aside)
-            self._shapes[job.input] = stages.shape_of(self.prepared(step), self.task.shape, job.seed, shared), shared
-        _used.add((job.method, job.input))
-        return stages.compute_answer(method, *self._shapes[job.input], first=first)
-
-    def _sign(self, step: Step, form: Arrays) -> Arrays:
-        with self.aside("loading"):
-            scorer = load_scorer(step.job)
-        return stages.sign(scorer, stages.mesh_of(form, {} if "faces" in form else self.prepared(step)))
-
-    def prepared(self, step: Step) -> Arrays:
-        """Return the arrays of the prepared shape; raise ``ShapeError`` if there are none."""
-        job = step.job
-        with self.aside("preparation"):
-            preparation = _preparation(job.source, job.data_root, job.input, job.results)
-            entries = _open(job.source, job.data_root)[1]
-            try:
-                return preparation.arrays(entries[self.task.shape])
-            except MemoryError as error:
-                raise stages.SharedFailure("no memory to prepare it", "simplify the mesh, or use -j 1") from error
-
-    def _rank(self, step: Step) -> Outcome:
+    def _rank(self, record: Record, job: Job, comparing: Any) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
-        job, gallery, models, cache_ = step.job, self.task.gallery, self.task.models, Cache(step.job.results)
-        assert gallery is not None  # noqa: S101
+        cache_ = Cache(job.results)
 
-        def compute(index: int) -> None:
-            work = Work(Task((), gallery.shapes[index]), self.aside)
-            again = Step(job, gallery.keys[index], models[index])
-            with suppress(ShapeError):
-                work.prepared(again)
-            work.outcome(again)
+        def remake(index: int) -> None:
+            step = self.task.shapes[index]
+            Work(Task((step,)), self._aside).outcome(step)
 
-        with self.aside("loading"):
-            method = load_method(job, models[0])
-            comparing = method if isinstance(method, Descriptor) else load_scorer(job)
-        content, distances = rank(gallery, cache_, compute, comparing)
+        content, distances = rank(record, self.task.lost, cache_, remake, comparing)
         if not distances:
             name, reason = content["unsupported"][0]
-            number = len(gallery.shapes)
+            number = len(record.shapes)
             return Outcome("unsupported", f"none of {number} shapes could be processed; {name}: {reason}")
         cache_.write("records", job.key, distances)
         return Outcome("ok", content=content)
 
 
 @cache
-def _open(source: str, data_root: Path | None) -> tuple[ShapeSet, dict[str, Entry]]:
-    """Open a data set, which loads a mesh once for both inputs: generated ones take a second."""
-    from benchmark.datasets.catalogue import open_dataset
-
-    shapes = open_dataset(source, data_root)
-    return replace(shapes, load=lru_cache(1)(shapes.load)), {entry.identifier: entry for entry in shapes.shapes}
+def _is_as_planned(job: Job) -> bool:
+    return digest([job.method.key(), job.scorer.key()]) == job.code
 
 
 @cache
-def _preparation(source: str, data_root: Path | None, input_: Input, results: Path) -> stages.Preparation:
-    return stages.Preparation(_open(source, data_root)[0], input_, Cache(results))
-
-
-@cache
-def load_method(job: Job, model: Path | None) -> Any:
-    """Create the method of a job, with its model; raise :class:`CodeChanged` if it is not that of the plan."""
-    if digest([_key(job.method), _key(job.scorer)]) != job.code:
-        raise CodeChanged("its code changed during the run, or is another one on this machine", "run again")
+def _load_method(job: Job, model: Path | None) -> Any:
     method = job.method.create()
     return method.load(model) if model else method
 
 
 @cache
-def load_scorer(job: Job) -> Any:
-    """Create the scorer of a job."""
+def _load_scorer(job: Job) -> Any:
     return job.scorer.create()
 
 
-_key = cache(Component.key)
+@cache
+def _open(source: str, data_root: Path | None) -> ShapeSet:
+    """Open a data set, which loads a mesh once for both inputs: generated ones take a second."""
+    from benchmark.datasets.catalogue import open_dataset
+
+    shapes = open_dataset(source, data_root)
+    return replace(shapes, load=lru_cache(1)(shapes.load))
+
+
+@cache
+def _preparation(source: str, data_root: Path | None, input_: Input, results: Path) -> stages.Preparation:
+    return stages.Preparation(_open(source, data_root), input_, Cache(results))
 
 
 # The program of a worker ---------------------------------------------------------------------------------------------
@@ -300,43 +279,35 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
 
     _die_with(parent)
     resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.getrlimit(resource.RLIMIT_DATA)[1]))
-    connection, printed, at_work = Connection(descriptor), _Printed(), [""]
-
-    def begin(name: str) -> None:
-        at_work.append(name)
-        connection.send(("aside", name))
-
-    def end() -> None:
-        at_work.pop()
-        connection.send(("aside", at_work[-1]))
+    connection, printed = Connection(descriptor), _Printed()
 
     @contextmanager
     def aside(name: str) -> Iterator[None]:
-        begin(name)
+        connection.send(name)
         try:
             yield
         finally:
-            end()
+            connection.send(None)
 
     class Compiling(event.Listener):  # type: ignore[misc]
         def on_start(self, event: object) -> None:
-            begin("compiling")
+            connection.send("compiling")
 
         def on_end(self, event: object) -> None:
-            end()
+            connection.send(None)
 
     event.register("numba:compile", Compiling())
-    connection.send(("aside", ""))
+    connection.send(None)  # started
     with suppress(EOFError, OSError), redirect_stdout(printed):  # the program has ended
         while True:
             work = Work(connection.recv(), aside)
             for step in work.task.steps:
-                printed.name = f"{step.job.method.name}, {work.task.shape or 'ranking'}"
+                printed.name = str(step)
                 try:
                     outcome = work.outcome(step)
                 except (KeyboardInterrupt, BdbQuit) as error:  # there is no terminal here
                     outcome = Outcome("failed", f"it raises {type(error).__name__}: use a debugger with -j 0")
-                connection.send(("outcome", outcome))
+                connection.send(outcome)
 
 
 class _Printed(io.TextIOBase):

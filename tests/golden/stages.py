@@ -14,14 +14,16 @@ import pandas
 
 from benchmark.api.contracts import Shape
 from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.code_digest import digest
 from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
 from benchmark.datasets.changes import changed as changed_set
 from benchmark.datasets.people import _SCANNED_POSES, PEOPLE
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.pipeline import preparation
-from benchmark.pipeline.cache import Cache, Keys
-from benchmark.pipeline.ranking import Ranked, rank
+from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.ranking import rank
+from benchmark.pipeline.records import Data, Record
 from benchmark.pipeline.stages import SECONDS, SharedStages, compute_answer, require_result
 from benchmark.registry import select_one
 from benchmark.registry.outputs import compare_signatures, compute_distances, compute_signature
@@ -47,7 +49,7 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 
 def _answer(method: Any, shape: Shape) -> Arrays:
     """Return a form or a descriptor without its times; raise the reason of a refusal."""
-    answer = require_result(compute_answer(method, shape, SharedStages(), first=False))
+    answer = require_result(compute_answer(method, shape, SharedStages()))
     return {name: array for name, array in answer.items() if not name.startswith(SECONDS)}
 
 
@@ -88,14 +90,19 @@ def _committed(scorer: str, form: str) -> Arrays:
 def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) -> Arrays:
     """Return what the record of a gallery of committed signatures says; some shapes are refused."""
     scorer = select_one("cm-bof", kind="scorer").create()
+    keys = [digest(form) for form in forms]
+    record = Record(
+        key=digest(forms), status="unavailable", gallery="", gallery_digest="", input="mesh", method="", title="",
+        family="", data=Data("", "", ""), shapes=list(forms), labels=list(labels),
+        files={"prepared": keys, "forms": keys, "signatures": keys},
+    )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         cache, second = Cache(Path(folder)), {SECONDS: np.array(1.0)}
-        for form in forms:
-            cache.write("prepared", form, {**second, "note:bridges": np.array(len(form))})
-            cache.write("forms", form, {"refused": np.array(["no reason", ""])} if form in refused else second)
-            cache.write("signatures", form, {**_committed("cm-bof", form), **second})
-        keys = [Keys(form, form, form) for form in forms]
-        content, arrays = rank(Ranked(forms, labels, keys, {}), cache, lambda _: None, scorer)
+        for form, key in zip(forms, keys, strict=True):
+            cache.write("prepared", key, {**second, "note:bridges": np.array(len(form))})
+            cache.write("forms", key, {"refused": np.array(["no reason", ""])} if form in refused else second)
+            cache.write("signatures", key, {**_committed("cm-bof", form), **second})
+        content, arrays = rank(record, {}, cache, lambda _: None, scorer)
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]
     return {**arrays, **_flat({**content, "unsupported": refused})}
 

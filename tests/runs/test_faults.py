@@ -25,7 +25,7 @@ ENDINGS = {
     "exits": ("failed", "thick0: faults.py:42: SystemExit: 3"),
     "os-exit": ("crashed", "thick0: the process ended with exit code 3"),
     "segfault": ("crashed", "thick0: the process ended with SIGSEGV"),
-    "killed": ("killed", "thick0: the process ended with SIGKILL"),
+    "killed": ("crashed", "thick0: the process ended with SIGKILL"),
     "hang": ("timeout", "thick0: stopped after 4 s; pass a longer --timeout"),
     "memory": ("memory", "thick0: out of memory; run with fewer jobs (-j 1) or on a larger machine"),
     "nan": ("failed", "thick0: faults.py: method 'nan' returned no canonical form"),
@@ -88,9 +88,9 @@ def test_children_of_a_stopped_method_end(faulty):
 
 def test_failed_jobs_run_again_only_when_asked(rods, faulty):
     results = faulty[1] / "results"
-    jobs = {again: planned(rods, results, "bug", plugins=(FAULTS,), again=again)[0] for again in ("", "failed", "all")}
-    assert {again: job.to_run for again, job in jobs.items()} == {"": False, "failed": True, "all": True}
-    assert jobs[""].state == "failed"
+    for again, runs in (((), False), (("failed",), True), (("finished", "failed"), True), (("finished",), False)):
+        (job,) = planned(rods, results, "bug", plugins=(FAULTS,), again=again)
+        assert (job.to_run, job.state) == (runs, "failed")
 
 
 def wait_for(path: Path) -> list[int]:
@@ -114,7 +114,7 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, m
     jobs = planned(rods, tmp_path / "results", "waits-once", "slow", plugins=(FAULTS,))
     records = {}
     for job, record in run(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
-        records[job.job.method.name] = record
+        records[job.record.method] = record
         for child in psutil.Process().children():
             if "benchmark.runs.tasks" in " ".join(child.cmdline()):
                 child.kill()  # it is idle, or begins to rank

@@ -12,14 +12,15 @@ from pathlib import Path
 import psutil
 import pytest
 
+from benchmark.api import UnsupportedShape
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.cache import StorageError, writing
 from benchmark.pipeline.records import read_records
-from benchmark.runs.estimates import estimate
+from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
 from tests.runs.test_faults import wait_for
 from tests.runs.toy import FAULTS, planned, run_toy
-from tests.toy import files_of_at_most
+from tests.toy import files_of_at_most, write_rods
 
 #: A program that runs slow methods.
 PROGRAM = """
@@ -92,7 +93,10 @@ def test_results_of_an_earlier_version_are_refused_in_one_line(rods, tmp_path):
 def test_a_full_disk_ends_the_run_with_one_line(rods, tmp_path, size):
     jobs = planned(rods, tmp_path, "surface-area")
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    with files_of_at_most(100), pytest.raises(StorageError, match="cannot write to .*File too large; free some space"):
+    with (
+        files_of_at_most(100),
+        pytest.raises(BenchmarkError, match="cannot write to .*File too large; free some space"),
+    ):
         list(run(jobs, tmp_path, size=size))
     assert run_toy(rods, tmp_path, "surface-area")["surface-area"].status == "ok"
 
@@ -112,7 +116,7 @@ def test_a_damaged_file_of_any_kind_is_made_again(rods, tmp_path, kind, damage):
     middle = len(content) // 2
     content[middle] ^= 255
     path.write_bytes({"truncated": content[:middle], "flipped": content, "empty": b""}[damage])
-    after = run_toy(rods, tmp_path, "identity", again="all")["identity"]
+    after = run_toy(rods, tmp_path, "identity", again=("finished",))["identity"]
     assert (after.scores, after.per_query) == (before.scores, before.per_query)
 
 
@@ -131,7 +135,7 @@ def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp
     for method, file, error in (("debugged", plugin, BdbQuit), ("interrupts", FAULTS, KeyboardInterrupt)):
         with pytest.raises(error):
             run_toy(rods, tmp_path / "results", method, plugins=(file,))
-    assert not read_records(tmp_path / "results").records
+    assert not read_records(tmp_path / "results")
 
 
 def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
@@ -155,6 +159,32 @@ def test_an_edit_during_a_run_ends_it(rods, tmp_path):
         list(run(jobs, tmp_path / "results", size=1))
 
 
+def test_a_function_that_is_defined_again_runs_again(rods, tmp_path):
+    scores = []
+    for factor in (1.0, 2.0):
+
+        def stretched(shape, factor=factor):
+            return shape.mesh.vertices * [1.0, 1.0, factor]
+
+        stretched.__module__ = "a notebook"
+        record = run_toy(rods, tmp_path, stretched)["stretched"]
+        scores.append((record.status, record.key))
+    assert [status for status, _ in scores] == ["ok", "ok"]
+    assert len(set(scores)) == 2
+
+
+def test_shapes_that_were_refused_alike_before_do_not_fail_a_method_that_runs_again(tmp_path):
+    def picky(shape):
+        if shape.identifier.startswith("thin"):
+            raise UnsupportedShape("too thin")
+        return shape.mesh.vertices
+
+    folder = write_rods(tmp_path / "rods", bends=(0.0, 0.6, 1.2))
+    for _ in range(2):
+        record = run_toy(folder, tmp_path / "results", picky, again=("finished",))["picky"]
+        assert (record.status, len(record.unsupported)) == ("ok", 3)
+
+
 def test_progress_reaches_its_total(rods, tmp_path):
     seen = []
     jobs = planned(rods, tmp_path, "identity", "surface-area")
@@ -166,7 +196,9 @@ def test_progress_reaches_its_total(rods, tmp_path):
 def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(rods, tmp_path):
     run_toy(rods, tmp_path, "classic-mds", "identity")
     record = {record.method: record for record in read_records(tmp_path)}
-    jobs = planned(rods, tmp_path, "classic-mds", "identity", "hks-like", again="all", plugins=(_unknown(tmp_path),))
+    jobs = planned(
+        rods, tmp_path, "classic-mds", "identity", "hks-like", again=("finished",), plugins=(_unknown(tmp_path),)
+    )
     found = estimate(jobs, tmp_path)
     each = [sum(record[name].seconds[stage] for stage in ("canonicalise", "signature")) for name in record]
     shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]

@@ -21,7 +21,8 @@ def gallery(folder: Path | str) -> Any:
     return SimpleNamespace(
         table=SimpleNamespace(all_unseen=False), name=shapes.name, source=str(folder), dataset=shapes,
         entries=shapes.shapes, quick=False,
-        inputs=("mesh", "view"), data_root=None, rows=lambda methods, _: methods,
+        inputs=("mesh", "view"), data_root=None,
+        rows=lambda input_, methods, folder, named: methods, models=lambda method, folder: {},
     )  # fmt: skip
 
 
@@ -33,7 +34,7 @@ def planned(
 
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
     """Run jobs and return their records by method."""
-    return {job.job.method.name: record for job, record in run(jobs, results, **options)}
+    return {job.record.method: record for job, record in run(jobs, results, **options)}
 
 
 def run_toy(folder: Path, results: Path, *methods: Any, size: int = 0, timeout: float = 60.0, **options: Any) -> Any:
