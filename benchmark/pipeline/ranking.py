@@ -21,8 +21,8 @@ from benchmark.registry.outputs import compare_signatures, compute_distances
 #: Arrays of prepared shapes and forms that ranking does not read.
 _SURFACES = ("vertices", "faces", "depth")
 
-#: Names of the stages in records.
-_STAGES: Mapping[Kind, str] = {"prepared": "prepare", "forms": "canonicalise", "signatures": "signature"}
+#: Names in records of the stages that make the files.
+STAGES: Mapping[Kind, str] = {"prepared": "prepare", "forms": "canonicalise", "signatures": "signature"}
 
 
 def rank(
@@ -140,5 +140,5 @@ def _median_seconds(answered: Sequence[Mapping[Kind, Arrays]]) -> dict[str, floa
             for name, took in arrays.items():
                 first, _, shared = name.partition(":")
                 if first == SECONDS:
-                    seconds[shared or _STAGES[kind]].append(float(took))
+                    seconds[shared or STAGES[kind]].append(float(took))
     return {stage: round(statistics.median(values), 4) for stage, values in sorted(seconds.items())}

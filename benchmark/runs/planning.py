@@ -16,7 +16,8 @@ import msgspec
 from benchmark.api.contracts import Input
 from benchmark.code_digest import ROOT, code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
-from benchmark.pipeline.cache import Cache, Kind
+from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.ranking import STAGES
 from benchmark.pipeline.records import Record, Row, read_records
 from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery
@@ -105,9 +106,9 @@ def plan(
     chosen, wanted = list(methods), list(inputs)
     jobs: dict[str, Planned] = {}
     for gallery in galleries:
-        for input_ in (name for name in wanted if name in gallery.inputs):
-            rows = gallery.rows(input_, chosen, results / "models", named=named)
-            jobs |= {job.record.key: job for job in planning.jobs(gallery, input_, rows)}
+        for input_ in wanted:
+            if input_ in gallery.inputs and (rows := gallery.rows(input_, chosen, results / "models", named=named)):
+                jobs |= {job.record.key: job for job in planning.jobs(gallery, input_, rows)}
     return list(jobs.values())
 
 
@@ -267,11 +268,6 @@ def _in_words(name: str, before: str, now: str) -> str:
 
 # Time ----------------------------------------------------------------------------------------------------------------
 
-#: Timed stages of each kind of file in the cache.
-STAGES: Mapping[Kind, tuple[str, ...]] = {
-    "prepared": ("prepare", "geodesics"), "forms": ("canonicalise",), "signatures": ("signature",)
-}  # fmt: skip
-
 #: Results folder of the checkout, whose published records know seconds of every method; an installed package has none.
 SUITE_RESULTS = ROOT / "results"
 
@@ -296,7 +292,7 @@ def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_
         seconds = _seconds_a_shape(record, finished)
         unknown += not seconds
         for kind, keys in record.files.items():
-            of_file = sum(seconds.get(stage, 0.0) for stage in STAGES[kind])
+            of_file = seconds.get(STAGES[kind], 0.0) + (seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0)
             spent |= {key: max(spent.get(key, 0.0), of_file) for key in keys}
     return Estimate(sum(spent.values()), unknown)
 
