@@ -16,9 +16,9 @@ KERNELS := $(shell grep -rl njit --include='*.py' baselines benchmark learned re
 unexport PYTHONDONTWRITEBYTECODE
 
 # What the figures show: shapes of quick runs, which make the forms.
-POSES := $(addprefix --shape woman-a3_,standing running squatting)
+POSES := $(addprefix --shape woman-a3_,standing waving t-pose)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
-OF_PEOPLE := -d people[draw=0] --input mesh
+OF_PEOPLE := -d people[draw=0] --input mesh --quick
 OF_SCANS := -d humans-scanlike --input mesh --quick
 OF_VIEWS := -t I-view -d people[draw=0] --quick
 NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
