@@ -96,9 +96,6 @@ def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
 
 def form_maker(component: Component) -> Method:
     """Return a method with its default model; raise ``ConfigurationError`` if it computes no forms."""
-    if missing := component.missing_packages():
-        packages = " ".join(missing)
-        raise ConfigurationError(f"method '{component.name}' needs {packages}", f"pip install {packages}")
     maker = with_model(component)
     if not isinstance(maker, Method):
         raise ConfigurationError(

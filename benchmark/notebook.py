@@ -77,6 +77,7 @@ def run(
         If a name is unknown, or a value is invalid.
     """
     from benchmark.datasets.catalogue import sources
+    from benchmark.pipeline.records import read_records
     from benchmark.protocols.galleries import galleries
     from benchmark.report.frames import jobs_frame
     from benchmark.runs.planning import plan
@@ -91,7 +92,7 @@ def run(
     options: dict[str, Any] = {"scorer": by, "seed": seed, "named": bool(wanted) and EVERY not in wanted}
     jobs = plan(shapes, [input], chosen, folder, again=["failed", "finished"] if again else ["failed"], **options)
     ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
-    records = {record.key: record for record in _records(folder)} | ended
+    records = {record.key: record for record in read_records(folder, published=False)} | ended
     return jobs_frame([records[job.record.key] for job in jobs if job.state != "unsupported"])
 
 
@@ -132,12 +133,6 @@ def canonicalise(
     shape = Shape(identifier="shape", mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
     form, notes = compute_form(with_model(component) if component.learns else component.create(), shape)
     return CanonicalForm(form.vertices, form.faces, {name: note.item() for name, note in notes.items()})
-
-
-def _records(folder: Path) -> list[Any]:
-    from benchmark.pipeline.records import read_records
-
-    return list(read_records(folder, published=False))
 
 
 def _listed(values: Any) -> list[Any]:

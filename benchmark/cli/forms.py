@@ -7,7 +7,6 @@ import os
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,9 +14,8 @@ import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, Input, Shape
 from benchmark.api.datasets import ShapeSet
-from benchmark.cli.methods import trained_on_people
+from benchmark.cli.names import trained_on_people
 from benchmark.cli.options import Selection
-from benchmark.datasets.catalogue import open_dataset, sources
 from benchmark.datasets.folder import folder_set
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
@@ -31,7 +29,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.preparation import N_VERTICES, fit_frame, prepare_mesh, prepare_view
-from benchmark.pipeline.records import Record, read_form, read_records
+from benchmark.pipeline.records import Row, read_form, read_records
 from benchmark.pipeline.search import search
 from benchmark.pipeline.stages import Preparation, shape_of
 from benchmark.protocols.models import find_models
@@ -43,64 +41,36 @@ from benchmark.text import aligned, say
 #: Characters of method names that are replaced in file names.
 _NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
 
-#: One depth image, with the files for its form and, on request, its picture.
-FrameJob = tuple[FrameFiles, Path, Path | None]
-
-
-@dataclass(frozen=True)
-class Camera:
-    """How a depth image was taken, as far as a user says it."""
-
-    intrinsics: str = ""
-    mask: Path | None = None
-    depth_scale: float | None = None
-
-    def files(self, image: Path) -> FrameFiles:
-        """Return the files of an image."""
-        camera = intrinsics_of(self.intrinsics) if self.intrinsics else None
-        return FrameFiles(image, intrinsics=camera, mask=self.mask, scale=self.depth_scale)
-
-
-@dataclass(frozen=True)
-class Request:
-    """A method, with the plugins that may define it and the seed, and the camera of depth images."""
-
-    method: str
-    selection: Selection = field(default_factory=Selection)
-    camera: Camera = Camera()
-
 
 def canonicalise(
-    paths: Sequence[Path], request: Request, output: Path | None, picture: Path | None = None, *,
-    all_vertices: bool = False,
-) -> bool:  # fmt: skip
+    paths: Sequence[Path], method: str, options: Selection, output: Path | None, *, all_vertices: bool = False
+) -> bool:
     """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
     source, *others = paths
     may_miss = bool(others) or _is_pattern(source)  # a missing frame costs only itself
     if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
-    if picture is not None and not others and source.is_file():
-        check_ending(picture)
-    if warning := trained_on_people(select_one(request.method, request.selection.plugins)):
-        say(f"{request.method}: {warning}", err=True)
+    if options.picture is not None and not others and source.is_file():
+        check_ending(options.picture)
+    if warning := trained_on_people(select_one(method, options.plugins)):
+        say(f"{method}: {warning}", err=True)
     if may_miss or source.suffix.lower() in EXTENSIONS or source.is_dir():
         if all_vertices:
             raise ConfigurationError("a depth image has no vertices", "omit --all-vertices")
-        return _canonicalise_frames(_frame_jobs(paths, request, output, picture), request)
-    if request.camera != Camera():
+        return _canonicalise_frames(paths, method, options, output)
+    if options.intrinsics or options.mask or options.depth_scale is not None:
         raise ConfigurationError(f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
-    target = _mesh_target(output, source, request.method)
+    target = _mesh_target(output, source, method)
     if target.exists() and target.samefile(source):
         raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
     try:
-        form = form_of_mesh(source, request, all_vertices=all_vertices)
+        form = form_of_mesh(source, method, options, all_vertices=all_vertices)
     except ShapeError as error:
-        if str(source) in error.problem:
-            raise
-        raise ShapeError(f"{source}: {error.problem}", error.hint) from error
+        problem = error.problem if str(source) in error.problem else f"{source}: {error.problem}"
+        raise ShapeError(problem, error.hint) from error
     write_form(target, form.mesh)
-    if picture is not None:
-        save_png(mesh_picture(read_mesh(source), form.mesh), picture)
+    if options.picture is not None:
+        save_png(mesh_picture(read_mesh(source), form.mesh), options.picture)
     say(", ".join([f"{target}: {len(form.vertices)} vertices", *_facts(form.notes)]))
     return True
 
@@ -122,20 +92,18 @@ def write_form(target: Path, mesh: Mesh) -> None:
 
     Raises
     ------
-    ConfigurationError
+    ConfigurationError, OSError
         If it cannot be written.
     """
     path = target.resolve()
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=path.parent, prefix=".form-") as folder:
-            file = Path(folder, path.name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=path.parent, prefix=".form-") as folder:
+        file = Path(folder, path.name)
+        try:
             write_mesh(file, mesh)
-            file.replace(path)
-    except ConfigurationError as error:
-        raise ConfigurationError(error.problem.replace(str(file), str(target)), error.hint) from error
-    except OSError as error:
-        raise ConfigurationError(f"{target}: {error.strerror}", "choose a file in a writable folder") from error
+        except ConfigurationError as error:
+            raise ConfigurationError(error.problem.replace(str(file), str(target)), error.hint) from error
+        file.replace(path)
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
@@ -143,7 +111,7 @@ def _facts(notes: Mapping[str, float | str]) -> list[str]:
     return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
 
 
-def form_of_mesh(source: Path, request: Request, *, all_vertices: bool = False) -> CanonicalForm:
+def form_of_mesh(source: Path, method: str, options: Selection, *, all_vertices: bool = False) -> CanonicalForm:
     """Prepare a mesh as in the benchmark and return its form.
 
     A method that accepts only views gets the view of a camera in front of the mesh (z up, facing -y), in a frame that
@@ -153,8 +121,8 @@ def form_of_mesh(source: Path, request: Request, *, all_vertices: bool = False) 
     ----------
     source
         The file.
-    request
-        The method.
+    method, options
+        The method; plugins that may define it, and the seed.
     all_vertices
         Whether the form of a decimated mesh is interpolated at the vertices of the file: each gets the barycentric mean
         over the nearest triangle of the prepared mesh that faces the same way.
@@ -166,19 +134,17 @@ def form_of_mesh(source: Path, request: Request, *, all_vertices: bool = False) 
     ShapeError
         If the mesh cannot be read or processed.
     """
-    spec = select_one(request.method, request.selection.plugins)
+    spec = select_one(method, options.plugins)
     maker = form_maker(spec)
     reads_meshes = "mesh" in spec.info.inputs
     if all_vertices and not reads_meshes:
-        raise ConfigurationError(f"method '{request.method}' reads depth images, not vertices", "omit --all-vertices")
+        raise ConfigurationError(f"method '{method}' reads depth images, not vertices", "omit --all-vertices")
     mesh = read_mesh(source)
     if not reads_meshes:
         arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
-        return form_with_fit(maker, shape_of(arrays, source.stem, request.selection.seed), {})
+        return form_with_fit(maker, shape_of(arrays, source.stem, options.seed), {})
     prepared = prepare(mesh, N_VERTICES)
-    shape = Shape(
-        identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=request.selection.seed
-    )
+    shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=options.seed)
     form = form_with_fit(maker, shape, prepared.notes)
     numbers = prepared.numbers_of(mesh)
     if numbers is not None and np.array_equal(form.faces, prepared.mesh.faces):
@@ -218,82 +184,83 @@ def frames_under(source: Path) -> list[Path]:
     return frames
 
 
-def _frame_jobs(paths: Sequence[Path], request: Request, output: Path | None, picture: Path | None) -> list[FrameJob]:
-    """Return the selected images, each with the files for its form and, on request, its picture."""
-    files = request.camera.files
+def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection, output: Path | None) -> bool:
+    """Write and report the form and picture of each depth image; return whether all have a form."""
     if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
     frames = [frame for path in paths for frame in frames_under(path)]
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     if frames == list(paths[:1]):
-        if picture is not None:
-            check_ending(picture)
-        return [(files(frames[0]), _mesh_target(output, frames[0], request.method), picture)]
-    above = os.path.commonpath([path.absolute().parent for path in frames])
-    jobs = []
-    for frame in frames:
-        inner = frame.absolute().relative_to(above)
-        target = (output or Path("forms")) / inner.with_suffix(".off")
-        jobs.append((files(frame), target, picture and picture / inner.with_suffix(".png")))
-    return jobs
-
-
-def _canonicalise_frames(jobs: Sequence[FrameJob], request: Request) -> bool:
-    """Write and report the form and picture of each frame; return whether all have a form."""
-    maker = method_of_depth(request.method, tuple(request.selection.plugins))
+        if options.picture is not None:
+            check_ending(options.picture)
+        places = [(_mesh_target(output, frames[0], method), options.picture)]
+    else:
+        above = os.path.commonpath([path.absolute().parent for path in frames])
+        inner = [frame.absolute().relative_to(above) for frame in frames]
+        forms, picture = output or Path("forms"), options.picture
+        places = [(forms / p.with_suffix(".off"), picture and picture / p.with_suffix(".png")) for p in inner]
+    maker = method_of_depth(method, tuple(options.plugins))
     failures = 0
-    for number, (files, target, picture) in enumerate(jobs, 1):
+    for number, (frame, (target, picture)) in enumerate(zip(frames, places, strict=True), 1):
         start = time.perf_counter()
-        count = f"{number} of {len(jobs)}  " if len(jobs) > 1 else ""
+        count = f"{number} of {len(frames)}  " if len(frames) > 1 else ""
         try:
-            observed = files.observe()
-            form = form_of_object(observed, maker, files.image.stem, seed=request.selection.seed)
+            observed = _files(frame, options).observe()
+            form = form_of_object(observed, maker, frame.stem, seed=options.seed)
         except ShapeError as error:
-            if len(jobs) == 1:
+            if len(frames) == 1:
                 raise
             failures += 1
-            say(f"{count}{files.image}: {error}")
+            say(f"{count}{frame}: {error}")
             continue
         seconds = time.perf_counter() - start
         write_form(target, form.mesh)
         if picture:
             save_png(frame_picture(observed.depths, observed.mask, form.mesh), picture)
-        facts = [fact for fact in _facts(form.notes) if len(jobs) == 1 or fact.startswith("doubt")]
+        facts = [fact for fact in _facts(form.notes) if len(frames) == 1 or fact.startswith("doubt")]
         say(", ".join([f"{count}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
     if failures:
-        say(f"{failures} of {len(jobs)} images have no form", err=True)
+        say(f"{failures} of {len(frames)} images have no form", err=True)
     return not failures
+
+
+def _files(image: Path, options: Selection) -> FrameFiles:
+    camera = intrinsics_of(options.intrinsics) if options.intrinsics else None
+    return FrameFiles(image, intrinsics=camera, mask=options.mask, scale=options.depth_scale)
 
 
 # Retrieval -----------------------------------------------------------------------------------------------------------
 
 
-def retrieve(query: Path, name: str, request: Request, k: int, picture: Path | None = None) -> None:
+def retrieve(query: Path, name: str, method: str, options: Selection, k: int) -> None:
     """Print the shapes of a gallery that are nearest to a query."""
-    if picture is not None:
-        check_ending(picture)
-    start, options = time.perf_counter(), request.selection
-    component = select_one(request.method, options.plugins)
-    (source,) = sources([name], options.plugins)
-    shapes = open_dataset(source, options.require_data_root())
+    if options.picture is not None:
+        check_ending(options.picture)
+    start, component = time.perf_counter(), select_one(method, options.plugins)
+    scorer = select_one(options.scorer, options.plugins, "scorer")
+    shapes = options.open_dataset(name)
     input_ = _input(query, shapes, component)
-    record = _record(options, shapes.name, input_, component)
-    shape = _query_shape(query, Preparation(shapes, input_, Cache(options.results)), request)
+    records = {record.row: record for record in read_records(options.results, published=False)}
+    row = Row(shapes.name, input_, component.name, options.seed, "" if component.describes else scorer.name)
+    if row not in records:
+        command = f"python -m benchmark run -m {component.name} -d {shapes.name} --input {input_}"
+        raise ConfigurationError(f"no form of {row} is kept in {options.results}", f"run `{command}` first")
+    record = records[row]
+    shape = _query_shape(query, Preparation(shapes, input_, Cache(options.results)), options)
     models = find_models(component, shapes, shapes.shapes, options.data_root, options.results / "models").values()
-    method = next((component.create().load(model.folder) for model in models), component.create())
-    scorer = select_one(options.scorer, options.plugins, "scorer").create()
+    maker = next((component.create().load(model.folder) for model in models), component.create())
     itself = [e.identifier for e in shapes.shapes if e.path and e.path.exists() and e.path.samefile(query)]
-    nearest = search(options.results, record, shape, method, scorer, itself)
+    nearest = search(options.results, record, shape, maker, scorer.create(), itself)
     hits = nearest.hits[:k]
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
     for line in aligned([("rank", "name", "class", "distance"), *rows]):
         say(line)
-    if picture:
+    if options.picture:
         panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or shape.mesh)]
         for rank, *texts in rows:
             panels.append((f"{rank}. " + "\n".join(texts), read_form(options.results, record, texts[0])))
-        save_png(retrieved_picture(panels), picture)
+        save_png(retrieved_picture(panels), options.picture)
     margin = f"by a margin of {nearest.margin:.1%} over the second class"
     say(f"class {hits[0].subject}, {margin}; {time.perf_counter() - start:.1f} s")
 
@@ -308,24 +275,13 @@ def _input(query: Path, shapes: ShapeSet, component: Component) -> Input:
     return input_
 
 
-def _record(options: Selection, name: str, input_: Input, component: Component) -> Record:
-    wanted = (name, input_, component.name, options.seed)
-    for record in read_records(options.results, published=False):
-        scored = (record.gallery, record.input, record.method, record.seed)
-        if scored == wanted and record.scorer in ("", options.scorer):
-            return record
-    command = f"python -m benchmark run -m {component.name} -d {name} --input {input_}"
-    problem = f"no form of {name} by {component.name} is kept in {options.results}"
-    raise ConfigurationError(problem, f"run `{command}` first")
-
-
-def _query_shape(query: Path, preparation: Preparation, request: Request) -> Shape:
+def _query_shape(query: Path, preparation: Preparation, options: Selection) -> Shape:
     """Return a mesh or depth image as it is passed to the method, in the frame of the gallery."""
     if query.suffix.lower() in EXTENSIONS:
         width = preparation.shapes.half_width or HALF_WIDTH
-        arrays = prepare_view(request.camera.files(query).observe().surface, UPRIGHT, width)
+        arrays = prepare_view(_files(query, options).observe().surface, UPRIGHT, width)
     elif preparation.input == "mesh":
         arrays = prepare_mesh(read_mesh(query))
     else:
         arrays = prepare_view(read_mesh(query), FRONT, preparation.half_width)
-    return shape_of(arrays, query.stem, request.selection.seed)
+    return shape_of(arrays, query.stem, options.seed)

@@ -5,18 +5,28 @@ Every ``--help`` imports this module, so it imports nothing heavy.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields
-from functools import wraps
+from functools import partial, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option, Typer
 
 from benchmark.errors import ConfigurationError
 from benchmark.text import DATA_VARIABLE, EVERY
+
+if TYPE_CHECKING:
+    from benchmark.api.datasets import ShapeSet
+    from benchmark.pipeline.records import Record
+
+_application = partial(Typer, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+cli = _application(context_settings={"help_option_names": ["-h", "--help"]})
+data = _application(help="Check, draw or export data sets.")
+cli.add_typer(data, name="data")
 
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
@@ -35,14 +45,6 @@ Format = Annotated[Literal["text", "json"], Option("--format")]
 Timeout = Annotated[float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")]
 Assigned = Annotated[list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")]
 Traceback = Annotated[bool, Option("--traceback", help="Print errors in full.")]
-Picture = Annotated[Path | None, Option("--picture", metavar="FILE", help="Draw the forms; a folder for several.")]
-Intrinsics = Annotated[
-    str, Option("--intrinsics", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]")
-]
-Mask = Annotated[Path | None, Option("--mask", metavar="FILE", help="Object in a depth image. [found automatically]")]
-DepthScale = Annotated[
-    float | None, Option("--depth-scale", metavar="N", help="Depth units a metre. [1000 for integers, 1 for floats]")
-]
 MethodName = Annotated[str, Argument(metavar="METHOD")]
 SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
 
@@ -77,11 +79,41 @@ class Selection:
     quick: Annotated[bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")] = False
     subjects: Annotated[str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")] = ""
     published: Annotated[bool, Option("--published", help="Only published records.")] = False
+    intrinsics: Annotated[
+        str, Option("--intrinsics", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]")
+    ] = ""
+    mask: Annotated[
+        Path | None, Option("--mask", metavar="FILE", help="Object in a depth image. [found automatically]")
+    ] = None
+    depth_scale: Annotated[
+        float | None,
+        Option("--depth-scale", metavar="N", help="Depth units a metre. [1000 for integers, 1 for floats]"),
+    ] = None
+    picture: Annotated[
+        Path | None, Option("--picture", metavar="FILE", help="Draw the forms; a folder for several.")
+    ] = None
 
     @property
     def is_narrow(self) -> bool:
         """Return whether methods are selected, so that a table omits others that were never run."""
         return bool(self.methods) and EVERY not in self.methods
+
+    def has_data(self, record: Record) -> bool:
+        """Return whether a record is of the selected data sets; of any if none is selected."""
+        names = {*self.datasets, *map(os.path.realpath, self.datasets)}
+        return not names or bool({record.data.name, record.data.source, os.path.realpath(record.data.source)} & names)
+
+    def source(self, name: str) -> str:
+        """Return what :func:`~benchmark.datasets.catalogue.open_dataset` takes for a data set on the command line."""
+        from benchmark.datasets.catalogue import sources
+
+        return sources([name], self.plugins)[0]
+
+    def open_dataset(self, name: str) -> ShapeSet:
+        """Open a data set as it is called on the command line."""
+        from benchmark.datasets.catalogue import open_dataset
+
+        return open_dataset(self.source(name), self.require_data_root())
 
     def require_data_root(self) -> Path | None:
         """Return the folder of official data sets; raise ``ConfigurationError`` if it is missing or the wrong level.
@@ -103,8 +135,11 @@ class Selection:
         return root
 
 
-def verb(*shared: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator that gives a verb options of :class:`Selection`; its first argument is what they select."""
+def verb(*shared: str, app: Typer = cli) -> Callable[[Callable[..., bool | None]], Callable[..., None]]:
+    """Return a decorator that adds a verb with options of :class:`Selection`, which is its first argument.
+
+    The exit code is 1 if the verb returns False: not all went well.
+    """
     types = get_type_hints(Selection, include_extras=True)
     options = [
         Parameter(
@@ -117,16 +152,18 @@ def verb(*shared: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
         if option.name in shared
     ]
 
-    def decorate(function: Callable[..., None]) -> Callable[..., None]:
+    def decorate(function: Callable[..., bool | None]) -> Callable[..., None]:
         _, *own = signature(function, eval_str=True).parameters.values()
 
         @wraps(function)
         def run(**values: Any) -> None:
-            function(Selection(**{name: values.pop(name) for name in shared}), **values)
+            if function(Selection(**{name: values.pop(name) for name in shared}), **values) is False:
+                raise Exit(1)
 
         parameters = [*options, *(parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own)]
+        parameters.sort(key=lambda parameter: parameter.default is not Parameter.empty)  # required ones first
         run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return run
+        return app.command(function.__name__.partition("_")[0])(run)
 
     return decorate

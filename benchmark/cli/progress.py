@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from datetime import timedelta
-from types import TracebackType
 from typing import TypeVar
 
 from rich.console import Console
@@ -54,9 +53,7 @@ class Bar:
         self._bar.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
     def watch(self, state: State) -> None:
@@ -83,10 +80,7 @@ class Bar:
         """Print the line of a finished job."""
         self._n_ended += 1
         self._bar.update(self._task, counts=self._counts())
-        if self._bar.disable:
-            self._say(line)
-        else:
-            self._bar.console.print(clean(line), highlight=False, markup=False, soft_wrap=True)
+        self._say(line)  # above the bar
 
     def _say(self, line: str) -> None:
         with suppress(OSError):  # a closed output does not end the run
@@ -95,17 +89,15 @@ class Bar:
 
 def counting(what: str, items: Sequence[T]) -> Iterator[T]:
     """Yield items, such as the shapes of ``"checking people"``, and show how many are left."""
-    title = clean(what)
-    if sys.stderr.isatty():
-        yield from track(items, escape(title), console=Console(file=sys.stderr))
+    title, console = clean(what), Console(file=sys.stderr)
+    if console.is_terminal:
+        yield from track(items, escape(title), console=console)
         return
-    say(f"{title}: 0 of {len(items)}", err=True)
-    start = shown = time.monotonic()
+    start, shown = time.monotonic(), -INTERVAL
     for number, item in enumerate(items):
-        now = time.monotonic()
-        if number and now - shown >= INTERVAL:
-            left = (now - start) / number * (len(items) - number)
-            say(f"{number} of {len(items)}, about {left:.0f} s left", err=True)
-            shown = now
+        elapsed = time.monotonic() - start
+        if elapsed - shown >= INTERVAL:
+            left = f", about {elapsed / number * (len(items) - number):.0f} s left" if number else ""
+            say(f"{title}: {number} of {len(items)}{left}", err=True)
+            shown = elapsed
         yield item
-    say(f"{len(items)} of {len(items)}", err=True)

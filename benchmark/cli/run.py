@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmark.cli.options import Selection
 from benchmark.cli.progress import Bar, counting
-from benchmark.cli.tables import print_tables as print_views
+from benchmark.cli.results import outcome, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present, sources
 from benchmark.datasets.folder import skipped_files
 from benchmark.errors import ConfigurationError
@@ -20,17 +20,15 @@ from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.tables import INPUTS
-from benchmark.reference.paper import MEASURES
 from benchmark.registry import data_sets, select, select_one
-from benchmark.report.formats import duration, hundredths
-from benchmark.report.frames import changed, chosen_records, seconds_of
+from benchmark.report.frames import changed, chosen_records
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import Planned, estimate
 from benchmark.runs.planning import plan as make_plan
 from benchmark.runs.runner import run as run_jobs
 from benchmark.scoring.rows import score_forms as score_folder
-from benchmark.text import EVERY, aligned, brief, clean, say, say_lines
+from benchmark.text import aligned, brief, say, say_lines
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
 _SCREEN, _REASONS = 18, 5
@@ -59,7 +57,7 @@ def planned_jobs(selection: Selection, again: Collection[str] = ()) -> list[Plan
         _galleries(selection), [selection.input] if selection.input else INPUTS,
         select(selection.methods, selection.plugins), selection.results,
         scorer=select_one(selection.scorer, selection.plugins, "scorer"), seed=selection.seed, again=again,
-        named=bool(selection.methods) and EVERY not in selection.methods,
+        named=selection.is_narrow,
     )  # fmt: skip
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
@@ -69,8 +67,17 @@ def planned_jobs(selection: Selection, again: Collection[str] = ()) -> list[Plan
 def plan(selection: Selection, *, traceback: bool = False) -> None:
     """Print the jobs, the reasons to run them, and an estimate of the time."""
     jobs = planned_jobs(selection)
-    for line in [*(_job_lines(jobs) if len(jobs) <= _SCREEN else _summary(jobs)), *_estimate(jobs, selection.results)]:
+    to_run, cores = [job for job in jobs if job.to_run], available_cores()
+    each = [(job.state, str(job.record.row), brief(job.reason)) for job in jobs]
+    for line in aligned(each) if len(jobs) <= _SCREEN else _summary(jobs):
         say(line)
+    say(f"{len(to_run)} of {len(jobs)} jobs to run")
+    expected = estimate(to_run, selection.results)
+    if expected.seconds:
+        work, wall = (timedelta(seconds=round(expected.seconds / share)) for share in (1, cores))
+        say(f"at most about {work} of work, {wall} with {cores} processes")
+    if expected.unknown:
+        say(f"{expected.unknown} of them cannot be estimated: no job of their method has finished")
     for record in _records_of(jobs, selection.results) if traceback else ():
         if record.traceback:
             say(f"{record.row}: {record.reason}")
@@ -116,7 +123,7 @@ def run(
             say(f"{record.row}  {outcome(record)}")
         return fine
     methods = [job.record.method for job in jobs] if selection.is_narrow else ()
-    print_tables(selection, [job.gallery for job in jobs], methods)
+    _print_tables_of([job.gallery for job in jobs], selection, methods)
     if any("|" in name for name in selection.methods):
         say("- The best of several values is tuned on these shapes; choose it on others: --subjects A,B.")
     return fine
@@ -127,16 +134,7 @@ def _records_of(jobs: Sequence[Planned], results: Path) -> list[Record]:
     return [record for record in read_records(results, published=False) if record.key in keys]
 
 
-def outcome(record: Record) -> str:
-    """Return scores and seconds of a record, or why it has none, on one line."""
-    if record.status != "ok":
-        return brief(record.reason)
-    scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
-    refused = f", {len(record.unsupported)} refused" if record.unsupported else ""
-    return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
-
-
-def score_forms(selection: Selection, forms: Sequence[str]) -> None:
+def score_forms(selection: Selection, forms: Sequence[str]) -> bool:
     """Score forms of other programs, ``NAME=DIR`` each, beside the rows of a data set, and print its tables."""
     folders = {title: Path(folder) for title, _, folder in (form.partition("=") for form in forms)}
     if len(folders) < len(forms) or not all(map(str, folders)) or not selection.datasets or selection.methods:
@@ -149,19 +147,19 @@ def score_forms(selection: Selection, forms: Sequence[str]) -> None:
             for title, folder in folders.items():
                 watched = partial(counting, f"scoring {title}")
                 score_folder(gallery, input_, title, folder, scorer, selection.results, watched)
-    print_tables(selection, chosen)
+    _print_tables_of(chosen, selection)
+    return True
 
 
-def print_tables(selection: Selection, shown: Sequence[Gallery], methods: Sequence[str] = ()) -> None:
+def _print_tables_of(shown: Sequence[Gallery], selection: Selection, methods: Sequence[str] = ()) -> None:
     """Print the tables of galleries, with all rows or those of some methods."""
-    every = read_records(selection.results)
     pairs = {(gallery.name, input_) for gallery in shown for input_ in gallery.inputs}
+    every = read_records(selection.results)
     chosen = chosen_records(every, quick=selection.quick, scorer=selection.scorer, seed=selection.seed)
     records = [record for record in chosen if (record.gallery, record.input) in pairs]
     tables = {gallery.table.identifier for gallery in shown}
     sets = {gallery.dataset.name for gallery in shown if not gallery.table.is_robustness}
-    views = table_views(records, tables, methods, sets)
-    print_views(view for view in views if view.table.identifier in tables)
+    print_tables(view for view in table_views(records, tables, methods, sets) if view.table.identifier in tables)
     if any(changed(gallery.dataset.name) for gallery in shown):
         say_lines("\n" + robustness_markdown(records))
 
@@ -175,13 +173,7 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
             say(f"{name}: generated stand-in for {official}{absent}", err=True)
     for folder in dict.fromkeys(job.gallery.source for job in jobs if not is_known(job.gallery.source)):
         if Path(folder).is_dir() and (unread := skipped_files(Path(folder))):
-            more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
-            say(f"{folder}: skipped {unread[0].name}{more}: point clouds are not read; see 'data check'", err=True)
-
-
-def _job_lines(jobs: Sequence[Planned]) -> list[str]:
-    width = max(len(clean(str(job.record.row))) for job in jobs)
-    return [f"{job.state:<11}  {clean(str(job.record.row)):<{width}}  {brief(job.reason)}".rstrip() for job in jobs]
+            say(f"{folder}: skipped {len(unread)} point clouds, such as {unread[0].name}; see 'data check'", err=True)
 
 
 def _summary(jobs: Sequence[Planned]) -> list[str]:
@@ -193,15 +185,3 @@ def _summary(jobs: Sequence[Planned]) -> list[str]:
     reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.state != "finished")
     frequent = [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]
     return [*aligned(rows), *frequent, "select fewer with -t, -d, -m and --input to see each job"]
-
-
-def _estimate(jobs: Sequence[Planned], results: Path) -> list[str]:
-    to_run = [job for job in jobs if job.to_run]
-    expected, cores = estimate(to_run, results), available_cores()
-    lines = [f"{len(to_run)} of {len(jobs)} jobs to run"]
-    if expected.seconds:
-        work, wall = (timedelta(seconds=round(each)) for each in (expected.seconds, expected.seconds / cores))
-        lines += [f"at most about {work} of work, {wall} with {cores} processes"]
-    if expected.unknown:
-        lines += [f"{expected.unknown} of them cannot be estimated: no job of their method has finished"]
-    return lines

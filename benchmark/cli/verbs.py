@@ -1,16 +1,21 @@
-"""Signatures of all verbs; the module with the work of a verb is imported when it runs."""
+"""The verbs; what a verb needs is imported when it runs, so that ``--help`` is fast."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+import shlex
+import sys
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
 from typer import Argument, Option
 
 from benchmark.cli import options as shared
-from benchmark.cli.options import Selection, verb
+from benchmark.cli.options import Selection, cli, data, verb
+from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.text import say, say_lines
 
 _JOBS = (
     "everything", "tables", "methods", "datasets", "input", "scorer", "plugins", "results", "data_root", "seed",
@@ -18,12 +23,7 @@ _JOBS = (
 )  # fmt: skip
 _RECORDS = ("tables", "methods", "datasets", "input", "scorer", "results", "seed", "quick", "published")
 _DATA = ("plugins", "data_root")
-
-
-def _end(ok: bool) -> None:
-    """Set exit code 1 unless all went well."""
-    if not ok:
-        raise typer.Exit(1)
+_CAMERA = ("intrinsics", "mask", "depth_scale", "picture")
 
 
 @verb(*_JOBS)
@@ -39,15 +39,14 @@ def run(
     forms: Annotated[
         list[str], Option("--forms", metavar="NAME=DIR", help="Score DIR/SHAPE.off of another program instead.")
     ] = [],
-) -> None:
+) -> bool:
     """Run the missing jobs of a selection, then print its tables."""
     from benchmark.cli.run import run, score_forms
 
     if forms:
-        score_forms(selection, forms)
-    else:
-        again = ["failed", "finished"] if force else ["failed"] if retry else []
-        _end(run(selection, size=jobs, dask=dask, timeout=timeout, again=again))
+        return score_forms(selection, forms)
+    again = ["failed", "finished"] if force else ["failed"] if retry else []
+    return run(selection, size=jobs, dask=dask, timeout=timeout, again=again)
 
 
 @verb(*_JOBS)
@@ -71,9 +70,29 @@ def tables(
 
     It needs no data.
     """
-    from benchmark.cli.tables import tables
+    from benchmark.cli.results import print_tables, recorded, selected_tables
+    from benchmark.report.formats import as_json, latex, markdown
+    from benchmark.report.output import FORMATS, scores_csv, table_files, write_files
+    from benchmark.report.robustness import robustness_markdown
 
-    tables(selection, format, output, force=force)
+    records = recorded(selection)
+    views = selected_tables(selection, records)
+    is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
+    if output is not None:
+        files = table_files(views, records, [format] if format else FORMATS, is_whole=is_whole)
+        write_files(output, files, force=force)
+        say(f"wrote {len(files)} files to {output}")
+    elif format == "json":
+        say_lines(json.dumps(as_json(views), indent=1))
+    elif format == "csv":
+        say_lines(scores_csv(records))
+    elif format == "latex":
+        say_lines("\n".join(map(latex, views)))
+    elif format == "markdown" or not sys.stdout.isatty():
+        pivot = [robustness_markdown(records)] if is_whole or "robustness" in selection.tables else []
+        say_lines("\n".join([*map(markdown, views), *pivot]))
+    else:
+        print_tables(views)
 
 
 @verb(*_RECORDS, "data_root")
@@ -93,12 +112,17 @@ def report(
 
     Pages show tables, charts, and canonical forms in 3D.
     """
-    from benchmark.cli.report import draw, write_pages
+    from benchmark.cli.results import draw, recorded, selected_tables
+    from benchmark.report.pages import write_report
+    from benchmark.report.results import Results
 
-    if figure is None:
-        write_pages(selection, output or Path("results/report"), force=force)
-    else:
+    if figure:
         draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
+        return
+    records, folder = recorded(selection), output or Path("results/report")
+    results, views = Results(selection.results, tuple(records)), selected_tables(selection, records)
+    files = write_report(results, views, folder, data_root=selection.data_root, force=force)
+    say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 
 
 @verb("datasets", "input", "scorer", "results", "quick", "published")
@@ -108,9 +132,11 @@ def compare(
     second: Annotated[str, Argument(metavar="B")],
 ) -> None:
     """Compare two methods."""
-    from benchmark.cli.tables import compare
+    from benchmark.cli.results import recorded
+    from benchmark.report.comparison import compare
 
-    compare(selection, first, second)
+    for line in compare(recorded(selection), first, second):
+        say(line)
 
 
 @verb("plugins", "results", "data_root")
@@ -120,7 +146,7 @@ def list_(
     format: shared.Format = "text",
 ) -> None:
     """List methods, scorers, datasets, tables or models."""
-    from benchmark.cli.methods import list_
+    from benchmark.cli.names import list_
 
     list_(what, selection, as_json=format == "json")
 
@@ -128,12 +154,12 @@ def list_(
 @verb("plugins")
 def describe(selection: Selection, method: shared.MethodName, format: shared.Format = "text") -> None:
     """Describe a method: parameters, source, inputs."""
-    from benchmark.cli.methods import describe
+    from benchmark.cli.names import describe
 
     describe(method, selection.plugins, as_json=format == "json")
 
 
-@verb("plugins", "seed")
+@verb("plugins", "seed", *_CAMERA)
 def canonicalise(
     selection: Selection,
     method: shared.Method,
@@ -143,156 +169,31 @@ def canonicalise(
         Option("-o", "--output", metavar="OUT", help="Mesh file [IN-METHOD.off], or folder for several [forms]."),
     ] = None,
     all_vertices: Annotated[bool, Option("--all-vertices", help="Keep the vertices of a large mesh.")] = False,
-    intrinsics: shared.Intrinsics = "",
-    mask: shared.Mask = None,
-    depth_scale: shared.DepthScale = None,
-    picture: shared.Picture = None,
-) -> None:
+) -> bool:
     """Write the canonical form of a mesh, or of depth images.
 
     A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
     """
-    from benchmark.cli.forms import Camera, Request, canonicalise
+    from benchmark.cli.forms import canonicalise
 
-    request = Request(method, selection, Camera(intrinsics, mask, depth_scale))
-    _end(canonicalise(paths, request, output, picture, all_vertices=all_vertices))
+    return canonicalise(paths, method, selection, output, all_vertices=all_vertices)
 
 
-@verb("scorer", "plugins", "results", "data_root", "seed")
+@verb("scorer", "plugins", "results", "data_root", "seed", *_CAMERA)
 def retrieve(
     selection: Selection,
     method: shared.Method,
     dataset: Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")],
     query: Annotated[Path, Argument(metavar="QUERY")],
     k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
-    intrinsics: shared.Intrinsics = "",
-    mask: shared.Mask = None,
-    depth_scale: shared.DepthScale = None,
-    picture: shared.Picture = None,
 ) -> None:
     """Show the shapes that are nearest to a mesh or a depth image."""
-    from benchmark.cli.forms import Camera, Request, retrieve
+    from benchmark.cli.forms import retrieve
 
-    retrieve(query, dataset, Request(method, selection, Camera(intrinsics, mask, depth_scale)), k, picture)
-
-
-def new(
-    kind: Annotated[str, Argument(metavar="KIND")],
-    name: Annotated[str, Argument(metavar="NAME")],
-) -> None:
-    """Write a plugin file that works, and its test.
-
-    KIND is method; for other kinds copy a file of examples/.
-    """
-    from benchmark.cli.methods import new
-
-    new(kind, name)
+    retrieve(query, dataset, method, selection, k)
 
 
-@verb("plugins")
-def check(
-    selection: Selection,
-    target: Annotated[str, Argument(metavar="METHOD|FILE")],
-    methods: Annotated[list[str], Option("-m", "--method", metavar="METHOD", help="Only this method of a file.")] = [],
-    assigned: shared.Assigned = [],
-    timeout: shared.Timeout = "60s",  # type: ignore[assignment]
-    traceback: shared.Traceback = False,
-) -> None:
-    """Test the contract of a plugin file, or of a method.
-
-    Parameters follow in brackets: FILE[power=1]. The exit code is 1 if a check fails.
-    """
-    from benchmark.cli.train import check
-
-    _end(check(target, methods, assigned, selection.plugins, timeout, traceback=traceback))
-
-
-@verb("plugins", "results", "data_root")
-def train(
-    selection: Selection,
-    method: shared.MethodName,
-    target: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")] = "I",
-    assigned: shared.Assigned = [],
-    data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
-    hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
-    init: Annotated[Path | None, Option("--init", metavar="MODEL", help="Folder of a model to begin with.")] = None,
-) -> None:
-    """Train the models of a learner.
-
-    An interrupted training goes on, and finished models are skipped.
-    """
-    from benchmark.cli.train import train
-
-    train(method, selection, target, [*assigned, *([f"init={init}"] if init else [])], data, hold_out)
-
-
-@verb(*_DATA)
-def check_data(selection: Selection, name: shared.SetName) -> None:
-    """Check a data set.
-
-    The exit code is 1 if it cannot be used.
-    """
-    from benchmark.cli.data import check
-
-    _end(check(name, selection))
-
-
-@verb(*_DATA)
-def sheet(
-    selection: Selection,
-    name: shared.SetName,
-    output: Annotated[Path | None, Option("-o", "--output", metavar="FILE.png", help="[sheet-NAME.png]")] = None,
-) -> None:
-    """Draw a data set at a glance.
-
-    It shows subjects in some poses, as surface and as depth image.
-    """
-    from benchmark.cli.data import sheet
-
-    sheet(name, selection, output)
-
-
-@verb(*_DATA)
-def export(
-    selection: Selection,
-    name: shared.SetName,
-    output: Annotated[Path, Option("-o", "--output", metavar="DIR", help="New or empty folder.")],
-    force: shared.Force = False,
-) -> None:
-    """Write a data set as files.
-
-    '-d DIR' reads them with the same shapes, classes and cameras. The exit code is 1 if a shape cannot be written.
-    """
-    from benchmark.cli.data import export
-
-    _end(export(name, selection, output, force=force))
-
-
-@verb("results")
-def merge(
-    selection: Selection,
-    folders: Annotated[list[Path], Argument(metavar="DIR...")],
-    published: Annotated[
-        bool, Option("--published", help="Merge into RESULTS/records, without quick runs and own data.")
-    ] = False,
-) -> None:
-    """Join the records of several results folders.
-
-    The exit code is 1 if they contradict each other.
-    """
-    from benchmark.cli.share import merge
-
-    _end(merge(folders, selection.results, published=published))
-
-
-@verb("methods", "datasets", "results")
-def forget(selection: Selection) -> None:
-    """Delete the results of methods or data sets."""
-    from benchmark.cli.share import forget
-
-    forget(selection)
-
-
+@cli.command()
 def score(
     distances: Annotated[Path, Argument(metavar="DISTANCES")],
     labels: Annotated[
@@ -311,14 +212,249 @@ def score(
 
     DISTANCES is a symmetric N x N matrix: .npy, .npz, .txt, .csv or .mat.
     """
-    from benchmark.cli.score import score
+    from benchmark.scoring.evaluation import evaluate_labelled, with_labels
+    from benchmark.scoring.rows import keep_distances
 
-    score(distances, labels, format, title or distances.stem, results, dataset or labels.resolve().stem, input)
+    labelled, title = with_labels(distances, labels), title or distances.stem
+    scores = evaluate_labelled(labelled).scores.rename_axis(title)
+    if format == "csv":
+        say_lines(scores.to_csv(float_format="%.6f"))
+    elif format == "json":
+        content = {"title": title, "n_shapes": len(labelled.labels), **scores.round(6).T.to_dict()}
+        say_lines(json.dumps(content, indent=1))
+    elif format == "latex":
+        say_lines(scores.style.format(precision=2, escape="latex").to_latex(hrules=True))
+    else:
+        say_lines(scores.to_string(float_format="{:.2f}".format))
+    if results is not None:
+        record = keep_distances(results, labelled, title, dataset or labels.resolve().stem, input)
+        chosen = shlex.join(["-d", record.data.name, "--results", str(results)])
+        say(f"kept as {record.method}: 'tables {chosen}' and 'report {chosen}' show it", err=True)
 
 
-#: Verbs in the order of ``--help``, and those of ``data``.
-VERBS: tuple[Callable[..., None], ...] = (
-    run, plan, tables, report, compare, list_, describe, canonicalise, retrieve, score, check, new, train, merge,
-    forget,
-)  # fmt: skip
-OF_DATA: tuple[Callable[..., None], ...] = (check_data, sheet, export)
+@verb("plugins")
+def check(
+    selection: Selection,
+    target: Annotated[str, Argument(metavar="METHOD|FILE")],
+    methods: Annotated[list[str], Option("-m", "--method", metavar="METHOD", help="Only this method of a file.")] = [],
+    assigned: shared.Assigned = [],
+    timeout: shared.Timeout = "60s",  # type: ignore[assignment]
+    traceback: shared.Traceback = False,
+) -> bool:
+    """Test the contract of a plugin file, or of a method.
+
+    Parameters follow in brackets: FILE[power=1]. The exit code is 1 if a check fails.
+    """
+    from benchmark.api.parameters import assignments
+    from benchmark.check import check
+    from benchmark.registry import find
+
+    plugins = [*selection.plugins, *([Path(target)] if methods else [])]
+    passed = True
+    for component in [component for name in methods or (target,) for component in find(name, plugins)]:
+        for finding in check(component, assignments(assigned), timeout):
+            say(f"{component.name}  {finding}")
+            passed &= finding.outcome != "failed"
+            if traceback:
+                say_lines(finding.traceback)
+            elif finding.traceback:
+                say("'check --traceback' prints the error in full", err=True)
+    return passed
+
+
+@cli.command()
+def new(
+    kind: Annotated[str, Argument(metavar="KIND")],
+    name: Annotated[str, Argument(metavar="NAME")],
+) -> None:
+    """Write a plugin file that works, and its test.
+
+    KIND is method; for other kinds copy a file of examples/.
+    """
+    from benchmark.new import new_method
+
+    if kind != "method":
+        raise ConfigurationError(f"there is no template for a {kind}", "copy the one in examples/")
+    paths = new_method(name)
+    for path in paths:
+        say(path)
+    say(f"next: edit it, then 'python -m benchmark check {paths[0]}'", err=True)
+
+
+@verb("plugins", "results", "data_root")
+def train(
+    selection: Selection,
+    method: shared.MethodName,
+    target: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")] = "I",
+    assigned: shared.Assigned = [],
+    data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
+    hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
+    init: Annotated[Path | None, Option("--init", metavar="MODEL", help="Folder of a model to begin with.")] = None,
+) -> None:
+    """Train the models of a learner.
+
+    An interrupted training goes on, and finished models are skipped.
+    """
+    from benchmark.api.learning import CARD, Learner
+    from benchmark.api.parameters import assignments
+    from benchmark.protocols.galleries import galleries
+    from benchmark.protocols.pairs import training_data
+    from benchmark.protocols.trainings import TRAININGS, own_training, trainings_by_shape
+    from benchmark.reference.paper import NUMERALS
+    from benchmark.registry import select_one
+
+    spec = select_one(method, selection.plugins)
+    learner = spec.create() if spec.learns else None
+    if not isinstance(learner, Learner):
+        raise ConfigurationError(f"method '{method}' is not a learner", "choose one, such as 'learned'")
+    settings = assignments([*assigned, *([f"init={init}"] if init else [])])
+    schedule = {name: _number(value) for name, value in settings.items()}
+    if data is not None:
+        trainings = [own_training(data, tuple(filter(None, hold_out.split(","))))]
+    elif target in NUMERALS:
+        root = selection.require_data_root()
+        found = galleries([target], data_root=root)
+        of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, root) for gallery in found]
+        trainings = list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
+    elif target in TRAININGS:
+        trainings = [TRAININGS[target]]
+    else:
+        raise did_you_mean("table or training", target, [*NUMERALS, *TRAININGS])
+    for training in trainings:
+        say(f"{spec.name}, {training.name}")
+        folder = selection.results / "models" / training.name / learner.model_name
+        _set_unusable_aside(folder / CARD)
+        learner.train(training_data(training, selection.data_root, say), folder, schedule, say)
+        say(f"the model is in {folder}")
+
+
+def _number(text: str) -> int | float | str:
+    """Return a value of an option: a number where it is one."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def _set_unusable_aside(card: Path) -> None:
+    """Rename the card of an unusable model, which is then trained again."""
+    from benchmark.api.learning import read_card
+
+    if card.is_file():
+        try:
+            read_card(card.parent)
+        except ConfigurationError as error:
+            card.replace(card.with_name(f"unusable-{card.name}"))
+            say(f"{error.problem}: renamed to unusable-{card.name}, training the model again")
+
+
+@verb("results")
+def merge(
+    selection: Selection,
+    folders: Annotated[list[Path], Argument(metavar="DIR...")],
+    published: Annotated[
+        bool, Option("--published", help="Merge into RESULTS/records, without quick runs and own data.")
+    ] = False,
+) -> bool:
+    """Join the records of several results folders.
+
+    The exit code is 1 if they contradict each other.
+    """
+    from benchmark.cli.results import is_public, outcome
+    from benchmark.pipeline.cache import writing
+    from benchmark.pipeline.records import merge, publish
+
+    results = selection.results
+    with writing(results):
+        merged = merge([folder for folder in folders if folder.resolve() != results.resolve()], results)
+        public = publish(results, is_public) if published else merged
+    for existing, other in merged.conflicts:
+        say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
+    say(f"records: {len(public.added)} added, {public.known} known, {len(merged.conflicts)} in conflict")
+    return not merged.conflicts
+
+
+@verb("methods", "datasets", "results")
+def forget(selection: Selection) -> None:
+    """Delete the results of methods or data sets."""
+    from benchmark.cli.results import outcome
+    from benchmark.pipeline.cache import writing
+    from benchmark.pipeline.records import Record, forget, read_records
+
+    if not (selection.methods or selection.datasets):
+        raise ConfigurationError("nothing is selected", "name methods with -m, or data sets with -d")
+
+    def is_meant(record: Record) -> bool:
+        is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
+        return selection.has_data(record) and bool(is_of_method or not selection.methods)
+
+    with writing(selection.results):
+        records = list(read_records(selection.results, published=False))
+        for record in filter(is_meant, records):
+            say(f"{record.gallery} {record.input} {record.method}  {outcome(record)}")
+        count = forget(selection.results, is_meant)
+    if not count:
+        known = ", ".join(sorted({record.method for record in records})) or "no records"
+        raise ConfigurationError(f"no record under {selection.results} fits the selection", f"there are {known}")
+    say(f"records: {count} deleted, with their forms")
+
+
+@verb(*_DATA, app=data)
+def check_data(selection: Selection, name: shared.SetName) -> bool:
+    """Check a data set.
+
+    The exit code is 1 if it cannot be used.
+    """
+    from benchmark.cli.progress import counting
+    from benchmark.datasets.checking import check_source
+
+    root = selection.require_data_root()
+    report = check_source(selection.source(name), root, partial(counting, f"checking {name}"))
+    for line in report.lines():
+        say(line)
+    return report.usable
+
+
+@verb(*_DATA, app=data)
+def sheet(
+    selection: Selection,
+    name: shared.SetName,
+    output: Annotated[Path | None, Option("-o", "--output", metavar="FILE.png", help="[sheet-NAME.png]")] = None,
+) -> None:
+    """Draw a data set at a glance.
+
+    It shows subjects in some poses, as surface and as depth image.
+    """
+    from benchmark.report.drawing import check_ending, save_png
+    from benchmark.report.sheets import contact_sheet
+
+    dataset = selection.open_dataset(name)
+    target = output or Path(f"sheet-{dataset.name}.png")
+    check_ending(target)
+    image, problems = contact_sheet(dataset)
+    for problem in problems:
+        say(f"not drawn: {problem}", err=True)
+    save_png(image, target)
+    say(f"wrote {target}")
+
+
+@verb(*_DATA, app=data)
+def export(
+    selection: Selection,
+    name: shared.SetName,
+    output: Annotated[Path, Option("-o", "--output", metavar="DIR", help="New or empty folder.")],
+    force: shared.Force = False,
+) -> bool:
+    """Write a data set as files.
+
+    '-d DIR' reads them with the same shapes, classes and cameras. The exit code is 1 if a shape cannot be written.
+    """
+    from benchmark.cli.progress import counting
+    from benchmark.datasets.export import export
+
+    watched = partial(counting, f"writing {name}")
+    written, problems = export(selection.open_dataset(name), output, force=force, watched=watched)
+    for problem in problems:
+        say(f"not written: {problem}", err=True)
+    say(f"wrote {len(written)} files to {output}; use them with -d {output}")
+    return not problems

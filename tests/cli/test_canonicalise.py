@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from benchmark.cli.forms import Request, form_of_mesh, write_form
+from benchmark.cli.forms import form_of_mesh, write_form
 from benchmark.cli.main import cli
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError
@@ -99,8 +99,8 @@ def sheared(tmp_path):
     write_off(tmp_path / "in.off", mesh)
 
     def make(method="sheared", plugins=("sheared.py",)):
-        request = Request(method, Selection(plugins=[tmp_path / name for name in plugins]))
-        form = form_of_mesh(tmp_path / "in.off", request, all_vertices=True)
+        options = Selection(plugins=[tmp_path / name for name in plugins])
+        form = form_of_mesh(tmp_path / "in.off", method, options, all_vertices=True)
         return form.notes, form.mesh
 
     return make, mesh

@@ -7,8 +7,9 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from benchmark.cli.forms import Camera, Request, canonicalise, frames_under
+from benchmark.cli.forms import canonicalise, frames_under
 from benchmark.cli.main import cli
+from benchmark.cli.options import Selection
 from benchmark.errors import BenchmarkError, DepthError
 from tests.datasets.test_frames import write_frames
 from tests.depth.scenes import frame, in_millimetres
@@ -60,9 +61,9 @@ def test_each_bad_input_is_named_with_a_hint(image, tmp_path, monkeypatch):
     Image.fromarray(in_millimetres(frame()[0])).save("good.png")
     Image.new("RGB", (640, 480)).save("colour.png")
     options, said = BAD[image]
-    request = Request("identity", camera=Camera(**({"intrinsics": CAMERA} | options)))
+    selection = Selection(**({"intrinsics": CAMERA} | options))
     with pytest.raises(DepthError, match=said) as caught:
-        canonicalise([Path(image)], request, tmp_path / "out" / "form.off")
+        canonicalise([Path(image)], "identity", selection, tmp_path / "out" / "form.off")
     assert caught.value.hint
     assert not Path("out").exists()
 

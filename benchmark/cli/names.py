@@ -1,11 +1,12 @@
-"""``list``, ``describe`` and ``new``: available names, details of methods, and a plugin to start from."""
+"""``list`` and ``describe``: available names, and details of methods."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 from benchmark.api.learning import CARD, read_card
@@ -13,7 +14,6 @@ from benchmark.api.parameters import format_value
 from benchmark.cli.options import Selection
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import ConfigurationError
-from benchmark.new import new_method
 from benchmark.protocols.models import MODELS_VARIABLE, model_places
 from benchmark.protocols.tables import TABLES
 from benchmark.protocols.trainings import TRAININGS
@@ -35,8 +35,12 @@ _FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended"
 
 def list_(what: str, selection: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
-    kinds = {"methods": _methods, "scorers": _scorers, "datasets": _datasets, "tables": _tables, "models": _models}
-    rows = kinds[what](selection)
+    if what == "methods":
+        rows = _components(methods(selection.plugins))
+    elif what == "scorers":
+        rows = _components(scorers(selection.plugins))
+    else:
+        rows = {"datasets": _datasets, "tables": _tables, "models": _models}[what](selection)
     if as_json:
         say_lines(json.dumps(rows, indent=1))
         return
@@ -47,26 +51,19 @@ def list_(what: str, selection: Selection, *, as_json: bool) -> None:
         say(line)
 
 
-def _methods(selection: Selection) -> Rows:
-    """Return all methods; one that cannot be imported has the reason."""
+def _components(components: Mapping[str, Component]) -> Rows:
+    """Return methods or scorers; one that cannot be imported has the reason."""
     rows: Rows = []
-    for name, component in methods(selection.plugins).items():
+    for name, component in components.items():
         try:
-            rows.append(
-                {"name": name, "title": component.info.title, "family": component.info.family, **_state(component)}
-            )
+            missing = component.missing_packages()
+            family = {"family": component.info.family} if component.kind == "method" else {}
+            state = f"needs {', '.join(missing)}" if missing else "available"
+            facts = {"name": name, "title": component.info.title, **family, "state": state}
+            rows.append({**facts, "summary": component.summary})
         except ConfigurationError as error:
             rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
     return rows
-
-
-def _scorers(selection: Selection) -> Rows:
-    return [{"name": name, "title": one.title, **_state(one)} for name, one in scorers(selection.plugins).items()]
-
-
-def _state(component: Component) -> dict[str, str]:
-    missing = component.missing_packages()
-    return {"state": f"needs {', '.join(missing)}" if missing else "available", "summary": component.summary}
 
 
 def _datasets(selection: Selection) -> Rows:
@@ -127,9 +124,7 @@ def _model(folder: Path) -> dict[str, str]:
 
 def trained_on_people(component: Component) -> str:
     """Return a warning if a model was trained on people only; "" otherwise, or if the table determines the model."""
-    if component.plugin or component.missing_packages() or not component.learns:
-        return ""
-    folder = getattr(component.create(), "model_folder", None)
+    folder = None if component.missing_packages() else getattr(component.create(), "model_folder", None)
     training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
     if training is None or training.dataset.partition("[")[0] not in _PEOPLE:
         return ""
@@ -146,19 +141,15 @@ def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
     if as_json:
         say_lines(json.dumps({**facts, "parameters": parameters}, indent=1))
         return
-    width = shutil.get_terminal_size((100, 24)).columns
-    lines = [f"{component.name}: {component.info.title}"]
-    for fact, value in list(facts.items())[2:]:
-        text = value if isinstance(value, str) else " and ".join(value)
-        lines += _wrapped(f"  {fact:<12}", text, width) if text else []
-    lines.append("  parameters" + ("" if parameters else "  none"))
+    texts = {fact: value if isinstance(value, str) else " and ".join(value) for fact, value in facts.items()}
+    say(f"{texts.pop('name')}: {texts.pop('title')}")
+    rows = [(f"  {fact}", text) for fact, text in texts.items() if text]
+    rows.append(("  parameters", "" if parameters else "none"))
     for parameter in parameters:
         chosen = f", here {parameter['chosen']}" if "chosen" in parameter else ""
         values = f"{parameter['values']}; default {parameter['default'] or repr('')}{chosen}"
-        lines += _wrapped(f"    {parameter['name']:<16}", values, width)
-        lines += _wrapped(" " * 20, parameter["meaning"], width) if parameter["meaning"] else []
-    for line in lines:
-        say(line)
+        rows += [(f"    {parameter['name']}", values), ("", parameter["meaning"])]
+    _say_wrapped(rows)
 
 
 def _facts(component: Component) -> dict[str, str | list[str]]:
@@ -182,18 +173,11 @@ def _facts(component: Component) -> dict[str, str | list[str]]:
     }
 
 
-def _wrapped(head: str, text: str, width: int) -> list[str]:
-    blank = " " * len(head)
-    return textwrap.wrap(
-        clean(text), max(20 + len(head), width), initial_indent=head, subsequent_indent=blank, break_on_hyphens=False
-    )
-
-
-def new(kind: str, name: str) -> None:
-    """Write a plugin file and its test."""
-    if kind != "method":
-        raise ConfigurationError(f"there is no template for a {kind}", "copy the one in examples/")
-    paths = new_method(name)
-    for path in paths:
-        say(path)
-    say(f"next: edit it, then 'python -m benchmark check {paths[0]}'", err=True)
+def _say_wrapped(rows: Sequence[tuple[str, str]]) -> None:
+    """Print names and texts in two columns, wrapped to the width of the terminal."""
+    margin = max(len(name) for name, _ in rows) + 2
+    width = max(20, shutil.get_terminal_size((100, 24)).columns - margin)
+    for name, text in rows:
+        lines = textwrap.wrap(clean(text), width, break_on_hyphens=False) or [""]
+        for head, line in zip_longest([name], lines, fillvalue=""):
+            say(f"{head:<{margin}}{line}".rstrip())

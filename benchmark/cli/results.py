@@ -1,0 +1,104 @@
+"""Records of a selection, and the tables and figures that they make."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from benchmark.cli.options import Selection
+from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.pipeline.records import Record, read_records
+from benchmark.protocols.tables import PARTS, TABLES
+from benchmark.reference.paper import MEASURES
+from benchmark.registry import BUILT_IN
+from benchmark.report import figures
+from benchmark.report.drawing import check_ending
+from benchmark.report.formats import duration, hundredths, text
+from benchmark.report.forms import StoredForms
+from benchmark.report.frames import chosen_records, seconds_of
+from benchmark.report.tables import TableView, table_views
+from benchmark.text import brief, say
+
+
+def recorded(options: Selection) -> list[Record]:
+    """Return the records of a selection of data, input, scorer and seed.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none, or no record knows a table or data set.
+    """
+    every = read_records(options.results, local=not options.published)
+    known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}
+    for name in options.tables:
+        if name not in known:
+            raise did_you_mean("table", name, known)
+    chosen = chosen_records(every, quick=options.quick, scorer=options.scorer, seed=options.seed)
+    records = [record for record in chosen if options.has_data(record) and options.input in (None, record.input)]
+    if not records:
+        hint = "run it first, select less, or drop --quick" if options.quick else "run it first, or select less"
+        raise ConfigurationError(f"no finished job under {options.results} fits the selection", hint)
+    return records
+
+
+def selected_tables(options: Selection, records: Iterable[Record]) -> list[TableView]:
+    """Return the tables of a selection; raise ``ConfigurationError`` if there is none."""
+    rows = options.methods if options.is_narrow else ()
+    sets = {record.data.name for record in records} if options.datasets else ()
+    views = table_views(records, options.tables, rows, sets)
+    if not views and "robustness" not in options.tables:
+        what = f"table {', '.join(options.tables)}" if options.tables else "any table"
+        problem = f"no finished job under {options.results} belongs to {what}"
+        raise ConfigurationError(problem, "run it first, or select less")
+    return views
+
+
+def print_tables(views: Iterable[TableView]) -> None:
+    """Print tables, in bold and italics where that goes to a terminal."""
+    width = shutil.get_terminal_size().columns
+    for view in views:
+        print(f"\n{text(view, width, colour=sys.stdout.isatty())}", end="")  # noqa: T201  # it has escape sequences
+
+
+def outcome(record: Record) -> str:
+    """Return scores and seconds of a record, or why it has none, on one line."""
+    if record.status != "ok":
+        return brief(record.reason)
+    scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
+    refused = f", {len(record.unsupported)} refused" if record.unsupported else ""
+    return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
+
+
+def is_public(record: Record) -> bool:
+    """Return whether a record means something elsewhere: of a set and a method of the suite."""
+    is_whole = record.gallery.removeprefix(record.data.name).strip() in PARTS
+    is_known = record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
+    return is_whole and is_known
+
+
+def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:
+    """Draw a figure."""
+    check_ending(path, figures.ENDINGS)
+    if path.exists() and not force:
+        raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
+    if what == "scorers":
+        from pandas import read_csv
+
+        figure = figures.scorers_figure(read_csv(path.with_suffix(".csv")))
+    else:
+        views = selected_tables(options, recorded(options))
+        if not views:
+            raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
+        view = views[0]
+        forms = StoredForms(options.results, options.data_root)
+        if what == "effect":
+            figure = figures.effect_figure(view, forms, shapes)
+        elif what == "precision-recall":
+            figure = figures.precision_recall_figure(view, forms)
+        else:
+            figure = (figures.cost_figure if what == "cost" else figures.scores_figure)(view)
+    figures.save(figure, path)
+    say(f"wrote {path}")
