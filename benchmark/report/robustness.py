@@ -29,7 +29,8 @@ def robustness_markdown(records: Iterable[Record]) -> str:
         [markdown_text(place[1]), markdown_text(place[2]), *(hundredths(scores[place].get(name)) for name in methods)]
         for place in sorted(scores, key=lambda place: (place[0], place[1] != "unchanged", place))
     ]
-    head = ["Change", "strength", *(TITLES.get(name, name) for name in methods)]
+    titles = {record.method: record.title for record in known} | TITLES
+    head = ["Change", "strength", *(titles[name] for name in methods)]
     sets = ", ".join(sorted(map(markdown_text, bases)))
     lines = [f"**Robustness.** {MEASURE} of complete surfaces of {sets}; a destroyed shape counts 0.", ""]
     return "\n".join([*lines, *markdown_table(head, body)]) + "\n"
