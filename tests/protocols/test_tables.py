@@ -165,4 +165,4 @@ def test_a_model_that_saw_the_test_shapes_has_no_row_where_none_may_have(tmp_pat
     assert (fold.part, job.state) == ("fold 0", "unsupported")
     assert "100 shapes were seen in training" in job.reason
     (allowed,) = plan([replace(fold, table=replace(fold.table, all_unseen=False))], ["view"], [method], tmp_path)
-    assert len(allowed.record().seen) == 100
+    assert len(allowed.record.seen) == 100
