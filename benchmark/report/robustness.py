@@ -29,7 +29,7 @@ def robustness_markdown(records: Iterable[Record]) -> str:
         [markdown_text(place[1]), markdown_text(place[2]), *(hundredths(scores[place].get(name)) for name in methods)]
         for place in sorted(scores, key=lambda place: (place[0], place[1] != "unchanged", place))
     ]
-    titles = {record.method: record.title for record in known} | TITLES
+    titles = {record.method: TITLES.get(record.method, record.title) for record in known}
     head = ["Change", "strength", *(titles[name] for name in methods)]
     sets = ", ".join(sorted(map(markdown_text, bases)))
     lines = [f"**Robustness.** {MEASURE} of complete surfaces of {sets}; a destroyed shape counts 0.", ""]
