@@ -136,8 +136,9 @@ def _records_of(jobs: Sequence[Planned], results: Path) -> list[Record]:
 
 def score_forms(selection: Selection, forms: Sequence[str]) -> bool:
     """Score forms of other programs, ``NAME=DIR`` each, beside the rows of a data set, and print its tables."""
-    folders = {title: Path(folder) for title, _, folder in (form.partition("=") for form in forms)}
-    if len(folders) < len(forms) or not all(map(str, folders)) or not selection.datasets or selection.methods:
+    folders = {title: folder for title, _, folder in (form.partition("=") for form in forms)}
+    are_named = len(folders) == len(forms) and all(folders) and all(folders.values())
+    if not are_named or not selection.datasets or selection.methods:
         problem = "--forms scores the meshes of folders as forms of a data set"
         raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
     scorer = select_one(selection.scorer, selection.plugins, "scorer")
@@ -146,7 +147,7 @@ def score_forms(selection: Selection, forms: Sequence[str]) -> bool:
         for input_ in gallery.inputs:
             for title, folder in folders.items():
                 watched = partial(counting, f"scoring {title}")
-                score_folder(gallery, input_, title, folder, scorer, selection.results, watched)
+                score_folder(gallery, input_, title, Path(folder), scorer, selection.results, watched)
     _print_tables_of(chosen, selection)
     return True
 

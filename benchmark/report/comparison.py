@@ -31,12 +31,17 @@ def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
     Raises
     ------
     ConfigurationError
-        If the two have no gallery in common, or ranked different shapes.
+        If a method has no scores, or the two have no gallery in common, or ranked different shapes.
     """
     sides: dict[str, dict[tuple[str, str], Record]] = {first: {}, second: {}}
-    for record in records:
-        if record.method in sides and record.status == "ok":
+    scored = [record for record in records if record.status == "ok"]
+    for record in scored:
+        if record.method in sides:
             sides[record.method][record.gallery, record.input] = record
+    for name, galleries in sides.items():
+        if not galleries:
+            known = ", ".join(sorted({record.method for record in scored}))
+            raise ConfigurationError(f"{name} has no scores", f"run it, or choose among {known}")
     one, other = sides[first], sides[second]
     pairs = [(one[place], other[place]) for place in one if place in other]
     if not pairs:

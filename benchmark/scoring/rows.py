@@ -139,7 +139,7 @@ def score_forms(
     Raises
     ------
     ConfigurationError
-        If the folder has no form of these shapes, or none is usable.
+        If there is no such folder, it has no form of these shapes, or none is usable.
     """
     files = _files(gallery.entries, folder)
     facts = gallery_facts(gallery, input_)
@@ -168,6 +168,8 @@ def score_forms(
 
 def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
     """Return the mesh file of each shape that has one, by name."""
+    if not folder.is_dir():
+        raise ConfigurationError(f"{folder} is not a folder", "name the folder of the forms")
     names = [entry.identifier for entry in entries]
     paths = ((name, folder / f"{name}{suffix}") for suffix in reversed(READABLE) for name in names)
     files = {name: path for name, path in paths if path.is_file()}

@@ -94,6 +94,11 @@ def test_a_wrong_data_root_is_refused_with_the_right_one(tmp_path, given, right)
         assert CliRunner().invoke(cli, ["list", "datasets", "--data-root", str(tmp_path / given)]).exit_code == 0
 
 
+@pytest.mark.parametrize("forms", ["folder", "=folder", "name="])
+def test_forms_without_a_name_or_a_folder_are_refused(forms):
+    assert "pass -d FOLDER --forms NAME=DIR" in refusal("run", "-d", "animals", "--forms", forms)
+
+
 # Files of the user ---------------------------------------------------------------------------------------------------
 
 

@@ -38,6 +38,11 @@ def test_methods_without_a_common_gallery_are_refused():
         compare([record("gps"), record("skeleton", dataset="tubes")], "gps", "skeleton")
 
 
+def test_a_method_without_scores_is_refused_with_those_that_have_some():
+    with pytest.raises(ConfigurationError, match="skeletn has no scores.*choose among gps, skeleton"):
+        compare([record("gps"), record("skeleton")], "gps", "skeletn")
+
+
 def test_the_better_method_is_named_where_other_subjects_would_show_it():
     labels = [name for name in "abcdefgh" for _ in range(2)]
     lines = compare([record("a", 0.4, labels=labels), record("b", 0.6, labels=labels)], "a", "b")

@@ -107,6 +107,8 @@ def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
     assert score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path) == record
     with pytest.raises(ConfigurationError, match="name them like the shapes: thick0.off"):
         score_forms(gallery, "mesh", "Mine", tmp_path, scorer, tmp_path)
+    with pytest.raises(ConfigurationError, match="nowhere is not a folder"):
+        score_forms(gallery, "mesh", "Mine", tmp_path / "nowhere", scorer, tmp_path)
 
 
 def test_verbs_show_rows_of_other_programs_beside_ours(tmp_path):
