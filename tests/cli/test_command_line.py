@@ -68,6 +68,11 @@ def test_the_version_is_that_of_the_package():
     )
 
 
+def test_a_folder_without_published_records_is_refused_with_the_one_to_pass(tmp_path):
+    said = refusal("tables", "--published", "--results", tmp_path)
+    assert said.startswith("no published record under") and "pass --results CHECKOUT/results" in said
+
+
 # The folder of official data -----------------------------------------------------------------------------------------
 
 
