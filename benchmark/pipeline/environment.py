@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import platform
 import subprocess
+from contextlib import suppress
 from functools import cache
-from importlib.metadata import distributions
+from importlib.metadata import PackageNotFoundError, version
 
 from benchmark.code_digest import FIRST_PARTY, ROOT
 
@@ -16,9 +17,11 @@ PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "potpourri3d", "to
 @cache
 def packages() -> dict[str, str]:
     """Return the versions of Python and of the installed packages, and the machine."""
-    machine = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
-    installed = {found.name: found.version for found in distributions()}
-    return machine | {name: installed[name] for name in PACKAGES if name in installed}
+    versions = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    return versions
 
 
 @cache
