@@ -194,15 +194,15 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
     if frames == list(paths[:1]):
         if options.picture is not None:
             check_ending(options.picture)
-        places = [(_mesh_target(output, frames[0], method), options.picture)]
+        outputs = [(_mesh_target(output, frames[0], method), options.picture)]
     else:
         above = os.path.commonpath([path.absolute().parent for path in frames])
         inner = [frame.absolute().relative_to(above) for frame in frames]
         forms, picture = output or Path("forms"), options.picture
-        places = [(forms / p.with_suffix(".off"), picture and picture / p.with_suffix(".png")) for p in inner]
+        outputs = [(forms / p.with_suffix(".off"), picture and picture / p.with_suffix(".png")) for p in inner]
     maker = method_of_depth(method, tuple(options.plugins))
     failures = 0
-    for number, (frame, (target, picture)) in enumerate(zip(frames, places, strict=True), 1):
+    for number, (frame, (target, picture)) in enumerate(zip(frames, outputs, strict=True), 1):
         start = time.perf_counter()
         count = f"{number} of {len(frames)}  " if len(frames) > 1 else ""
         try:

@@ -313,8 +313,8 @@ def train(
         trainings = [own_training(data, tuple(filter(None, hold_out.split(","))))]
     elif target in NUMERALS:
         root = selection.require_data_root()
-        found = galleries([target], data_root=root)
-        of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, root) for gallery in found]
+        tested = galleries([target], data_root=root)
+        of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, root) for gallery in tested]
         trainings = list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
     elif target in TRAININGS:
         trainings = [TRAININGS[target]]
