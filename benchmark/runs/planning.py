@@ -224,12 +224,12 @@ def _obstacle(
     if input_ not in method.info.inputs:
         return "unsupported", f"does not take the {input_} input", none
     try:
-        found = gallery.models(method, trained_here)
+        model_of = gallery.models(method, trained_here)
     except MissingModel as error:
         return "unavailable", str(error), none
     except (NoFolds, TooNear) as error:
         return "unsupported", str(error), none
-    models = [found.get(entry.identifier) for entry in gallery.entries]
+    models = [model_of.get(entry.identifier) for entry in gallery.entries]
     if gallery.table.all_unseen and (seen := _seen(gallery, models)):
         reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}; take a model of another training"
         return "unsupported", reason, models

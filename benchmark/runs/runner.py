@@ -169,10 +169,10 @@ class _Run:
     def _lose(self, step: Step, reason: str) -> None:
         """Refuse a shape for all jobs with its data and input."""
         say(f"{step.shape}: {reason}", err=True)
-        place = step.job.source, step.job.row.input
-        self.lost[place][step.shape] = reason
+        prepared_as = step.job.source, step.job.row.input
+        self.lost[prepared_as][step.shape] = reason
         for key, other in self.jobs.items():
-            if (other.job.source, other.record.input) == place and step.shape in self.left[key]:
+            if (other.job.source, other.record.input) == prepared_as and step.shape in self.left[key]:
                 self._finish(other, step.shape)
 
     def _end(self, planned: Planned, shape: str, outcome: Outcome) -> Record:
