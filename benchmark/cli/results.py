@@ -14,10 +14,7 @@ from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import PARTS, TABLES
 from benchmark.reference.paper import MEASURES
 from benchmark.registry import BUILT_IN
-from benchmark.report import figures
-from benchmark.report.drawing import check_ending
 from benchmark.report.formats import duration, hundredths, text
-from benchmark.report.forms import StoredForms
 from benchmark.report.frames import chosen_records, seconds_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, say
@@ -84,6 +81,10 @@ def is_public(record: Record) -> bool:
 
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:
     """Draw a figure."""
+    from benchmark.report import figures  # matplotlib takes half a second
+    from benchmark.report.drawing import check_ending
+    from benchmark.report.forms import StoredForms
+
     check_ending(path, figures.ENDINGS)
     if path.exists() and not force:
         raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import glob
 import os
-import stat
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
@@ -72,20 +71,11 @@ def _folder(source: Path) -> Path:
 
 
 def choose_kernel_cache() -> None:
-    """Set a folder for compiled kernels, for this process and its children, if that of the suite is read-only.
-
-    Only the user may write to it, because its content is executed.
-    """
+    """Set a folder for compiled kernels, for this process and its children, if that of the suite is read-only."""
     if VARIABLE in os.environ or os.access(_PACKAGE, os.W_OK):
         return
-    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111  # raises nothing
-    shared = Path(tempfile.gettempdir()) / f"canonical-forms-kernels-{os.getuid()}"
-    for folder in (home / "canonical-forms-kernels", shared):
-        with suppress(OSError):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            status = folder.lstat()
-            is_private = status.st_uid == os.getuid() and not status.st_mode & 0o022 and stat.S_ISDIR(status.st_mode)
-            if is_private and os.access(folder, os.W_OK):
-                os.environ[VARIABLE] = str(folder)
-                return
-    os.environ[VARIABLE] = tempfile.mkdtemp(prefix="canonical-forms-")
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111  # raises nothing
+    folder = Path(home) / "canonical-forms-kernels"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    os.environ[VARIABLE] = str(folder) if os.access(folder, os.W_OK) else tempfile.mkdtemp(prefix="canonical-forms-")

@@ -174,7 +174,7 @@ def _padded(group: Sequence[tuple[str, str]], styles: Mapping[str, str], width: 
 def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs array and booktabs: one column of a paper, or ``table*``."""
     n_scores = len(view.groups) * len(MEASURES)
-    environment, title_width = ("table", ".29") if n_scores <= _ONE_COLUMN else ("table*", ".26")
+    environment, title_width = ("table", ".27") if n_scores <= _ONE_COLUMN else ("table*", ".26")
     titles = rf"@{{}}>{{\raggedright\hangindent1em}}p{{{title_width}\linewidth}}"  # breaks long ones
     styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
     for heading, lines in blocks(view):
@@ -189,7 +189,7 @@ def latex(view: TableView) -> str:
             body.append(_latex_row("".join(map(_breakable, line.title)), *chain(*cells), line.seconds))
     groups = ("Paper" if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
     citation = rf" Paper:~\cite{{{_PAPER}}}." if view.paper else ""
-    notes = " ".join(map(latex_text, table_notes(view)))
+    notes = " ".join(map(latex_text, table_notes(view)[:-1]))  # the last one is for those who have the suite
     return "\n".join([
         "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
         rf"\caption{{{latex_text(view.caption)}.{citation}}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",

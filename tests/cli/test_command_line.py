@@ -50,13 +50,20 @@ def test_there_are_few_verbs_and_options():
     assert len(options) <= 35
 
 
-def test_help_imports_no_numerical_library():
-    program = """
+@pytest.mark.parametrize(
+    ("words", "unused"),
+    [
+        (["run", "--help"], {"numpy", "scipy", "pandas", "torch", "matplotlib"}),
+        (["plan", "-d", "animals", "-m", "gps", "--quick", "--results", "none"], {"torch", "matplotlib", "plotly"}),
+    ],
+)
+def test_a_command_imports_what_it_needs(words, unused):
+    program = f"""
 import sys
 from typer.testing import CliRunner
 from benchmark.cli.main import cli
-assert CliRunner().invoke(cli, ["run", "--help"]).exit_code == 0
-print({"numpy", "scipy", "pandas", "torch"} & sys.modules.keys())
+assert CliRunner().invoke(cli, {words}).exit_code == 0
+print({unused} & sys.modules.keys())
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == "set()\n"

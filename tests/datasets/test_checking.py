@@ -153,7 +153,7 @@ def test_a_shape_out_of_scale_is_named(rods, scales, message):
 def test_warnings_alone_are_no_failure_of_the_verb(rods):
     (rods / "thin1.obj").write_text("")
     warned = CliRunner().invoke(data, ["check", str(rods)])
-    assert (warned.exit_code, warned.output.splitlines()[-1]) == (0, "0 errors, 1 warnings")
+    assert (warned.exit_code, warned.output.splitlines()[-1]) == (0, "0 errors, 1 warning")
 
 
 @pytest.mark.data
