@@ -53,7 +53,7 @@ SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
 class Selection:
     """What the shared options select; see :func:`verb`."""
 
-    everything: Annotated[bool, Option("--all", help="All tables but robustness (default of 'plan').")] = False
+    everything: Annotated[bool, Option("--all", help="Tables I to IV, I-view to III-view (default of 'plan').")] = False
     tables: Annotated[list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")] = field(
         default_factory=list
     )

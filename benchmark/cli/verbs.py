@@ -172,7 +172,7 @@ def canonicalise(
 ) -> bool:
     """Write the canonical form of a mesh, or of depth images.
 
-    A depth image is a 16-bit PNG or TIFF, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
+    A depth image is a 16-bit PNG, TIFF or PGM, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
     """
     from benchmark.cli.forms import canonicalise
 
