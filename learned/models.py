@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import datetime
 import functools
 import hashlib
-import io
 import json
 import platform
 from collections.abc import Mapping
@@ -170,6 +168,8 @@ def save(
     facts
         Further entries of the card.
     """
+    import pandas  # lazy: predicting does not need it
+
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.copy_(parameter.half().float())
@@ -193,7 +193,8 @@ def save(
         **facts,
     }
     _write(folder / WEIGHTS, content)
-    _write(folder / HISTORY, _table(history).encode())
+    losses = pandas.DataFrame(history).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    _write(folder / HISTORY, losses.encode())
     # A line an entry keeps long lists of shapes on one line.
     lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
     _write(folder / CARD, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
@@ -209,12 +210,3 @@ def hardware(device: torch.device) -> str:
 
 def _write(path: Path, content: bytes) -> None:
     write_atomically(path, lambda file: file.write(content), durable=True)
-
-
-def _table(history: History) -> str:
-    columns = list(dict.fromkeys(name for row in history for name in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in history)
-    return text.getvalue()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmark.api.datasets import ShapeSet
 from benchmark.datasets.base import printable
-from benchmark.datasets.changes import changed, changed_name, split_name
+from benchmark.datasets.changes import changed, split_name
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
 from benchmark.datasets.own import is_own, open_own
@@ -187,24 +187,19 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
             raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")
     resolved = []
     for name in names:
-        base, changes = split_name(name)
+        base, _ = split_name(name)
         if base not in own and _source(base) is None and not is_path(base):
             folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
             raise did_you_mean("data set", base, [*CATALOGUE, *own, *difflib.get_close_matches(base, folders, 1)])
-        source = own.get(base, base)
-        for change, level in changes:
-            source = changed_name(source, change, level)
-        resolved.append(source)
+        resolved.append(own.get(base, base) + name[len(base) :])
     return resolved
 
 
 def table_name(source: str) -> str:
     """Return the name of the table of a data set that no table of the paper uses: its name, also for a path."""
-    base, changes = split_name(source)
+    base, _ = split_name(source)
     name = open_dataset(base).name if is_own(base) else base if _source(base) else folder_name(Path(base))
-    for change, level in changes:
-        name = changed_name(name, change, level)
-    return name
+    return name + source[len(base) :]
 
 
 def check_ranked(dataset: ShapeSet) -> None:

@@ -10,7 +10,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, Up, checked_up
 from benchmark.depth.intrinsics import intrinsics_of
-from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
+from benchmark.errors import BenchmarkError, DatasetError
 from benchmark.files import file_digest
 
 _KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
@@ -42,14 +42,14 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         problem = error.problem if isinstance(error, BenchmarkError) else str(error)
         hint = error.hint if isinstance(error, BenchmarkError) else "correct the value"
         raise DatasetError(f"{path}: {problem}", hint) from error
-
-    def files(entry: Entry) -> FrameFiles:
-        if entry.path is None:
-            raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give the entry a path")
-        return FrameFiles(entry.path, intrinsics, None, scale, up, half_width)
+    files = {
+        entry.identifier: FrameFiles(entry.path, intrinsics, None, scale, up, half_width)
+        for entry in entries
+        if entry.path
+    }
 
     def key(entry: Entry) -> str:
-        frame = files(entry)
+        frame = files[entry.identifier]
         beside = {"mask": frame.mask_file, "intrinsics": frame.intrinsics_file}
         digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
         return " ".join([file_digest(frame.image), *digests, repr((intrinsics, scale, up, half_width))])
@@ -57,10 +57,10 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     shapes = ShapeSet(
         name=name,
         shapes=entries,
-        load=lambda entry: files(entry).observe().surface,
+        load=lambda entry: files[entry.identifier].observe().surface,
         key=key,
         camera=lambda _: UPRIGHT,
-        observe=lambda entry: files(entry).observe(),
+        observe=lambda entry: files[entry.identifier].observe(),
         half_width=half_width,
         inputs=("view",),
         folder=folder,
@@ -74,5 +74,4 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
 def _up(value: Any) -> Up:
     if not isinstance(value, list):
         raise TypeError(f"up is {value!r}: write [right, down, forward], such as [0, -1, 0]")
-    right, down, forward = checked_up([float(number) for number in value]).tolist()
-    return right, down, forward
+    return tuple(checked_up([float(number) for number in value]).tolist())

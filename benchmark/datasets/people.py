@@ -1,9 +1,10 @@
 """Generated people: ``people[draw=0]`` to ``people[draw=2]``, ``people[n=500]``, and ``humans-scanlike``.
 
-The subjects of ``people`` follow from a rule and a seed that were committed before any run (:func:`drawn_subjects`).
-The bodies of ``people[n=N]`` keep a distance from all tested subjects, those of the earlier set ``humans`` included; a
-larger set begins with the bodies of the smaller one. The adults of ``humans-scanlike`` are evenly distributed in
-phenotype space by an additive recurrence [Roberts 2018]. All sets but the last have the same 20 poses.
+The subjects of ``people`` follow from a rule and a seed that were committed before any run, see
+``tests/datasets/test_people.py``. The bodies of ``people[n=N]`` keep a distance from all tested subjects, those of the
+earlier set ``humans`` included; a larger set begins with the bodies of the smaller one. The adults of
+``humans-scanlike`` are evenly distributed in phenotype space by an additive recurrence [Roberts 2018]. All sets but the
+last have the same 20 poses.
 """
 
 from __future__ import annotations
@@ -30,9 +31,6 @@ CLEARANCE = 0.25
 
 PEOPLE = tuple(SUBJECTS[f"people[draw={draw}]"] for draw in range(3))
 """Subjects of ``people`` by draw."""
-
-DRAW_SEED = 20261124
-"""Seed of the subjects of ``people``, the date of the draw."""
 
 _CHILDREN = (0.26, 0.48)
 _ADULTS = (0.60, 1.0)
@@ -126,43 +124,11 @@ def humans_scanlike() -> ShapeSet:
     )
 
 
-def drawn_subjects(draw: int) -> dict[str, Subject]:
-    """Draw the subjects of ``people``: man, woman and child in turn, five times; a letter names the draw.
-
-    Every value is uniform in its range and rounded to two digits; a child is male or female. Bodies nearer than
-    :data:`CLEARANCE` to a subject of ``humans`` or ``humans-scanlike`` are redrawn. There are no other constraints, in
-    particular none on distances between the subjects.
-
-    Parameters
-    ----------
-    draw
-        Number of the draw, part of the seed with :data:`DRAW_SEED`.
-    """
-    random = np.random.Generator(np.random.PCG64([DRAW_SEED, draw]))
-    drawn: dict[str, Subject] = {}
-    for number in range(1, 6):
-        for kind, ages in (("man", _ADULTS), ("woman", _ADULTS), ("child", _CHILDREN)):
-            lowest, highest = np.array([(0.0, 1.0), ages, *zip(_LOWEST, _HIGHEST, strict=True)]).T
-            name = f"{kind}-{'abc'[draw]}{number}"
-            while name not in drawn:
-                values = np.round(lowest + random.random(6) * (highest - lowest), 2)
-                values[0] = {"man": 0.0, "woman": 1.0, "child": float(values[0] >= 0.5)}[kind]
-                candidate = Subject(*values.tolist())
-                if clearance(candidate, ("humans", "humans-scanlike")) >= CLEARANCE:
-                    drawn[name] = candidate
-    return drawn
-
-
 @functools.cache
 def _phenotypes(dataset: str) -> NDArray[np.float64]:
     """Return the phenotypes of the subjects of a set, over all draws."""
     found = [bodies.values() for name, bodies in SUBJECTS.items() if name.partition("[")[0] == dataset]
     return np.array([astuple(body) for bodies in found for body in bodies])
-
-
-def clearance(subject: Subject, sets: Iterable[str] = TESTED) -> float:
-    """Return the distance in phenotype space from a body to the nearest subject of the given sets."""
-    return min(float(np.linalg.norm(_phenotypes(name) - astuple(subject), axis=1).min()) for name in sets)
 
 
 def clearances(bodies: Iterable[Subject]) -> dict[str, float]:
@@ -187,9 +153,10 @@ def new_subject(random: np.random.Generator, kind: int) -> Subject:
     kind
         0 for a man, 1 for a woman, 2 for a child.
     """
+    taken = np.concatenate([_phenotypes(name) for name in (*TESTED, "animals")])
     while True:
         gender = random.uniform() if kind == 2 else float(kind)
         age = random.uniform(*(_CHILDREN if kind == 2 else _ADULTS))
         candidate = Subject(gender, age, *random.uniform(_LOWEST, _HIGHEST).tolist())
-        if clearance(candidate, (*TESTED, "animals")) >= CLEARANCE:
+        if np.linalg.norm(taken - astuple(candidate), axis=1).min() >= CLEARANCE:
             return candidate

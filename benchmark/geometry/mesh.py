@@ -159,16 +159,9 @@ def edges_of(faces: NDArray[np.integer]) -> Edges:
     """Return the undirected edges of triangles, shape (m, 3)."""
     starts, ends = sides_of(faces)
     base = int(faces.max(initial=0)) + 1
-    key = np.minimum(starts, ends) * base + np.maximum(starts, ends)
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    is_new = np.ones(len(key), dtype=bool)
-    is_new[1:] = key[1:] != key[:-1]
-    first = np.flatnonzero(is_new)
-    of_sides = np.empty(len(key), dtype=np.int64)
-    of_sides[order] = np.cumsum(is_new) - 1
-    counts = np.diff(np.append(first, len(key)))
-    return Edges(np.stack(np.divmod(key[first], base), axis=1), counts, of_sides, order)
+    keys = np.minimum(starts, ends) * base + np.maximum(starts, ends)
+    edges, of_sides, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    return Edges(np.stack(np.divmod(edges, base), axis=1), counts, of_sides, np.argsort(keys, kind="stable"))
 
 
 #: Side of the grid cells for sorting vertices, far below the edge length of a prepared mesh.

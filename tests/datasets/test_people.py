@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from benchmark.datasets import bodies as body_model
-from benchmark.datasets.bodies import POSES, body_mesh, bone_rotations, jittered, mirrored
+from benchmark.datasets.bodies import POSES, Subject, body_mesh, bone_rotations, jittered, mirrored
 from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
-from benchmark.datasets.people import PEOPLE, drawn_subjects, new_subject
+from benchmark.datasets.people import PEOPLE, new_subject
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import depth_surface, fit_half_width
@@ -53,6 +53,28 @@ def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
     assert len(set().union(*subjects)) == sum(map(len, subjects)) == 49
     assert len({data.key(entry) for data in sets for entry in data.shapes}) == 980
     assert open_dataset("people").name == "people[draw=0]"
+
+
+def drawn_subjects(draw: int) -> dict[str, Subject]:
+    """Draw man, woman and child in turn, five times; a letter names the draw.
+
+    Every value is uniform in its range and rounded to two digits; a child is male or female. Bodies nearer than 0.25 to
+    a subject of ``humans`` or ``humans-scanlike`` are redrawn. There are no other constraints, in particular none on
+    distances between the subjects. The seed is the date of the draw.
+    """
+    random = np.random.Generator(np.random.PCG64([20261124, draw]))
+    drawn: dict[str, Subject] = {}
+    for number in range(1, 6):
+        for kind, ages in (("man", (0.60, 1.0)), ("woman", (0.60, 1.0)), ("child", (0.26, 0.48))):
+            # Gender, age, muscle, weight, height and proportions.
+            lowest, highest = np.array([(0, 1), ages, (0.15, 0.95), (0.14, 0.95), (0.08, 0.60), (0.12, 0.95)]).T
+            name = f"{kind}-{'abc'[draw]}{number}"
+            while name not in drawn:
+                values = np.round(lowest + random.random(6) * (highest - lowest), 2)
+                values[0] = {"man": 0.0, "woman": 1.0, "child": float(values[0] >= 0.5)}[kind]
+                if np.linalg.norm(OTHERS - values, axis=1).min() >= 0.25:
+                    drawn[name] = Subject(*values.tolist())
+    return drawn
 
 
 @pytest.mark.parametrize("draw", range(3))
