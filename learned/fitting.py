@@ -87,15 +87,13 @@ def _initial(configuration: Configuration, seed: int, folder: str) -> tuple[nn.M
     if not folder:
         return network, ""
     trained, card = load(Path(folder))
-    weights = {name: tensor.float() for name, tensor in trained.state_dict().items()}
-    if {name: tensor.shape for name, tensor in weights.items()} != {
-        name: tensor.shape for name, tensor in network.state_dict().items()
-    }:
+    try:
+        network.load_state_dict(trained.state_dict())
+    except RuntimeError as error:
         raise ConfigurationError(
             f"the model in {folder} is of network '{card.configuration.name}', not '{configuration.name}'",
             "begin with a model of the same network",
-        )
-    network.load_state_dict(weights)
+        ) from error
     return network, card.digest
 
 

@@ -80,11 +80,7 @@ def _check_mask(front: DepthImage) -> None:
 
 
 def _notes(report: Mapping[str, float]) -> Notes:
-    return {
-        "predicted_foreground": report["foreground"],
-        "predicted_pieces": report["pieces"],
-        "predicted_bridges": report["bridges"],
-    }
+    return {f"predicted_{name}": report[name] for name in ("foreground", "pieces", "bridges")}
 
 
 def _below(vertices: NDArray[np.float64], back: DepthImage, seen: NDArray[np.bool_]) -> NDArray[np.float64]:

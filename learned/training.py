@@ -80,10 +80,9 @@ class Schedule:
 
     def in_words(self) -> str:
         """Describe the schedule in one clause, with what differs from the paper's."""
-        paper, text = Schedule(), f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs"
-        named = {"resolution", "epochs", "precision"}
-        others = {name: value for name, value in asdict(self).items() if name not in named}
-        changed = (f"{name} {value}" for name, value in others.items() if value != getattr(paper, name))
+        text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs"
+        paper = Schedule(resolution=self.resolution, epochs=self.epochs, precision=self.precision)
+        changed = (f"{name} {value}" for name, value in asdict(self).items() if value != getattr(paper, name))
         return ", ".join([text, *changed])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +58,7 @@ class ObservedObject:
     depths: Depths
     mask: Mask
     surface: Mesh
-    notes: dict[str, float | str] = field(default_factory=dict)
+    notes: dict[str, float | str]
 
 
 def observe(
@@ -170,7 +170,7 @@ def _windows(shape: tuple[int, ...], count: int) -> list[tuple[slice, slice]]:
     return [np.s_[down : down + height, right : right + width] for down in range(count) for right in range(count)]
 
 
-def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, half_width: float = HALF_WIDTH) -> Mesh:
+def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, half_width: float) -> Mesh:
     """Return the surface of an object from its pixels.
 
     Each pixel yields two triangles between its corners. The depth of a corner is the mean over the adjacent object

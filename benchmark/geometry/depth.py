@@ -293,11 +293,8 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
 def _sample_positions(samples: Points, size: int, stride: int) -> Points:
     """Return the camera coordinates of all samples in units of the half width, shape (rows * columns, 3), row-major."""
     centres = (np.arange(len(samples)) * stride + stride // 2 + 0.5) * (2 / size) - 1
-    points = np.empty((*samples.shape, 3))
-    points[..., 0] = centres[np.newaxis, :]
-    points[..., 1] = -centres[:, np.newaxis]
-    points[..., 2] = 2 * samples - 1
-    return points.reshape(-1, 3)
+    x, y = np.meshgrid(centres, -centres)
+    return np.stack([x, y, 2 * samples - 1], axis=-1).reshape(-1, 3)
 
 
 def _triangulate(samples: Points, jump: float) -> Faces:

@@ -43,7 +43,7 @@ class Graph:
 
 def edge_graph(mesh: Mesh) -> Graph:
     """Return the edge graph of the mesh with Euclidean lengths."""
-    sides = _Sides.of(mesh)
+    sides = _Sides(mesh)
     return _undirected(mesh.n_vertices, sides.starts, sides.ends, sides.lengths)
 
 
@@ -72,7 +72,7 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
     Graph
         The mesh edges and the arcs.
     """
-    sides = _Sides.of(mesh)
+    sides = _Sides(mesh)
     opposite = np.argsort(sides.apexes, kind="stable")
     first = np.concatenate(([0], np.cumsum(np.bincount(sides.apexes, minlength=mesh.n_vertices))))
     # Successors of the last ring are neither followed nor stored. If that is the first ring, it has at most one window
@@ -115,40 +115,30 @@ def _turn(of_sides: IntArray, steps: int) -> IntArray:
     return np.roll(of_sides.reshape(-1, 3), -steps, axis=1).ravel()
 
 
-@dataclass(frozen=True, eq=False)
 class _Sides:
     """The sides of all triangles; side 3 f + k runs from corner k to corner k + 1 of face f.
 
-    ``twins`` is the side of the adjacent triangle along the same edge, -1 if it is not unique. ``apex_x`` and
-    ``apex_y`` are coordinates of the third corner relative to the start of the side: parallel and perpendicular to it.
+    ``starts``, ``ends`` and ``apexes`` are the vertices at both ends and at the opposite corner. ``twins`` is the side
+    of the adjacent triangle along the same edge, -1 if it is not unique. ``apex_x`` and ``apex_y`` are coordinates of
+    the opposite corner relative to the start of the side: parallel and perpendicular to it.
     """
 
-    starts: IntArray
-    ends: IntArray
-    apexes: IntArray
-    twins: IntArray
-    lengths: FloatArray
-    apex_x: FloatArray
-    apex_y: FloatArray
-
-    @classmethod
-    def of(cls, mesh: Mesh) -> _Sides:
-        starts, ends = sides_of(mesh.faces)
-        apexes = _turn(starts, 2)
-        along = mesh.vertices[ends] - mesh.vertices[starts]
-        towards_apex = mesh.vertices[apexes] - mesh.vertices[starts]
-        lengths = np.linalg.norm(along, axis=1)
-        along /= np.where(lengths > 0, lengths, 1.0)[:, None]
-        apex_x = (towards_apex * along).sum(axis=1)
-        apex_y = np.linalg.norm(towards_apex - apex_x[:, None] * along, axis=1)
+    def __init__(self, mesh: Mesh) -> None:
+        self.starts, self.ends = sides_of(mesh.faces)
+        self.apexes = _turn(self.starts, 2)
+        along = mesh.vertices[self.ends] - mesh.vertices[self.starts]
+        towards_apex = mesh.vertices[self.apexes] - mesh.vertices[self.starts]
+        self.lengths = np.linalg.norm(along, axis=1)
+        along /= np.where(self.lengths > 0, self.lengths, 1.0)[:, None]
+        self.apex_x = (towards_apex * along).sum(axis=1)
+        self.apex_y = np.linalg.norm(towards_apex - self.apex_x[:, None] * along, axis=1)
 
         edges = edges_of(mesh.faces)
         pair = edges.first[edges.counts == 2]
         first, second = edges.grouped_sides[pair], edges.grouped_sides[pair + 1]
-        proper = lengths[first] > 0
-        twins = np.full(len(starts), -1, dtype=np.int64)
-        twins[first[proper]], twins[second[proper]] = second[proper], first[proper]
-        return cls(starts, ends, apexes, twins, lengths, apex_x, apex_y)
+        proper = self.lengths[first] > 0
+        self.twins = np.full(len(self.starts), -1, dtype=np.int64)
+        self.twins[first[proper]], self.twins[second[proper]] = second[proper], first[proper]
 
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> Graph:
@@ -171,6 +161,7 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget, ro
     anticlockwise of P as seen from the source.
     """
     count = first.size - 1
+    # Room for 64 arcs per vertex to begin with; the arrays grow below if there are more.
     tails = np.empty(64 * count, np.int64)
     heads = np.empty(64 * count, np.int64)
     squares = np.empty(64 * count, np.float64)
@@ -233,7 +224,6 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget, ro
                 plane[queued], a_x, a_y, q_x, q_y, a_x if visible else low_x, a_y if visible else low_y, high_x, high_y
             )
             queued += before_high & (past_q >= 0)
-        # Make room for all arcs of this source.
         if arcs + n_seen > tails.size:
             tails = np.concatenate((tails, np.empty(tails.size + n_seen, np.int64)))
             heads = np.concatenate((heads, np.empty(heads.size + n_seen, np.int64)))

@@ -219,8 +219,9 @@ def _counted_polygons(lines: Sequence[bytes]) -> NDArray[np.int64]:
     """Parse lines of the number of corners, the corners, and perhaps a colour; returns triangles."""
     rows = [line.split() for line in lines]
     sizes = _integers(_parsed(b" ".join(row[0] for row in rows))).tolist()
-    if any(len(row) <= size for row, size in zip(rows, sizes, strict=True)):
-        raise ValueError("a face has fewer corners than it announces")
+    for number, (row, size) in enumerate(zip(rows, sizes, strict=True), 1):
+        if len(row) <= size:
+            raise ValueError(f"face {number} of {len(rows)} has fewer corners than it announces")
     corners = [word for row, size in zip(rows, sizes, strict=True) for word in row[1 : 1 + size]]
     return _fans(_integers(_parsed(b" ".join(corners))), sizes)
 

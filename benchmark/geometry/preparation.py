@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +10,7 @@ from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.bridging import bridge_components
-from benchmark.geometry.cleaning import (
-    LARGEST_LOSS,
-    clean,
-    compact,
-    component_areas,
-    extent_of,
-    make_manifold,
-)
+from benchmark.geometry.cleaning import LARGEST_LOSS, clean, compact, component_areas, extent_of, make_manifold
 from benchmark.geometry.mesh import Mesh, Points, edges_of, in_spatial_order
 
 DEBRIS = 0.01
@@ -59,7 +52,7 @@ class Prepared:
     source_area: float
     centre: Points
     scale: float
-    report: dict[str, float] = field(default_factory=dict)
+    report: dict[str, float]
 
     @property
     def notes(self) -> dict[str, float]:
