@@ -6,8 +6,6 @@ A surface is seen in the frame of its principal axes, and sampled evenly. Positi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 from numba import njit
@@ -300,7 +298,7 @@ def with_detail(
     screen = laplacian.mass / laplacian.mass.sum() / reach**2
     matrix = csc_array(diags_array(weights.sum(axis=1) + screen) - weights)
     factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    cells = _Cells.of(rest, weights)
+    cells = _Cells(rest, weights)
     held = screen[:, None] * positions
     refined = factors.solve(cells.load(rotations) + held)
     for _ in range(rounds):
@@ -309,35 +307,20 @@ def with_detail(
     return np.asarray(refined)
 
 
-@dataclass(frozen=True, eq=False)
 class _Cells:
     """Edges around each vertex.
 
-    Parameters
-    ----------
-    starts, ends
-        Vertices of each directed edge, shape (e,).
-    weights
-        Shape (e,).
-    edges
-        Vectors from end to start, shape (e, 3).
-    sums
-        Matrix that sums values of edges over their starts, shape (n, e).
+    ``starts`` and ``ends`` are the vertices of each directed edge, shape (e,), ``edges`` the vectors from end to start,
+    shape (e, 3). ``sums`` adds values of edges over their starts, shape (n, e).
     """
 
-    starts: NDArray[np.int64]
-    ends: NDArray[np.int32]
-    weights: FloatArray
-    edges: Points
-    sums: csr_array
-
-    @classmethod
-    def of(cls, rest: Points, graph: csr_array) -> _Cells:
-        starts = np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))
-        sums = csr_array(
-            (np.ones(len(starts)), np.arange(len(starts)), graph.indptr), shape=(graph.shape[0], len(starts))
-        )
-        return cls(starts, graph.indices, graph.data, rest[starts] - rest[graph.indices], sums)
+    def __init__(self, rest: Points, graph: csr_array) -> None:
+        self.starts = np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))
+        self.ends, self.weights = graph.indices, graph.data
+        self.edges = rest[self.starts] - rest[self.ends]
+        n_edges = len(self.starts)
+        entries = (np.ones(n_edges), np.arange(n_edges), graph.indptr)
+        self.sums = csr_array(entries, shape=(graph.shape[0], n_edges))
 
     def load(self, rotations: FloatArray) -> FloatArray:
         """Return the right-hand side for rotations, shape (n, 3)."""

@@ -100,8 +100,7 @@ def _initial(configuration: Configuration, seed: int, folder: str) -> tuple[nn.M
 def _check_finished(folder: Path, schedule: Schedule, data: TrainingData, words: str) -> None:
     """Raise ``ConfigurationError`` unless the finished model in a folder is that of this schedule and data."""
     card = json.loads((folder / CARD).read_bytes())
-    same = card.get("schedule") == asdict(schedule) and card.get("identifiers") == list(data.identifiers)
-    if not same:
+    if card.get("schedule") != asdict(schedule) or card.get("identifiers") != list(data.identifiers):
         raise ConfigurationError(
             f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), not of "
             f"{words}",

@@ -57,8 +57,6 @@ def canonical_shapes(dataset: ShapeSet) -> Mapping[str, Entry]:
 
 def printable(name: str) -> str:
     r"""Return a name suitable for records: unprintable characters are escaped as in Python, such as ``\x00``."""
-    if name.isprintable():
-        return name
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in name)
 
 

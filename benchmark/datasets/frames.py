@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, Up, checked_up
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, checked_up
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.errors import BenchmarkError, DatasetError
 from benchmark.files import file_digest
@@ -37,11 +36,9 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     half_width = positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
     try:
         intrinsics = intrinsics_of(str(values["intrinsics"]), folder) if "intrinsics" in values else None
-        up = _up(values["up"]) if "up" in values else None
-    except (BenchmarkError, TypeError, ValueError) as error:
-        problem = error.problem if isinstance(error, BenchmarkError) else str(error)
-        hint = error.hint if isinstance(error, BenchmarkError) else "correct the value"
-        raise DatasetError(f"{path}: {problem}", hint) from error
+        up = tuple(checked_up(values["up"]).tolist()) if "up" in values else None
+    except BenchmarkError as error:
+        raise DatasetError(f"{path}: {error.problem}", error.hint) from error
     files = {
         entry.identifier: FrameFiles(entry.path, intrinsics, None, scale, up, half_width)
         for entry in entries
@@ -69,9 +66,3 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     if "canonical_pose" not in values:
         return shapes
     return replace(shapes, canonical_poses=canonical_poses(values["canonical_pose"], shapes, path))
-
-
-def _up(value: Any) -> Up:
-    if not isinstance(value, list):
-        raise TypeError(f"up is {value!r}: write [right, down, forward], such as [0, -1, 0]")
-    return tuple(checked_up([float(number) for number in value]).tolist())

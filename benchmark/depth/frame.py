@@ -122,11 +122,14 @@ def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float6
 
 def checked_up(direction: Up) -> NDArray[np.float64]:
     """Return an up direction as a unit vector; raises ``DepthError`` if it is invalid or near the optical axis."""
-    up = np.asarray(direction, dtype=np.float64)
+    try:
+        up = np.asarray(direction, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):  # the direction may come from a settings file
+        up = np.empty(0)
     length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
         raise DepthError(
-            f"{list(direction)} is up in no image",
+            f"{direction} is up in no image",
             "write [right, down, forward] of the camera, such as [0, -1, 0]; cameras that look straight down have none",
         )
     return up / length
