@@ -132,35 +132,6 @@ def enlarged(prediction: Tensor) -> Floats:
     return np.asarray(torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0).numpy(), dtype=np.float32)
 
 
-def smoothed(prediction: Tensor, deviation: float) -> Tensor:
-    """Smooth the depth with a Gaussian over the pixels inside the mask; the mask stays unchanged.
-
-    Parameters
-    ----------
-    prediction
-        Depth and mask, shape (2, r, r).
-    deviation
-        Standard deviation of the Gaussian in pixels; 0 changes nothing.
-
-    Returns
-    -------
-    torch.Tensor
-        Shape (2, r, r).
-    """
-    if deviation == 0:
-        return prediction
-    depth, mask = prediction.double()
-    inside = (mask > COVERED).double()
-    reach = math.ceil(3 * deviation)
-    bell = torch.exp(-torch.arange(-reach, reach + 1, dtype=torch.float64).square() / (2 * deviation**2))
-    blurred = torch.stack([depth * inside, inside])[:, None]
-    for kernel, padding in ((bell[None, None, :, None], (reach, 0)), (bell[None, None, None, :], (0, reach))):
-        blurred = functional.conv2d(blurred, kernel, padding=padding)
-    weighted, weight = blurred[:, 0]
-    # Inside the mask the weight is at least that of the pixel itself.
-    return torch.stack([torch.where(inside > 0, weighted / weight.clamp(min=1.0), depth), mask])
-
-
 def outline_blur(mask: Tensor) -> float:
     """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r); 0 for an empty one.
 

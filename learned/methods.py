@@ -126,12 +126,6 @@ class Learned(TrainedNetwork):
         Seed of the training whose model is used.
     training
         Name of the training data; "" for that of the table.
-    smoothing
-        Standard deviation, in pixels of the network, of a Gaussian that smooths the predicted depth inside the mask.
-        The paper has none; a schedule shorter than the paper's leaves noise, which smoothing removes.
-    jump
-        Depth discontinuity at which the predicted surface is cut: the largest depth difference along an edge, as a
-        share of half the frame (0.05 for the view input). None: the predicted mask alone defines the surface.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -153,8 +147,6 @@ class Learned(TrainedNetwork):
     """Outline width in pixels that 90 % of the validation images of the shipped model do not exceed, if known."""
 
     configuration: ConfigurationName = "literal"
-    smoothing: Annotated[float, Interval(0, 50)] = 0.0
-    jump: Annotated[float, Interval(0, closed="neither")] | None = None
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Predict the canonical pose and return its surface, of unit area.
@@ -170,14 +162,14 @@ class Learned(TrainedNetwork):
         """
         import torch
 
-        from learned.images import enlarged, smoothed
+        from learned.images import enlarged
         from learned.surface import closed_surface, open_surface
 
         if shape.depth is None:
             raise UnsupportedShape("the learned network needs a depth image", "use the view input")
         *depths, mask = self.predict(shape.depth)
-        front, *back = (enlarged(smoothed(torch.stack([depth, mask]), self.smoothing)) for depth in depths)
-        surface, notes = closed_surface(front, back[0]) if back else open_surface(front, self.jump)
+        front, *back = (enlarged(torch.stack([depth, mask])) for depth in depths)
+        surface, notes = closed_surface(front, back[0]) if back else open_surface(front)
         return CanonicalForm(surface.vertices, surface.faces, notes)
 
     def predict(self, depth: DepthImage) -> Tensor:

@@ -20,7 +20,7 @@ THINNEST = 0.004
 surface is thin, not inside out, where its predicted sides cross."""
 
 
-def open_surface(front: DepthImage, jump: float | None = None) -> tuple[Mesh, Notes]:
+def open_surface(front: DepthImage) -> tuple[Mesh, Notes]:
     """Return the surface of unit area behind a predicted image, sampled like the view input, and notes about it.
 
     In a camera image, only a jump in depth shows that one part hides another, so the view input is cut at jumps. A
@@ -31,8 +31,6 @@ def open_surface(front: DepthImage, jump: float | None = None) -> tuple[Mesh, No
     ----------
     front
         Depth image, shape (500, 500), 0 outside the predicted mask.
-    jump
-        Largest depth difference along an edge, as a share of the half width; None for no cuts inside the mask.
 
     Raises
     ------
@@ -40,7 +38,7 @@ def open_surface(front: DepthImage, jump: float | None = None) -> tuple[Mesh, No
         If the image is empty.
     """
     _check_mask(front)
-    surface, report = back_project(front, 1.0, jump=math.inf if jump is None else jump)
+    surface, report = back_project(front, 1.0, jump=math.inf)
     return surface.with_vertices(surface.vertices / surface.area**0.5), _notes(report)
 
 

@@ -30,7 +30,6 @@ SINGLES = 1e-6
 #: Variants of methods and scorers in tables, by base name; their results are in the file of the base.
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "least-squares-mds": ("start=classic",),
-    "learned": ("smoothing=1", "jump=0.05"),
     "deformation-field": ("reach=0", "rounds=0"),
     "cm-bof": ("allow_mirror=true", "pose=pca"),
 }

@@ -9,7 +9,7 @@ import torch
 from benchmark.api.learning import TrainingPair
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.depth import SIZE
-from learned.images import checked_image, enlarged, outline_blur, resampled, smoothed
+from learned.images import checked_image, enlarged, outline_blur, resampled
 from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
@@ -59,19 +59,6 @@ def test_a_seen_pixel_is_never_background() -> None:
     # A sigmoid may come arbitrarily near to the depth of the background.
     prediction = torch.stack([torch.zeros(32, 32), torch.ones(32, 32)])
     assert enlarged(prediction).min() > 0
-
-
-def test_smoothing_averages_depths_inside_the_mask_alone() -> None:
-    depth = torch.rand(32, 32, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    mask = torch.zeros(32, 32, dtype=torch.float64)
-    mask[8:24, 8:24] = 1
-    smooth, same = smoothed(torch.stack([depth, mask]), 2.0)
-    assert torch.equal(same, mask)
-    inside = mask > 0
-    assert torch.equal(smooth[~inside], depth[~inside])
-    assert smooth[inside].std() < 0.4 * depth[inside].std()
-    flat = torch.stack([0.3 * torch.ones_like(mask), mask])
-    torch.testing.assert_close(smoothed(flat, 2.0), flat)
 
 
 def test_the_blur_of_an_outline_is_its_width_in_pixels() -> None:
