@@ -12,15 +12,6 @@ from benchmark.geometry.mesh import Mesh
 from tests.behaviour.suite import PLUGINS, ROOT, call, write_frames
 from tests.toy import write_off, write_rods
 
-#: Example by the name under which it is used.
-EXAMPLES = {
-    "ray-stretch": "ray-stretch",
-    "spread": "distance-profile",
-    "tiny": "nearest-view",
-    "far": "distance-distribution",
-    "blobs": "bent-ellipsoids",
-}
-
 
 @pytest.fixture(scope="session")
 def material(tmp_path_factory) -> Path:
@@ -39,7 +30,7 @@ def material(tmp_path_factory) -> Path:
     for name in ("four", "damaged/a0", "damaged/a1", "damaged/b0"):
         write_off(folder / f"{name}.off", tetrahedron)
     (folder / "damaged" / "b1.off").write_text("OFF 1")
-    for name in ("empty", "full", "strange", "forced", "plugins"):
+    for name in ("empty", "full", "strange", "forced"):
         (folder / name).mkdir()
     (folder / "full" / "mine.txt").write_text("mine")
     for name in ("strange", "forced"):
@@ -47,16 +38,8 @@ def material(tmp_path_factory) -> Path:
         (folder / name / "index.html").write_text("mine")
     (folder / "own.py").write_text(PLUGINS)
     (folder / "syntax.py").write_text("def\n")
-    for name, example in EXAMPLES.items():
-        text = (ROOT / "examples" / f"{example.replace('-', '_')}.py").read_text()
-        (folder / "plugins" / f"{name.replace('-', '_')}.py").write_text(
-            text.replace(example, name).replace(_title(example), _title(name))
-        )
+    (folder / "examples").symlink_to(ROOT / "examples")
     return folder
-
-
-def _title(name: str) -> str:
-    return name.replace("-", " ").title()
 
 
 @pytest.fixture
