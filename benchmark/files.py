@@ -57,9 +57,9 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
         raise
 
 
-def write_text(path: Path, text: str, *, durable: bool = False) -> None:
+def write_text(path: Path, text: str) -> None:
     """Write text in UTF-8 with :func:`write_atomically`."""
-    write_atomically(path, lambda file: file.write(text.encode("utf-8")), durable=durable)
+    write_atomically(path, lambda file: file.write(text.encode("utf-8")))
 
 
 def sweep(folder: Path) -> None:

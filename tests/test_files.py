@@ -11,7 +11,7 @@ from benchmark.files import sweep, write_atomically, write_text
 
 def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path):
     path = tmp_path / "deep" / "file.txt"
-    write_text(path, "old", durable=True)
+    write_atomically(path, lambda file: file.write(b"old"), durable=True)
 
     def half(file):
         file.write(b"new, but only ha")

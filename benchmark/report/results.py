@@ -129,22 +129,9 @@ class Results:
         raise ConfigurationError(f"{self.folder} has no job '{job}'", "take a key from jobs.index")
 
 
-def open_results(path: str | Path = "results", *, local: bool = True, published: bool = True) -> Results:
-    """Open a results folder.
-
-    Parameters
-    ----------
-    path
-        The folder.
-    local, published
-        Whether to read jobs that ran in it, and those that came with the suite.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such folder.
-    """
+def open_results(path: str | Path = "results") -> Results:
+    """Open a results folder; raise ``ConfigurationError`` if there is none."""
     folder = Path(path)
     if not folder.is_dir():
         raise ConfigurationError(f"{folder} is no folder", "name a results folder")
-    return Results(folder, tuple(read_records(folder, local=local, published=published)))
+    return Results(folder, tuple(read_records(folder)))
