@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import glob
 import os
 import re
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -47,14 +45,13 @@ def canonicalise(
 ) -> bool:
     """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
     source, *others = paths
-    may_miss = bool(others) or _is_pattern(source)  # a missing frame costs only itself
-    if absent := [path for path in paths if not path.name or not (may_miss or path.exists())]:
+    if absent := [path for path in paths if not path.name or not (others or path.exists())]:  # of several, one may miss
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
     if options.picture is not None and not others and source.is_file():
         check_ending(options.picture)
     if warning := trained_on_people(select_one(method, options.plugins)):
         say(f"{method}: {warning}", err=True)
-    if may_miss or source.suffix.lower() in EXTENSIONS or source.is_dir():
+    if others or source.suffix.lower() in EXTENSIONS or source.is_dir():
         if all_vertices:
             raise ConfigurationError("a depth image has no vertices", "omit --all-vertices")
         return _canonicalise_frames(paths, method, options, output)
@@ -68,7 +65,7 @@ def canonicalise(
     except ShapeError as error:
         problem = error.problem if str(source) in error.problem else f"{source}: {error.problem}"
         raise ShapeError(problem, error.hint) from error
-    write_form(target, form.mesh)
+    write_mesh(target, form.mesh)
     if options.picture is not None:
         save_png(mesh_picture(read_mesh(source), form.mesh), options.picture)
     say(", ".join([f"{target}: {len(form.vertices)} vertices", *_facts(form.notes)]))
@@ -85,25 +82,6 @@ def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
     if target.suffix.lower() not in WRITABLE:
         raise ConfigurationError(f"{target} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
     return target
-
-
-def write_form(target: Path, mesh: Mesh) -> None:
-    """Write a mesh atomically: on a full disk, the old file remains.
-
-    Raises
-    ------
-    ConfigurationError, OSError
-        If it cannot be written.
-    """
-    path = target.resolve()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=path.parent, prefix=".form-") as folder:
-        file = Path(folder, path.name)
-        try:
-            write_mesh(file, mesh)
-        except ConfigurationError as error:
-            raise ConfigurationError(error.problem.replace(str(file), str(target)), error.hint) from error
-        file.replace(path)
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
@@ -164,31 +142,21 @@ def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: st
 # Depth images --------------------------------------------------------------------------------------------------------
 
 
-def _is_pattern(path: Path) -> bool:
-    return not path.exists() and glob.has_magic(str(path))
-
-
-def frames_under(source: Path) -> list[Path]:
-    """Return the depth images of a file, folder or pattern; raise ``ConfigurationError`` if there is none."""
-    if source.is_dir():
-        dataset = folder_set(source)
-        if dataset.observe is None:
-            raise ConfigurationError(f"{source} holds meshes", "name one of them, or make all forms with 'run -d'")
-        return [entry.path for entry in dataset.shapes if entry.path]
-    if not _is_pattern(source):
+def _frames_under(source: Path) -> list[Path]:
+    """Return the depth images of a file or folder; raise ``ConfigurationError`` if there is none."""
+    if not source.is_dir():
         return [source]
-    matches = [Path(name) for name in sorted(glob.glob(str(source), recursive=True))]  # noqa: PTH207
-    frames = [path for path in matches if is_depth_file(path)]
-    if not frames:
-        raise ConfigurationError(f"no depth image matches {source}", f"name files in {', '.join(EXTENSIONS)}")
-    return frames
+    dataset = folder_set(source)
+    if dataset.observe is None:
+        raise ConfigurationError(f"{source} holds meshes", "name one of them, or make all forms with 'run -d'")
+    return [entry.path for entry in dataset.shapes if entry.path]
 
 
 def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection, output: Path | None) -> bool:
     """Write and report the form and picture of each depth image; return whether all have a form."""
     if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
-    frames = [frame for path in paths for frame in frames_under(path)]
+    frames = [frame for path in paths for frame in _frames_under(path)]
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     if frames == list(paths[:1]):
@@ -215,7 +183,7 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
             say(f"{count}{frame}: {error}")
             continue
         seconds = time.perf_counter() - start
-        write_form(target, form.mesh)
+        write_mesh(target, form.mesh)
         if picture:
             save_png(frame_picture(observed.depths, observed.mask, form.mesh), picture)
         facts = [fact for fact in _facts(form.notes) if len(frames) == 1 or fact.startswith("doubt")]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, ShapeError, UnreadableMesh
+from benchmark.files import write_atomically
 from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.mesh import Mesh
 
@@ -96,6 +97,8 @@ def mesh_suffix(path: Path) -> str:
 def write_mesh(path: Path | str, mesh: Mesh) -> None:
     """Write a mesh as OFF, OBJ or binary PLY, by extension, with coordinates in full precision.
 
+    On a full disk, the old file remains.
+
     Raises
     ------
     ConfigurationError
@@ -113,7 +116,7 @@ def write_mesh(path: Path | str, mesh: Mesh) -> None:
     else:
         raise ConfigurationError(f"{path}: cannot write '{suffix}' files", f"choose one of {', '.join(WRITABLE)}")
     try:
-        path.write_bytes(data)
+        write_atomically(path.resolve(), lambda file: file.write(data))
     except OSError as error:
         raise ConfigurationError(
             f"{path}: {error.strerror}", "choose a file in a folder that can be written"

@@ -1,39 +1,20 @@
 """The command line as a whole: its size, what it imports, what it refuses, and what it never overwrites."""
 
 import importlib.metadata
-import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
-from benchmark.errors import ConfigurationError
 from tests.toy import write_rods
-from tests.verbs import call
+from tests.verbs import call, refusal
 
-ROOT = Path(__file__).parents[2]
 VERBS = typer.main.get_command(cli).commands
 ALL = {**VERBS, **{f"data {name}": verb for name, verb in VERBS["data"].commands.items()}}
-
-
-def benchmark(*arguments, **options):
-    clean = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
-    command = [sys.executable, "-m", "benchmark", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=ROOT, timeout=280, check=False, env=clean, **options
-    )
-
-
-def refusal(*words):
-    """The error of a verb that refuses, as the program prints it on one line."""
-    error = CliRunner().invoke(cli, list(map(str, words))).exception
-    assert isinstance(error, ConfigurationError), error
-    return str(error)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -70,9 +51,7 @@ print({unused} & sys.modules.keys())
 
 
 def test_the_version_is_that_of_the_package():
-    assert (
-        benchmark("--version").stdout == f"canonical-forms {importlib.metadata.version('canonical-forms-benchmark')}\n"
-    )
+    assert call("--version") == f"canonical-forms {importlib.metadata.version('canonical-forms-benchmark')}\n"
 
 
 def test_a_folder_without_published_records_is_refused_with_the_one_to_pass(tmp_path):
@@ -103,7 +82,7 @@ def test_a_wrong_data_root_is_refused_with_the_right_one(tmp_path, given, right)
     if right:
         assert f"pass --data-root {tmp_path / right}" in refusal("list", "datasets", "--data-root", tmp_path / given)
     else:
-        assert CliRunner().invoke(cli, ["list", "datasets", "--data-root", str(tmp_path / given)]).exit_code == 0
+        call("list", "datasets", "--data-root", tmp_path / given)
 
 
 @pytest.mark.parametrize("forms", ["folder", "=folder", "name="])
@@ -119,18 +98,18 @@ def finished(tmp_path_factory):
     """A finished run of two methods on both inputs."""
     folder = tmp_path_factory.mktemp("finished")
     arguments = ("-d", write_rods(folder / "rods"), "-m", "identity", "-m", "surface-area")
-    assert benchmark("run", *arguments, "--results", folder / "results", "-j", 2).returncode == 0
+    call("run", *arguments, "--results", folder / "results", "-j", 2)
     return arguments, folder / "results"
 
 
 def test_an_edited_table_is_not_overwritten(finished, tmp_path):
     words = ("tables", "--results", finished[1], "-o", tmp_path / "out")
-    assert CliRunner().invoke(cli, list(map(str, words))).exit_code == 0
+    call(*words)
     (table, *_) = (tmp_path / "out").glob("*.md")
     table.write_text("edited")
     assert f"{table} was edited" in refusal(*words)
     assert table.read_text() == "edited"
-    assert CliRunner().invoke(cli, [*map(str, words), "--force"]).exit_code == 0
+    call(*words, "--force")
     assert table.read_text() != "edited"
 
 
@@ -158,7 +137,7 @@ def test_only_a_terminal_gets_the_note_on_bold(finished):
 def test_a_run_of_some_subjects_prints_scores_without_a_table(tmp_path):
     folder = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     words = ["run", "-d", folder, "-m", "surface-area", "--input", "mesh", "--results", tmp_path / "r", "-j", "0"]
-    printed = CliRunner().invoke(cli, [*map(str, words), "--subjects", "thin,thick"]).output
+    printed = call(*words, "--subjects", "thin,thick")
     assert "rods thin, thick mesh surface-area  NN 1.00" in printed
     assert "Table" not in printed
     assert refusal(*words, "--subjects", "thin,thik").startswith("unknown subject 'thik'")

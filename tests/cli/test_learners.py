@@ -5,11 +5,10 @@ import math
 import shlex
 
 import pytest
-from typer.testing import CliRunner
 
 from benchmark.api.learning import read_card
-from benchmark.cli.main import cli
-from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.errors import ConfigurationError
+from tests import verbs
 from tests.mean_target import PLUGIN_PATH, write_model
 from tests.toy import rod, write_off
 
@@ -32,12 +31,7 @@ def results(tmp_path_factory):
 
 
 def call(*arguments, code=0):
-    result = CliRunner().invoke(cli, [*map(str, arguments), "--plugin", str(PLUGIN_PATH)])
-    if isinstance(result.exception, BenchmarkError):
-        assert code == 2, result.exception
-        return str(result.exception)
-    assert result.exit_code == code, result.output
-    return result.output
+    return verbs.call(*arguments, "--plugin", PLUGIN_PATH, code=code)
 
 
 def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(results, root):

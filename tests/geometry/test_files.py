@@ -19,6 +19,7 @@ from scipy.io import savemat
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
+from tests.toy import files_of_at_most, rod
 
 INPUTS = Path(__file__).with_name("inputs")
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -283,9 +284,17 @@ def test_every_finite_coordinate_survives_writing(tmp_path_factory, numbers: lis
     mesh = Mesh(np.array(numbers).reshape(3, 3), [[0, 1, 2]])
     write_mesh(path, mesh)
     assert read_mesh(path).vertices.tobytes() == mesh.vertices.tobytes()
-    for name, reason in (("a.stl", r"\.stl"), (f"nowhere/a{suffix}", "No such file")):
+    for name, reason in (("a.stl", r"\.stl"), (f"x{suffix}/a{suffix}", "File exists")):
         with pytest.raises(ConfigurationError, match=reason):
             write_mesh(path.parent / name, mesh)
+
+
+def test_on_a_full_disk_the_old_file_stays(tmp_path: Path) -> None:
+    target = tmp_path / "rod.off"
+    target.write_text("old")
+    with files_of_at_most(4096), pytest.raises(ConfigurationError, match=f"^{target}: File too large; choose a file"):
+        write_mesh(target, rod(0.1, 0.5))
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("rod.off", "old")]
 
 
 def test_paths_that_cannot_be_read(tmp_path: Path) -> None:

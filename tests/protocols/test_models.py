@@ -7,15 +7,14 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from benchmark.api.datasets import Entry
 from benchmark.api.learning import CARD, Card, digest_of, read_card
-from benchmark.cli.main import cli
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import trainings_by_shape
 from learned.methods import Learned
+from tests.verbs import call
 
 RANDOM = ["people", *(f"people[draw={draw}]" for draw in range(3))]
 GENERATED = "people[n=4]"
@@ -94,9 +93,9 @@ def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name
     ],
 )
 def test_a_plan_says_why_a_model_is_refused(tmp_path: Path, dataset: str, method: str, said: str) -> None:
-    done = CliRunner().invoke(cli, ["plan", "-d", dataset, "-m", method, "--results", str(tmp_path)])
-    rows = [line for line in done.stdout.splitlines() if said in line]
-    assert rows and all(line.startswith("unsupported") for line in rows), done.stdout
+    told = call("plan", "-d", dataset, "-m", method, "--results", tmp_path)
+    rows = [line for line in told.splitlines() if said in line]
+    assert rows and all(line.startswith("unsupported") for line in rows), told
 
 
 def model_with(training: str, **card: object) -> Model:
