@@ -8,12 +8,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from benchmark.cli.options import Selection
-from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.pipeline.records import Record, read_records
-from benchmark.protocols.tables import PARTS, TABLES
+from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import MEASURES
-from benchmark.registry import BUILT_IN
 from benchmark.report.formats import duration, hundredths, text
 from benchmark.report.frames import chosen_records, seconds_of
 from benchmark.report.tables import TableView, table_views
@@ -70,13 +68,6 @@ def outcome(record: Record) -> str:
     scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
     refused = f", {len(record.unsupported)} refused" if record.unsupported else ""
     return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
-
-
-def is_public(record: Record) -> bool:
-    """Return whether a record means something elsewhere: of a set and a method of the suite."""
-    is_whole = record.gallery.removeprefix(record.data.name).strip() in PARTS
-    is_known = record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
-    return is_whole and is_known
 
 
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:

@@ -46,8 +46,9 @@ def _galleries(selection: Selection) -> list[Gallery]:
     if not selection.input:
         return chosen
     fitting = [replace(gallery, inputs=(selection.input,)) for gallery in chosen if selection.input in gallery.inputs]
-    if not fitting:
-        chosen[0].check_input(selection.input)
+    if not fitting and selection.input not in (dataset := chosen[0].dataset).inputs:
+        problem = f"data set '{dataset.name}' has no complete surfaces, only views of one side of each shape"
+        raise ConfigurationError(problem, f"drop --input {selection.input}")
     return fitting
 
 

@@ -14,7 +14,7 @@ from typer import Argument, Option
 
 from benchmark.cli import options as shared
 from benchmark.cli.options import Selection, cli, data, verb
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError
 from benchmark.text import say, say_lines
 
 _JOBS = (
@@ -172,7 +172,7 @@ def canonicalise(
 ) -> bool:
     """Write the canonical form of a mesh, or of depth images.
 
-    A depth image is a 16-bit PNG, TIFF or PGM, NPY, NPZ or PFM; a folder or pattern stands for all of its images.
+    A depth image is a 16-bit PNG, TIFF or PGM, NPY, NPZ or PFM; a folder stands for all of its images.
     """
     from benchmark.cli.forms import canonicalise
 
@@ -295,12 +295,10 @@ def train(
 
     An interrupted training goes on, and finished models are skipped.
     """
-    from benchmark.api.learning import CARD, Learner
+    from benchmark.api.learning import Learner
     from benchmark.api.parameters import assignments
-    from benchmark.protocols.galleries import galleries
-    from benchmark.protocols.pairs import training_data
-    from benchmark.protocols.trainings import TRAININGS, own_training, trainings_by_shape
-    from benchmark.reference.paper import NUMERALS
+    from benchmark.protocols.pairs import set_unusable_aside, training_data, trainings_of
+    from benchmark.protocols.trainings import own_training
     from benchmark.registry import select_one
 
     spec = select_one(method, selection.plugins)
@@ -311,19 +309,12 @@ def train(
     schedule = {name: _number(value) for name, value in settings.items()}
     if data is not None:
         trainings = [own_training(data, tuple(filter(None, hold_out.split(","))))]
-    elif target in NUMERALS:
-        root = selection.require_data_root()
-        tested = galleries([target], data_root=root)
-        of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, root) for gallery in tested]
-        trainings = list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
-    elif target in TRAININGS:
-        trainings = [TRAININGS[target]]
     else:
-        raise did_you_mean("table or training", target, [*NUMERALS, *TRAININGS])
+        trainings = trainings_of(learner, target, selection.require_data_root())
     for training in trainings:
         say(f"{spec.name}, {training.name}")
         folder = selection.results / "models" / training.name / learner.model_name
-        _set_unusable_aside(folder / CARD)
+        set_unusable_aside(folder, say)
         learner.train(training_data(training, selection.data_root, say), folder, schedule, say)
         say(f"the model is in {folder}")
 
@@ -334,18 +325,6 @@ def _number(text: str) -> int | float | str:
         with suppress(ValueError):
             return kind(text)
     return text
-
-
-def _set_unusable_aside(card: Path) -> None:
-    """Rename the card of an unusable model, which is then trained again."""
-    from benchmark.api.learning import read_card
-
-    if card.is_file():
-        try:
-            read_card(card.parent)
-        except ConfigurationError as error:
-            card.replace(card.with_name(f"unusable-{card.name}"))
-            say(f"{error.problem}: renamed to unusable-{card.name}, training the model again")
 
 
 @verb("results")
@@ -360,14 +339,14 @@ def merge(
 
     The exit code is 1 if they contradict each other.
     """
-    from benchmark.cli.results import is_public, outcome
+    from benchmark.cli.results import outcome
     from benchmark.pipeline.cache import writing
-    from benchmark.pipeline.records import merge, publish
+    from benchmark.pipeline.merging import merge, publish
 
     results = selection.results
     with writing(results):
         merged = merge([folder for folder in folders if folder.resolve() != results.resolve()], results)
-        public = publish(results, is_public) if published else merged
+        public = publish(results) if published else merged
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
     say(f"records: {len(public.added)} added, {public.known} known, {len(merged.conflicts)} in conflict")

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
 from benchmark.pipeline.cache import Arrays, Cache, Kind
-from benchmark.pipeline.measures import score
 from benchmark.pipeline.records import Record
 from benchmark.pipeline.stages import FIRST, NOTE, REFUSED, SECONDS
 from benchmark.registry.outputs import compare_signatures, compute_distances
+from retrieval.measures import score_draws
 
 #: Arrays of prepared shapes and forms that ranking does not read.
 _SURFACES = ("vertices", "faces", "depth")
@@ -84,7 +84,7 @@ def rank(
             yield matrix
 
     content = {
-        **score(summed(), record.labels, list(answered) if unsupported else None),
+        **score_draws(summed(), record.labels, list(answered) if unsupported else None),
         "unsupported": unsupported,
         "unprepared": [shape for shape, _ in unsupported if shape in lost],
         "notes": _summarise_notes(answered.values()),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -15,14 +14,11 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
-from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import RUNS, Cache, Kind, StorageError, storing
-from benchmark.pipeline.environment import has_edits
-from benchmark.pipeline.measures import DECIMALS
-from benchmark.text import LONGEST_NAME, say
-from retrieval.measures import PRINTED
+from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
+from benchmark.text import say
+from retrieval.measures import DECIMALS
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
@@ -337,99 +333,3 @@ def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
 def _read_arrays(results: Path, record: Record, kind: Kind, shape: str) -> dict[str, NDArray[Any]]:
     keys = dict(zip(record.shapes, record.files.get(kind, []), strict=False))
     return Cache(results).read(kind, keys.get(shape, "")) or {}
-
-
-# Joining and publishing ----------------------------------------------------------------------------------------------
-
-
-class Merged(NamedTuple):
-    """Outcome of a merge: new records, the number of known ones, and pairs with one key and different scores."""
-
-    added: list[Record]
-    known: int
-    conflicts: list[tuple[Record, Record]]
-
-
-def merge(folders: Iterable[Path], results: Path) -> Merged:
-    """Add the records of other results folders to this one: a result replaces a failure, a newer job an older one.
-
-    Raises
-    ------
-    StorageError
-        If a folder holds no records.
-    """
-    known = _newest(read_records(results, published=False))
-    added, n_known, conflicts = list[Record](), 0, list[tuple[Record, Record]]()
-    for folder in folders:
-        if not (folder / RUNS / "records").is_dir():
-            raise StorageError(f"{folder} holds no records", "name a results folder, which has runs/records")
-        for record in _read((folder / RUNS / "records").glob("*.json")):
-            existing = known.get(record.row)
-            if existing is None or _replaces(record, existing):
-                known[record.row] = msgspec.structs.replace(record, files={})
-                write_record(results, known[record.row], existing.key if existing else "")
-                added.append(record)
-            elif record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
-                conflicts.append((existing, record))
-            else:
-                n_known += 1
-    return Merged(added, n_known, conflicts)
-
-
-def _replaces(record: Record, other: Record) -> bool:
-    is_result = record.status == "ok" and other.status != "ok"
-    return is_result or (record.key != other.key and _age(record) > _age(other))
-
-
-def publish(results: Path, is_public: Callable[[Record], bool]) -> Merged:
-    """Write the public records made here among the published ones, in place of earlier ones of their rows.
-
-    Parameters
-    ----------
-    results
-        The results folder.
-    is_public
-        Whether a record means something elsewhere: of a set and a method of the suite.
-
-    Raises
-    ------
-    ConfigurationError
-        If the working tree has changes, or the records of a gallery and input were made at several commits.
-    """
-    if has_edits():
-        raise ConfigurationError("the working tree has changes", "commit them, and run again")
-    here = [r for r in read_records(results, published=False) if is_public(r) and not r.data.quick]
-    here = [r for r in here if r.status != "unavailable"]  # which no run made
-    commits: dict[str, set[str]] = {}
-    for record in here:
-        commits.setdefault(f"{record.gallery} {record.input}", set()).add(record.commit)
-    for name, made_at in commits.items():
-        if len(made_at) > 1 or any(commit.endswith("+") for commit in made_at):
-            problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
-            raise ConfigurationError(problem, "run them again at one commit")
-    before = _newest(_read((results / "records").glob("*.jsonl")))
-    now = before | {record.row: portable(record) for record in here}
-    write_published(results, now.values())
-    added = [record for key, record in now.items() if record != before.get(key)]
-    return Merged(added, len(now) - len(added), [])
-
-
-def portable(record: Record) -> Record:
-    """Return a record without what means nothing on another machine."""
-    per_query = {name: values for name, values in record.per_query.items() if name in PRINTED}
-    return msgspec.structs.replace(record, per_query=per_query, parts={}, files={}, traceback="", published=False)
-
-
-def write_published(results: Path, records: Iterable[Record]) -> None:
-    """Write records as lines, a file for each data set, in the order of their rows."""
-    files = defaultdict[str, bytes](bytes)
-    for record in sorted(records, key=lambda record: record.row):
-        base = re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME] or "records"
-        files[f"{base}.jsonl"] += msgspec.json.encode(record) + b"\n"
-    folder = results / "records"
-    with storing(results):
-        for name, text in files.items():
-            write_atomically(folder / name, lambda file, text=text: file.write(text), durable=True)  # type: ignore[misc]
-        for path in folder.glob("*.jsonl"):
-            if path.name not in files:
-                path.unlink()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -108,13 +108,9 @@ class Preparation:
         return prepare_view(shapes.load(entry), shapes.camera(entry), self.half_width, shapes.sensor(entry))
 
     def _fit_frame(self) -> Arrays:
-        from benchmark.pipeline.preparation import common_frame, fit_frame
+        from benchmark.pipeline.preparation import frame_of
 
-        widths = []
-        for entry in self.shapes.shapes:
-            with suppress(ShapeError):  # this shape is refused when it is prepared
-                widths.append(fit_frame(self.shapes.load(entry), self.shapes.camera(entry)))
-        return {"half_width": np.asarray(common_frame(widths))}
+        return {"half_width": np.asarray(frame_of(self.shapes))}
 
 
 def timed(compute: Callable[[], Arrays]) -> Arrays:

@@ -80,12 +80,6 @@ class Gallery:
         """Name of the gallery in plans and records."""
         return gallery_name(self.dataset.name, self.part, quick=self.quick)
 
-    def check_input(self, input_: str) -> None:
-        """Raise ``ConfigurationError`` for a requested input that its shapes do not have."""
-        if input_ not in self.dataset.inputs:
-            problem = f"data set '{self.dataset.name}' has no complete surfaces, only views of one side of each shape"
-            raise ConfigurationError(problem, f"drop --input {input_}")
-
     def of_subjects(self, subjects: Sequence[str]) -> Gallery:
         """Return the gallery of some subjects; raise ``ConfigurationError`` if there is no such subject."""
         known = dict.fromkeys(entry.subject for entry in self.entries)
@@ -127,7 +121,9 @@ class Gallery:
             return False
         if is_wanted:
             return method.learns or not self.table.is_ablation
-        return self.table.runs_by_default(method.base_name) and (not self.quick or method.base_name in QUICK_ROWS)
+        name = method.base_name
+        is_default = self.table.includes(name) and name not in self.table.omits
+        return is_default and (not self.quick or name in QUICK_ROWS)
 
     def _trainings(self, method: Component, trained_here: Path | None, is_wanted: bool) -> Iterator[Component]:
         """Yield a method; a network also with other seeds, and that of the paper as printed, where it has models."""

@@ -1,9 +1,8 @@
-"""Training pairs of learners: the shapes of a protocol with their canonical poses, as methods get them."""
+"""Trainings of a table, and their pairs: the shapes of a protocol with their canonical poses, as methods get them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import astuple
 from functools import lru_cache
 from pathlib import Path
@@ -12,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.api.learning import TrainingData, TrainingPair, digest_of
+from benchmark.api.learning import CARD, Learner, TrainingData, TrainingPair, digest_of, read_card
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.people import PEOPLE, clearances
-from benchmark.errors import ConfigurationError, ShapeError
-from benchmark.pipeline.preparation import common_frame, fit_frame, prepare_view
-from benchmark.protocols.trainings import Training
+from benchmark.errors import ConfigurationError, ShapeError, did_you_mean
+from benchmark.pipeline.preparation import frame_of, prepare_view
+from benchmark.protocols.galleries import galleries
+from benchmark.protocols.trainings import TRAININGS, Training, trainings_by_shape
+from benchmark.reference.paper import NUMERALS
 
 Say = Callable[[str], None]
 
@@ -28,6 +29,28 @@ VALIDATION = "people[n=10]"
 
 _PHENOTYPES = {**SUBJECTS["people[draw=0]"], **SUBJECTS["animals"]}
 """Bodies of the people in sets that are trained on."""
+
+
+def trainings_of(learner: Learner, target: str, data_root: Path | None) -> list[Training]:
+    """Return the trainings that a learner needs for a table of the paper, or the training with this name."""
+    if target in TRAININGS:
+        return [TRAININGS[target]]
+    if target not in NUMERALS:
+        raise did_you_mean("table or training", target, [*NUMERALS, *TRAININGS])
+    tested = galleries([target], data_root=data_root)
+    of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root) for gallery in tested]
+    return list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
+
+
+def set_unusable_aside(folder: Path, say: Say) -> None:
+    """Rename the card of an unusable model, which is then trained again."""
+    card = folder / CARD
+    if card.is_file():
+        try:
+            read_card(folder)
+        except ConfigurationError as error:
+            card.replace(card.with_name(f"unusable-{card.name}"))
+            say(f"{error.problem}: renamed to unusable-{card.name}, training the model again")
 
 
 def training_data(training: Training, data_root: Path | None, say: Say) -> TrainingData:
@@ -71,9 +94,9 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         subjects=subjects,
         identifiers=tuple(entry.identifier for entry in shown),
         tested=digest_of(tested_subjects),
-        pairs=lambda: _rendered(trained, dataset, _half_width(dataset), say),
+        pairs=lambda: _rendered(trained, dataset, frame_of(dataset), say),
         n_pairs=len(trained),
-        validation=lambda: _rendered(held_out, new, _half_width(dataset), say),
+        validation=lambda: _rendered(held_out, new, frame_of(dataset), say),
         n_validation=len(held_out),
         clearance=_clearances(subjects, dataset.name),
     )
@@ -116,14 +139,3 @@ def _rendered(entries: Iterable[Entry], dataset: ShapeSet, half_width: float, sa
             image=image,
             target=canonical_image,
         )
-
-
-def _half_width(dataset: ShapeSet) -> float:
-    """Return half the width of the camera's frame in file units, the same for all shapes of the data set."""
-    if dataset.half_width is not None:
-        return dataset.half_width
-    widths = []
-    for entry in dataset.shapes:
-        with suppress(ShapeError):
-            widths.append(fit_frame(dataset.load(entry), dataset.camera(entry)))
-    return common_frame(widths)

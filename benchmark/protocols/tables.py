@@ -159,10 +159,6 @@ class Table:
         """Return whether a method may have a row if none was selected by name."""
         return base_name in self.names if self.names else base_name not in ONLY_ABLATED
 
-    def runs_by_default(self, base_name: str) -> bool:
-        """Return whether a method runs if none was selected by name."""
-        return self.includes(base_name) and base_name not in self.omits
-
 
 _FAIR = "all methods on one depth view"
 _ALL, _FEW = "15 subjects", "5 subjects"

@@ -27,7 +27,7 @@ from benchmark.registry import Component, select_one
 from benchmark.runs.tasks import Job, Step
 
 #: Module with the code of all measures.
-MEASURES = "benchmark.pipeline.measures"
+MEASURES = "retrieval.measures"
 
 State = Literal["finished", "failed", "missing", "stale", "unavailable", "unsupported"]
 
@@ -139,6 +139,10 @@ class _Planning:
             row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "")
             before = self._records.get(row)
             state, reason, models = _obstacle(gallery, input_, method, self.results / "models")
+            seen = _seen(gallery, models)
+            if seen and gallery.table.all_unseen:
+                state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
+                reason += "; take a model of another training"
             key, code, parts, files = digest(["unavailable", row]), "", dict[str, str](), dict[str, list[str]]()
             if state is None:
                 code = digest([self._key(method), self._key(self.scorer)])
@@ -157,7 +161,7 @@ class _Planning:
                 "scorer": row.scorer,
                 "scorer_title": scorer.title if scorer else "",
                 "models": [model.summary() for model in dict.fromkeys(filter(None, models))],
-                "seen": _seen(gallery, models),
+                "seen": seen,
                 "parts": parts,
                 "files": files,
             }
@@ -229,11 +233,7 @@ def _obstacle(
         return "unavailable", str(error), none
     except (NoFolds, TooNear) as error:
         return "unsupported", str(error), none
-    models = [model_of.get(entry.identifier) for entry in gallery.entries]
-    if gallery.table.all_unseen and (seen := _seen(gallery, models)):
-        reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}; take a model of another training"
-        return "unsupported", reason, models
-    return None, "", models
+    return None, "", [model_of.get(entry.identifier) for entry in gallery.entries]
 
 
 def _seen(gallery: Gallery, models: Models) -> list[str]:

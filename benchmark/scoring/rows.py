@@ -20,13 +20,13 @@ from benchmark.files import file_digest
 from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.environment import commit, packages
-from benchmark.pipeline.measures import score
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, write_record
 from benchmark.protocols.galleries import Gallery
 from benchmark.registry import Component
 from benchmark.registry.outputs import compare_signatures, compute_signature
 from benchmark.runs.planning import gallery_facts
 from benchmark.scoring.evaluation import Labelled
+from retrieval.measures import score_draws
 
 
 def method_name(title: str) -> str:
@@ -78,7 +78,7 @@ def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, 
     order = [labelled.names.index(name) for name in known]
     matrix = labelled.distances[np.ix_(order, order)]
     key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes())])
-    content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score([matrix], facts["labels"])}
+    content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score_draws([matrix], facts["labels"])}
     return _keep(results, key, title, content, matrix)
 
 
@@ -161,7 +161,7 @@ def score_forms(
         raise ConfigurationError(f"no form in {folder} is usable: {next(iter(refused.values()))}", "correct the meshes")
     matrices = [compare_signatures(created, [*signatures.values()], draw) for draw in range(scorer.info.draws)]
     answered = [number for number, name in enumerate(facts["shapes"]) if name in signatures]
-    scores = score(matrices, facts["labels"], answered)
+    scores = score_draws(matrices, facts["labels"], answered)
     by = {"scorer": scorer.name, "scorer_title": scorer.title, "unsupported": [*refused.items()]}
     return _keep(results, key, title, {**facts, **scores, **by}, np.mean(matrices, axis=0))
 

@@ -115,7 +115,7 @@ def completed(name: str) -> Arrays:
 def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None) -> Arrays:
     """Return the view of a raw mesh from the side, in a given frame or in its own."""
     source = inputs.mesh("raw", name)
-    width = preparation.common_frame([preparation.fit_frame(source, SIDE)]) if half_width is None else half_width
+    width = preparation.fit_frame(source, SIDE) if half_width is None else half_width
     rendered = preparation.prepare_view(source, SIDE, width, sensor)
     return {**rendered, "depth": rendered["depth"][::10, ::10], "half_width": width}
 

@@ -8,19 +8,10 @@ import msgspec
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline import environment
-from benchmark.pipeline import records as records_module
+from benchmark.pipeline import environment, merging
 from benchmark.pipeline.cache import StorageError
-from benchmark.pipeline.records import (
-    Record,
-    forget,
-    merge,
-    portable,
-    publish,
-    read_records,
-    write_published,
-    write_record,
-)
+from benchmark.pipeline.merging import merge, portable, publish, write_published
+from benchmark.pipeline.records import Record, forget, read_records, write_record
 from benchmark.runs.planning import describe_change
 from tests.runs.toy import run_toy
 
@@ -132,7 +123,8 @@ def test_forget_deletes_records_and_the_files_that_only_they_use(rods, tmp_path)
 
 @pytest.fixture
 def clean(monkeypatch):
-    monkeypatch.setattr(records_module, "has_edits", lambda: False)
+    monkeypatch.setattr(merging, "has_edits", lambda: False)
+    monkeypatch.setattr(merging, "CATALOGUE", {"pets": None})
 
 
 def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(tmp_path, clean):
@@ -143,22 +135,21 @@ def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(
     write_record(tmp_path, made("identity", key="e", gallery="pets (quick)", data=quick))
     absent = {"status": "unavailable", "reason": "no model", "scores": {}, "per_query": {}, "commit": ""}
     write_record(tmp_path, made("learned", key="f", **absent))
-    merged = publish(tmp_path, lambda record: record.method != "own")
+    merged = publish(tmp_path)
     published = {record.method: record for record in read_records(tmp_path, local=False)}
     assert [record.method for record in merged.added] == ["gps"]
     assert published.keys() == {"gps", "skeleton"}
     assert (published["gps"].scores["NN"], published["gps"].parts, published["gps"].traceback) == (0.5, {}, "")
 
 
-def test_publish_refuses_edits_and_two_commits_in_a_table(tmp_path, monkeypatch):
+def test_publish_refuses_edits_and_two_commits_in_a_table(tmp_path, clean, monkeypatch):
     write_record(tmp_path, made("gps"))
-    monkeypatch.setattr(records_module, "has_edits", lambda: True)
-    with pytest.raises(ConfigurationError, match="the working tree has changes; commit them"):
-        publish(tmp_path, lambda _: True)
-    monkeypatch.setattr(records_module, "has_edits", lambda: False)
     write_record(tmp_path, made("identity", key="b", commit="beef"))
     with pytest.raises(ConfigurationError, match="the rows of pets mesh were made at beef, c0ffee"):
-        publish(tmp_path, lambda _: True)
+        publish(tmp_path)
+    monkeypatch.setattr(merging, "has_edits", lambda: True)
+    with pytest.raises(ConfigurationError, match="the working tree has changes; commit them"):
+        publish(tmp_path)
     assert not (tmp_path / "records").exists()
 
 

@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.measures import score
 from benchmark.pipeline.records import Record, read_distances, read_records, write_record
 from benchmark.protocols.galleries import galleries
 from benchmark.registry import select_one
 from benchmark.scoring.evaluation import with_labels
 from benchmark.scoring.rows import keep_distances, method_name, score_forms
+from retrieval.measures import score_draws
 from tests.scoring.line import LABELS, NAMES, D
 from tests.toy import rod, write_off, write_rods
 from tests.verbs import call
@@ -29,7 +29,7 @@ def beside(tmp_path):
     facts: dict[str, Any] = {
         "key": "0" * 32, "status": "ok", "gallery": "line", "gallery_digest": "d", "input": "mesh", "method": "gps",
         "title": "GPS", "family": "paper", "data": {"name": "line", "title": "Line", "source": "/data/line"},
-        "shapes": NAMES, "labels": LABELS, **score([D], LABELS),
+        "shapes": NAMES, "labels": LABELS, **score_draws([D], LABELS),
     }  # fmt: skip
     write_record(tmp_path, msgspec.convert(facts, Record))
     return tmp_path
@@ -40,7 +40,7 @@ def test_a_row_stands_beside_the_others_in_their_order_of_shapes(beside):
     record = keep_distances(beside, with_labels(turned, NAMED), "Their method", "line", "mesh")
     assert (record.method, record.gallery, record.gallery_digest) == ("external-their-method", "line", "d")
     assert record.shapes == NAMES
-    assert record.per_query == score([D], LABELS)["per_query"]
+    assert record.per_query == score_draws([D], LABELS)["per_query"]
     np.testing.assert_allclose(read_distances(beside, record), D)
     assert {other.method for other in read_records(beside)} == {"gps", "external-their-method"}
 
