@@ -212,22 +212,22 @@ def score(
 
     DISTANCES is a symmetric N x N matrix: .npy, .npz, .txt, .csv or .mat.
     """
-    from benchmark.scoring.evaluation import evaluate_labelled, with_labels
+    from benchmark.scoring.evaluation import score
     from benchmark.scoring.rows import keep_distances
 
-    labelled, title = with_labels(distances, labels), title or distances.stem
-    scores = evaluate_labelled(labelled).scores.rename_axis(title)
+    evaluation, title = score(distances, labels), title or distances.stem
+    scores = evaluation.scores.rename_axis(title)
     if format == "csv":
         say_lines(scores.to_csv(float_format="%.6f"))
     elif format == "json":
-        content = {"title": title, "n_shapes": len(labelled.labels), **scores.round(6).T.to_dict()}
+        content = {"title": title, "n_shapes": len(evaluation.queries), **scores.round(6).T.to_dict()}
         say_lines(json.dumps(content, indent=1))
     elif format == "latex":
         say_lines(scores.style.format(precision=2, escape="latex").to_latex(hrules=True))
     else:
         say_lines(scores.to_string(float_format="{:.2f}".format))
     if results is not None:
-        record = keep_distances(results, labelled, title, dataset or labels.resolve().stem, input)
+        record = keep_distances(results, evaluation, title, dataset or labels.resolve().stem, input)
         chosen = shlex.join(["-d", record.data.name, "--results", str(results)])
         say(f"kept as {record.method}: 'tables {chosen}' and 'report {chosen}' show it", err=True)
 

@@ -30,51 +30,15 @@ class Evaluation:
         One row for each measure: ``score``, the mean over queries, ``low`` and ``high``, its 95 % interval over
         classes, and ``chance``, the mean over random orders.
     queries
-        One row for each shape: ``class`` and each measure; NaN for the only shape of a class.
+        One row for each shape, under its name if it has one: ``class`` and each measure; NaN for the only shape of a
+        class.
+    distances
+        The matrix, shape (N, N), in the order of ``queries``.
     """
 
     scores: DataFrame
     queries: DataFrame
-
-
-@dataclass(frozen=True, eq=False)
-class Labelled:
-    """Distances, shape (N, N), with the class of each shape; ``names`` are empty if the shapes have none."""
-
     distances: NDArray[np.float64]
-    labels: tuple[str, ...]
-    names: tuple[str, ...] = ()
-
-
-def with_labels(distances: object, labels: object) -> Labelled:
-    """Join distances and labels, by name if both have names; see :func:`score`."""
-    (matrix, names), given = as_distances(distances), as_labels(labels)
-    if isinstance(given, dict) and names:
-        if unknown := [name for name in names if name not in given]:
-            problem = f"{len(unknown)} shapes have no label, the first is '{unknown[0]}'"
-            raise ConfigurationError(problem, f"use the names of the labels: {', '.join(list(given)[:3])} ...")
-        given = {name: given[name] for name in names}
-    names = names or tuple(given if isinstance(given, dict) else ())
-    classes = tuple(given.values() if isinstance(given, dict) else given)
-    if len(classes) != len(matrix) or len(set(names)) < len(names):
-        problem = f"there are {len(matrix)} rows of distances and {len(classes)} labels, or a name appears twice"
-        raise ConfigurationError(problem, "pass one label for each shape")
-    _check(matrix)
-    return Labelled(matrix, classes, names)
-
-
-def _check(values: NDArray[np.float64]) -> None:
-    problem = ""
-    if len(wrong := np.argwhere(~np.isfinite(values))):
-        row, column = wrong[0] + 1
-        problem = f"{len(wrong)} distances are NaN or infinite, the first in row {row}, column {column}"
-        hint = "use a distance larger than all others if a method has no result"
-    elif values.min() < 0:
-        problem, hint = f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest"
-    elif (values.diagonal() >= values.max(axis=1)).all() and values.diagonal().min() > 0 and np.ptp(values) > 0:
-        problem, hint = "each shape is farthest from itself", "pass distances, not similarities"
-    if problem:
-        raise ConfigurationError(problem, hint)
 
 
 def score(distances: object, labels: object) -> Evaluation:
@@ -106,18 +70,45 @@ def score(distances: object, labels: object) -> Evaluation:
     >>> benchmark.score(distances, ["cat", "cat", "dog", "dog"]).scores.loc["NN", "score"]
     1.0
     """
-    return evaluate_labelled(with_labels(distances, labels))
-
-
-def evaluate_labelled(labelled: Labelled) -> Evaluation:
-    """Return measures, intervals and chance levels; see :func:`score`."""
     from pandas import DataFrame
 
-    scores = evaluate(labelled.distances, labelled.labels)
+    matrix, names, classes = _joined(distances, labels)
+    _check(matrix)
+    scores = evaluate(matrix, classes)
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
-    classes = [label for label, counts in zip(labelled.labels, is_query, strict=True) if counts]
-    ends = bootstrap_intervals(values[is_query], classes, LEVEL)
-    table = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(labelled.labels)}
-    queries = DataFrame({"class": labelled.labels, **scores.per_query}, index=list(labelled.names) or None)
-    return Evaluation(DataFrame(table, index=list(scores.means)), queries.rename_axis("shape"))
+    of_queries = [label for label, counts in zip(classes, is_query, strict=True) if counts]
+    ends = bootstrap_intervals(values[is_query], of_queries, LEVEL)
+    table = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes)}
+    queries = DataFrame({"class": classes, **scores.per_query}, index=list(names) or None).rename_axis("shape")
+    return Evaluation(DataFrame(table, index=list(scores.means)), queries, matrix)
+
+
+def _joined(distances: object, labels: object) -> tuple[NDArray[np.float64], tuple[str, ...], list[str]]:
+    """Return distances with the name and class of each shape, joined by name if both have names; () without names."""
+    (matrix, names), given = as_distances(distances), as_labels(labels)
+    if isinstance(given, dict) and names:
+        if unknown := [name for name in names if name not in given]:
+            problem = f"{len(unknown)} shapes have no label, the first is '{unknown[0]}'"
+            raise ConfigurationError(problem, f"use the names of the labels: {', '.join(list(given)[:3])} ...")
+        given = {name: given[name] for name in names}
+    names = names or tuple(given if isinstance(given, dict) else ())
+    classes = list(given.values() if isinstance(given, dict) else given)
+    if len(classes) != len(matrix) or len(set(names)) < len(names):
+        problem = f"there are {len(matrix)} rows of distances and {len(classes)} labels, or a name appears twice"
+        raise ConfigurationError(problem, "pass one label for each shape")
+    return matrix, names, classes
+
+
+def _check(values: NDArray[np.float64]) -> None:
+    problem = ""
+    if len(wrong := np.argwhere(~np.isfinite(values))):
+        row, column = wrong[0] + 1
+        problem = f"{len(wrong)} distances are NaN or infinite, the first in row {row}, column {column}"
+        hint = "use a distance larger than all others if a method has no result"
+    elif values.min() < 0:
+        problem, hint = f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest"
+    elif (values.diagonal() >= values.max(axis=1)).all() and values.diagonal().min() > 0 and np.ptp(values) > 0:
+        problem, hint = "each shape is farthest from itself", "pass distances, not similarities"
+    if problem:
+        raise ConfigurationError(problem, hint)

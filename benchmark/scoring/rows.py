@@ -25,7 +25,7 @@ from benchmark.protocols.galleries import Gallery
 from benchmark.registry import Component
 from benchmark.registry.outputs import compare_signatures, compute_signature
 from benchmark.runs.planning import gallery_facts
-from benchmark.scoring.evaluation import Labelled
+from benchmark.scoring.evaluation import Evaluation
 from retrieval.measures import score_draws
 
 
@@ -43,15 +43,15 @@ def method_name(title: str) -> str:
     return f"{EXTERNAL}-{words[:50].rstrip('-')}"
 
 
-def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, input_: Input) -> Record:
+def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: str, input_: Input) -> Record:
     """Store distances as a row beside those of a data set, and return its record.
 
     Parameters
     ----------
     results
         The results folder.
-    labelled
-        Distances with labels and names.
+    evaluation
+        Distances with the names and classes of their shapes.
     title, dataset, input_
         Title of the row; name of the data set or gallery, and the input of the rows beside it. A name that is not known
         makes a table of its own.
@@ -61,12 +61,12 @@ def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, 
     ConfigurationError
         If the shapes have no names, or differ from those of the other rows.
     """
-    if not labelled.names:
+    if evaluation.queries.index.dtype.kind == "i":  # numbers of rows
         raise ConfigurationError(
             "rows of a table are paired by the names of the shapes, and these distances have none",
             "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the matrix",
         )
-    labels = dict(zip(labelled.names, labelled.labels, strict=True))
+    labels = evaluation.queries["class"].to_dict()
     facts = _facts(results, dataset, input_, method_name(title), labels)
     known = dict(zip(facts["shapes"], facts["labels"], strict=True))
     if known != labels:
@@ -75,8 +75,8 @@ def keep_distances(results: Path, labelled: Labelled, title: str, dataset: str, 
         first = " ".join(next(iter(known.items())))
         hint = f"name them with their classes as there ({first}, ...), or another --dataset"
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
-    order = [labelled.names.index(name) for name in known]
-    matrix = labelled.distances[np.ix_(order, order)]
+    order = evaluation.queries.index.get_indexer(list(known))
+    matrix = evaluation.distances[np.ix_(order, order)]
     key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes())])
     content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score_draws([matrix], facts["labels"])}
     return _keep(results, key, title, content, matrix)

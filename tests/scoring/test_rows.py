@@ -13,7 +13,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record, read_distances, read_records, write_record
 from benchmark.protocols.galleries import galleries
 from benchmark.registry import select_one
-from benchmark.scoring.evaluation import with_labels
+from benchmark.scoring.evaluation import score
 from benchmark.scoring.rows import keep_distances, method_name, score_forms
 from retrieval.measures import score_draws
 from tests.scoring.line import LABELS, NAMES, D
@@ -37,7 +37,7 @@ def beside(tmp_path):
 
 def test_a_row_stands_beside_the_others_in_their_order_of_shapes(beside):
     turned = pd.DataFrame(D, NAMES, NAMES).iloc[::-1, ::-1]
-    record = keep_distances(beside, with_labels(turned, NAMED), "Their method", "line", "mesh")
+    record = keep_distances(beside, score(turned, NAMED), "Their method", "line", "mesh")
     assert (record.method, record.gallery, record.gallery_digest) == ("external-their-method", "line", "d")
     assert record.shapes == NAMES
     assert record.per_query == score_draws([D], LABELS)["per_query"]
@@ -47,7 +47,7 @@ def test_a_row_stands_beside_the_others_in_their_order_of_shapes(beside):
 
 def test_distances_without_names_are_refused(beside):
     with pytest.raises(ConfigurationError, match="paired by the names of the shapes, and these distances have none"):
-        keep_distances(beside, with_labels(D, LABELS), "Theirs", "line", "mesh")
+        keep_distances(beside, score(D, LABELS), "Theirs", "line", "mesh")
 
 
 @pytest.mark.parametrize(
@@ -61,21 +61,21 @@ def test_distances_without_names_are_refused(beside):
 )
 def test_what_cannot_stand_beside_is_named(labels, dataset, problem, beside):
     with pytest.raises(ConfigurationError, match=problem):
-        keep_distances(beside, with_labels(D, labels), "Theirs", dataset, "mesh")
+        keep_distances(beside, score(D, labels), "Theirs", dataset, "mesh")
 
 
 def test_a_folder_stands_for_the_data_set_of_its_name(beside, tmp_path):
     (tmp_path / "line").mkdir()
-    record = keep_distances(beside, with_labels(D, NAMED), "Theirs", str(tmp_path / "line"), "mesh")
+    record = keep_distances(beside, score(D, NAMED), "Theirs", str(tmp_path / "line"), "mesh")
     assert record.gallery == "line"
 
 
 def test_a_row_replaces_its_earlier_one_but_none_of_another_title(beside):
     for factor in (1.0, 2.0):
-        keep_distances(beside, with_labels(factor * D**factor, NAMED), "Theirs", "mine", "mesh")
+        keep_distances(beside, score(factor * D**factor, NAMED), "Theirs", "mine", "mesh")
     assert [record.title for record in read_records(beside)].count("Theirs") == 1
     with pytest.raises(ConfigurationError, match="'Theirs' and 'Theirs!' have one name, external-theirs"):
-        keep_distances(beside, with_labels(D, NAMED), "Theirs!", "mine", "mesh")
+        keep_distances(beside, score(D, NAMED), "Theirs!", "mine", "mesh")
 
 
 def test_the_name_of_a_row_is_that_of_the_page():
