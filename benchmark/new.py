@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.registry import methods
-from benchmark.text import EVERY, LONGEST_NAME, is_name
+from benchmark.text import EVERY, is_name
 
 #: Method that is written under another name.
 _EXAMPLE = "ray-stretch"
@@ -71,11 +71,8 @@ def _sources() -> list[Path]:
 def _check(name: str) -> None:
     """Raise ``ConfigurationError`` if a name is invalid, taken, or would hide another one."""
     if not is_name(name):
-        words = re.findall(r"[a-z][a-z0-9]*|[0-9]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
-        near = f": {'-'.join(words)}" if words and words[0].isalpha() and len(name) <= LONGEST_NAME else ""
-        raise ConfigurationError(
-            f"'{name:.80}' cannot be the name of a method", f"join lower-case words by hyphens{near}"
-        )
+        hint = f"join lower-case words by hyphens, like {_EXAMPLE}"
+        raise ConfigurationError(f"'{name:.80}' cannot be the name of a method", hint)
     if name in methods() or name == EVERY:
         raise ConfigurationError(f"there is already a method '{name}'", "choose another name")
     _, module, class_name, _ = _spellings(name)

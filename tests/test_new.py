@@ -39,10 +39,10 @@ def test_the_test_bites(tmp_path, new, summary):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("RayStretch", "'RayStretch' cannot be the name of a method; join lower-case words by hyphens: ray-stretch"),
-        ("../evil", "join lower-case words by hyphens: evil"),
-        ("2d", "join lower-case words by hyphens$"),
-        ("", "join lower-case words by hyphens$"),
+        ("MyOwn", "'MyOwn' cannot be the name of a method; join lower-case words by hyphens, like ray-stretch"),
+        ("../evil", "'../evil' cannot be the name of a method"),
+        ("2d", "'2d' cannot be the name of a method"),
+        ("", "'' cannot be the name of a method"),
         ("gps", "there is already a method 'gps'; choose another name"),
         ("all", "already"),
         ("lambda", "'lambda' has another meaning in Python; choose another name: my-lambda"),

@@ -18,7 +18,7 @@ from benchmark.protocols.models import MODELS_VARIABLE, model_places
 from benchmark.protocols.tables import TABLES
 from benchmark.protocols.trainings import TRAININGS
 from benchmark.reference.paper import source_of
-from benchmark.registry import Component, data_sets, methods, scorers, select_one
+from benchmark.registry import Component, by_name, methods, select_one
 from benchmark.registry.names import described
 from benchmark.text import aligned, clean, say, say_lines
 
@@ -35,10 +35,8 @@ _FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended"
 
 def list_(what: str, selection: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
-    if what == "methods":
-        rows = _components(methods(selection.plugins))
-    elif what == "scorers":
-        rows = _components(scorers(selection.plugins))
+    if what in ("methods", "scorers"):
+        rows = _components(by_name("method" if what == "methods" else "scorer", selection.plugins))
     else:
         rows = {"datasets": _datasets, "tables": _tables, "models": _models}[what](selection)
     if as_json:
@@ -84,7 +82,7 @@ def _datasets(selection: Selection) -> Rows:
         }
         for name, known in CATALOGUE.items()
     ]
-    for name, component in data_sets(selection.plugins).items():
+    for name, component in by_name("data set", selection.plugins).items():
         shapes = component.create().shapes
         facts = {"name": name, "kind": "plugin", "state": "present", "shapes": str(len(shapes))}
         facts |= {"classes": str(len({entry.subject for entry in shapes})), "source": component.target}

@@ -20,7 +20,7 @@ from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.tables import INPUTS
-from benchmark.registry import data_sets, select, select_one
+from benchmark.registry import by_name, select, select_one
 from benchmark.report.frames import changed, chosen_records
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
@@ -38,7 +38,7 @@ def _galleries(selection: Selection) -> list[Gallery]:
     """Return the selected galleries; without tables and data sets, those of the plugin files."""
     root = selection.require_data_root()
     named = bool(selection.datasets or selection.tables or selection.everything)
-    own = tuple(name for name, component in data_sets(selection.plugins).items() if component.plugin)
+    own = tuple(name for name, component in by_name("data set", selection.plugins).items() if component.plugin)
     names = sources(selection.datasets if named else own, selection.plugins)
     chosen = galleries(selection.tables, names, root, selection.quick)
     if selection.subjects:

@@ -179,9 +179,9 @@ def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
     DatasetError
         If a plugin data set has the name of another set.
     """
-    from benchmark.registry import data_sets  # imports numba
+    from benchmark.registry import by_name  # imports numba
 
-    own = {name: component.target for name, component in data_sets(plugins).items()}
+    own = {name: component.target for name, component in by_name("data set", plugins).items()}
     for name in own:
         if name in CATALOGUE:
             raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")

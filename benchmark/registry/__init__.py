@@ -2,20 +2,19 @@
 
 from benchmark.code_digest import code_digest, code_of
 from benchmark.registry.components import Component, component_of
-from benchmark.registry.known import BUILT_IN, SCORERS, data_sets, methods, scorers
+from benchmark.registry.known import BUILT_IN, SCORERS, by_name, methods
 from benchmark.registry.selection import find, select, select_one, variants
 
 __all__ = [
     "BUILT_IN",
     "SCORERS",
     "Component",
+    "by_name",
     "code_digest",
     "code_of",
     "component_of",
-    "data_sets",
     "find",
     "methods",
-    "scorers",
     "select",
     "select_one",
     "variants",

@@ -167,21 +167,17 @@ class Component:
 
     def code(self) -> dict[str, str]:
         """Return the parts of its code, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
-        return {"": self._unknown_code} if self._unknown_code else code_of(self.target, self._files)
+        return {"": self._unknown_code} if self._unknown_code else code_of(self.target, self.info.files)
 
     def key(self) -> dict[str, Any]:
         """Return what determines its results; the path of a plugin file does not count."""
         module, _, attribute = self.target.rpartition(":")
-        code = self._unknown_code or code_digest(self.target, self._files)
+        code = self._unknown_code or code_digest(self.target, self.info.files)
         return {
             "target": attribute if self.plugin else f"{module}:{attribute}",
             "parameters": dict(self.parameters),
             "code": code,
         }
-
-    @property
-    def _files(self) -> tuple[str, ...]:
-        return tuple(getattr(self.info, "files", ()))
 
     @property
     def _unknown_code(self) -> str:

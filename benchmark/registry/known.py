@@ -73,37 +73,24 @@ class Known(dict[str, Component]):
         raise ConfigurationError(error.problem, f"pass --plugin {file}" if file.is_file() else own)
 
 
-def methods(plugins: Iterable[Path] = ()) -> Known:
-    """Return all known methods by name.
-
-    Parameters
-    ----------
-    plugins
-        Python files that define methods.
+def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
+    """Return all components of a kind by name: those of the suite, of installed packages, and of plugin files.
 
     Raises
     ------
     ConfigurationError
-        If two methods have the same name, or a plugin file cannot be imported or defines nothing.
+        If two of them have the same name, or a plugin file cannot be imported or defines nothing.
     """
-    return _known("method", BUILT_IN, plugins)
-
-
-def scorers(plugins: Iterable[Path] = ()) -> Known:
-    """Return all known scorers by name, that of the paper's tables first; see :func:`methods`."""
-    return _known("scorer", SCORERS, plugins)
-
-
-def data_sets(plugins: Iterable[Path] = ()) -> Known:
-    """Return the data sets of plugin files and installed packages by name; see :func:`methods`."""
-    return _known("data set", {}, plugins)
-
-
-def _known(kind: Kind, built_in: Mapping[str, str], plugins: Iterable[Path]) -> Known:
+    built_in = {"method": BUILT_IN, "scorer": SCORERS}.get(kind, {})
     ours = [Component(kind, name, target) for name, target in built_in.items()]
     installed, faults = _installed(kind)
     of_files = [component for path in plugins for component in in_file(path) if component.kind == kind]
     return Known(kind, [*ours, *installed, *of_files], faults)
+
+
+def methods(plugins: Iterable[Path] = ()) -> Known:
+    """Return all methods by name; see :func:`by_name`."""
+    return by_name("method", plugins)
 
 
 def in_file(path: Path) -> list[Component]:
@@ -112,8 +99,10 @@ def in_file(path: Path) -> list[Component]:
     Raises
     ------
     ConfigurationError
-        If it cannot be imported or defines none.
+        If it is no Python file, cannot be imported, or defines none.
     """
+    if path.suffix != ".py" or not path.is_file():
+        raise ConfigurationError(f"there is no Python file {path}", "name the .py file of a plugin")
     target = str(path.resolve())
     module, components = load_module(target), []
     for attribute, value in vars(module).items():

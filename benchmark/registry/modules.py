@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib.util
 import sys
 from contextlib import redirect_stdout
-from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from benchmark.code_digest import modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
@@ -32,7 +31,7 @@ def load_module(target: str) -> ModuleType:
     if name in sys.modules:
         return sys.modules[name]
     if path is not None:
-        _check(path)
+        _check_helpers(path)
     try:
         with redirect_stdout(sys.stderr):
             return importlib.import_module(name) if path is None else _execute(name, path.resolve())
@@ -48,13 +47,8 @@ def _unique_name(path: Path) -> str:
     return f"plugin_{path.stem}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
 
 
-def _check(path: Path) -> None:
-    """Raise ``ConfigurationError`` unless a path is a Python file whose helpers have names of their own."""
-    if path.suffix != ".py" or not path.is_file():
-        near = difflib.get_close_matches(path.stem, [file.stem for file in path.parent.glob("*.py")], 1)
-        problem = f"{path} is not a Python file" if path.exists() else f"there is no plugin {path}"
-        hint = f"did you mean {near[0]}.py?" if near and not path.exists() else "name a Python file"
-        raise ConfigurationError(problem, hint)
+def _check_helpers(path: Path) -> None:
+    """Raise ``ConfigurationError`` if a module beside a plugin file has the name of another one."""
     for helper, file in modules_beside(path).items():
         spec = importlib.util.find_spec(helper)
         if spec is not None and Path(spec.origin or "").resolve() != file.resolve():
@@ -66,10 +60,8 @@ def _execute(name: str, path: Path) -> ModuleType:
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     drop_stale_kernels(sources_of(str(path)))
-    loader = SourceFileLoader(name, str(path))
-    spec = ModuleSpec(name, loader, origin=str(path))
-    spec.has_location = True
+    spec: Any = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    loader.exec_module(module)
+    spec.loader.exec_module(module)
     return module

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from benchmark.errors import ConfigurationError
 from benchmark.registry.components import Component, Kind, component_of
-from benchmark.registry.known import data_sets, in_file, methods, scorers
+from benchmark.registry.known import by_name, in_file, methods
 from benchmark.registry.names import combinations, split_name
 from benchmark.text import EVERY
 
@@ -52,8 +52,7 @@ def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -
     ConfigurationError
         If the name or a parameter is unknown, a value is invalid, or the name stands for several.
     """
-    known = {"method": methods, "scorer": scorers, "data set": data_sets}[kind](plugins)
-    first, *others = variants(name, known)
+    first, *others = variants(name, by_name(kind, plugins))
     if others:
         raise ConfigurationError(f"'{name}' stands for {len(others) + 1} {kind}s", f"name one: {first.name}")
     return first
@@ -90,7 +89,7 @@ def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
         components = in_file(Path(base))
         own = {component.name: component for component in components if component.kind == "method"}
         return [variant for c in own for variant in variants(f"{c}[{inside}]", own)] if inside else components
-    groups = (methods(plugins), scorers(plugins), data_sets(plugins))
+    groups = [by_name(kind, plugins) for kind in get_args(Kind)]
     return [component for known in groups if base in known for component in variants(name, known)] or variants(
         name, groups[0]
     )
