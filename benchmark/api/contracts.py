@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
 
 __all__ = [
-    "ArtefactCache",
     "CanonicalForm",
     "CheckedParameters",
     "Descriptor",
@@ -47,8 +46,6 @@ FloatArray = NDArray[np.float64]
 
 Name = Annotated[str, Matches(NAME, "lower-case words joined by hyphens")]
 """Name on the command line."""
-
-Need = Literal["connected", "pairs"]
 
 FEWEST_VERTICES = 4
 """Three coordinates and a residual need four points: any three points lie in a plane."""
@@ -111,7 +108,7 @@ class MethodInfo(CheckedParameters):
     inputs: tuple[Input, ...] = ("mesh", "view")
     scale: Literal["equivariant", "invariant"] = "equivariant"
     deterministic: bool = True
-    needs: tuple[Need, ...] = ()
+    needs: tuple[Literal["connected", "pairs"], ...] = ()
     files: tuple[str, ...] = ()
 
     def check(self, shape: Shape) -> None:
@@ -159,16 +156,11 @@ class CanonicalForm:
         return Mesh(self.vertices, self.faces)
 
 
-class ArtefactCache(Protocol):
-    """Cache for expensive arrays of a shape that several methods use; tests need none."""
-
-    def get_or_compute(
-        self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Mapping[str, NDArray[Any]]]
-    ) -> Mapping[str, NDArray[Any]]:
-        """Return the arrays of a stage of the shape; compute them if missing."""
-        ...
+GeodesicsCache = Callable[[str, Callable[[], FloatArray]], FloatArray]
+"""Returns the geodesic distances of a solver; calls the function, which computes them, if they are missing."""
 
 
+@dataclass(eq=False, kw_only=True, repr=False)
 class Shape:
     """Mesh of one subject in one pose, prepared identically for every method.
 
@@ -189,24 +181,14 @@ class Shape:
         Cache for geodesic distances; None caches them in this object.
     """
 
-    def __init__(
-        self,
-        *,
-        identifier: str,
-        mesh: Mesh,
-        depth: NDArray[np.float32] | None = None,
-        source_area: float | None = None,
-        seed: int = 0,
-        cache: ArtefactCache | None = None,
-    ) -> None:
-        self.identifier = identifier
-        self.mesh = mesh
-        self.depth = depth
-        self.source_area = source_area
-        self.seed = seed
-        self._cache = cache
-        self._geodesics: dict[str, FloatArray] = {}
-        self._laplacian: Laplacian | None = None
+    identifier: str
+    mesh: Mesh
+    depth: NDArray[np.float32] | None = None
+    source_area: float | None = None
+    seed: int = 0
+    cache: GeodesicsCache | None = None
+    _geodesics: dict[str, FloatArray] = field(default_factory=dict, init=False)
+    _laplacian: Laplacian | None = field(default=None, init=False)
 
     @classmethod
     def from_arrays(cls, vertices: ArrayLike, faces: ArrayLike, name: str = "shape") -> Shape:
@@ -258,18 +240,17 @@ class Shape:
         from benchmark.geometry import geodesics
 
         name = geodesics.resolve_solver(solver)
-        if self._cache is not None:
-            return self._cache.get_or_compute("geodesics", {"solver": name}, lambda: self._all_pairs(name))["distances"]
+
+        def compute() -> FloatArray:
+            matrix = geodesics.rounded(geodesics.all_pairs(self.mesh, name))
+            matrix.flags.writeable = False
+            return matrix
+
+        if self.cache is not None:
+            return self.cache(name, compute)
         if name not in self._geodesics:
-            self._geodesics[name] = self._all_pairs(name)["distances"]
+            self._geodesics[name] = compute()
         return self._geodesics[name]
-
-    def _all_pairs(self, solver: str) -> dict[str, FloatArray]:
-        from benchmark.geometry import geodesics
-
-        matrix = geodesics.rounded(geodesics.all_pairs(self.mesh, solver))
-        matrix.flags.writeable = False
-        return {"distances": matrix}
 
     def geodesics_from(self, sources: ArrayLike, solver: str = "default") -> FloatArray:
         """Return geodesic distances from a few vertices to all vertices, without computing all pairs.

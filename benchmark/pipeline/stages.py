@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from benchmark.api.contracts import Descriptor, Input, Mesh, Method, Shape
+from benchmark.api.contracts import Descriptor, FloatArray, Input, Mesh, Method, Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.scoring import Scorer
 from benchmark.code_digest import code_of_modules, digest
@@ -143,8 +142,8 @@ def require_result(arrays: Arrays, error: type[UnsupportedShape] = UnsupportedSh
 # Forms, descriptors and signatures -----------------------------------------------------------------------------------
 
 
-class SharedStages:
-    """Results that several methods take from a shape, such as geodesics; each is computed once.
+class SharedGeodesics:
+    """Geodesic distances of a shape, which several methods use; each matrix is computed once.
 
     Parameters
     ----------
@@ -154,34 +153,33 @@ class SharedStages:
 
     def __init__(self, aside: Aside = lambda _: nullcontext()) -> None:
         self._aside = aside
-        self._results: dict[tuple[Any, ...], tuple[Arrays, float]] = {}
-        #: Seconds of each stage that the current method used, and those that passed while it waited for them.
-        self.used: dict[str, float] = {}
+        self._results: dict[str, tuple[FloatArray, float]] = {}
+        #: Seconds of the matrix that the current method used, and those that passed while it waited for it.
+        self.used = 0.0
         self.waited = 0.0
 
-    def get_or_compute(self, stage: str, parameters: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
-        """Return the arrays of a stage; compute them if they are missing.
+    def get_or_compute(self, solver: str, compute: Callable[[], FloatArray]) -> FloatArray:
+        """Return the distances of a solver; compute them if they are missing.
 
         Raises
         ------
         Unprepared
             If there is no memory for them; the method is not to blame.
         """
-        key = (stage, *sorted(parameters.items()))
-        if key not in self._results:
+        if solver not in self._results:
             start = time.perf_counter()
             try:
-                with self._aside(stage):
-                    arrays = compute()
+                with self._aside("geodesics"):
+                    matrix = compute()
             except MemoryError as error:
-                raise Unprepared(f"no memory for its {stage}", _SMALLER) from error
-            self._results[key] = arrays, time.perf_counter() - start
-            self.waited += self._results[key][1]
-        arrays, self.used[stage] = self._results[key]
-        return arrays
+                raise Unprepared("no memory for its geodesics", _SMALLER) from error
+            self._results[solver] = matrix, time.perf_counter() - start
+            self.waited += self._results[solver][1]
+        matrix, self.used = self._results[solver]
+        return matrix
 
 
-def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages | None = None) -> Shape:
+def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedGeodesics | None = None) -> Shape:
     """Return the shape passed to methods, from its prepared arrays."""
     return Shape(
         identifier=identifier,
@@ -189,11 +187,11 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, cache: SharedStages
         depth=arrays.get("depth"),
         source_area=float(arrays["source_area"]),
         seed=seed,
-        cache=cache,
+        cache=shared.get_or_compute if shared else None,
     )
 
 
-def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedStages) -> Arrays:
+def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedGeodesics) -> Arrays:
     """Compute the form or the descriptor of a shape; for a refused shape, the reason.
 
     Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is
@@ -203,21 +201,22 @@ def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedStag
     -------
     dict
         ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape; or ``descriptor``,
-        shape (k,); ``note:...`` for each note of the method; ``seconds`` of the method, ``seconds:geodesics`` and so
-        on of the stages that it shares with others.
+        shape (k,); ``note:...`` for each note of the method; ``seconds`` of the method, and ``seconds:geodesics`` of
+        the distances that it shares with others.
 
     Raises
     ------
     InvalidForm
         If it returns anything other than a form of the shape, or a vector of finite numbers.
     """
-    shared.used, shared.waited = {}, 0.0
+    shared.used = shared.waited = 0.0
     if isinstance(method, Method):
         arrays = timed(lambda: _form(method, shape))
     else:
         arrays = timed(lambda: {"descriptor": compute_descriptor(method, shape)})
-    shares = {f"{SECONDS}:{stage}": np.asarray(seconds) for stage, seconds in shared.used.items()}
-    return {**arrays, **shares, SECONDS: arrays[SECONDS] - shared.waited}
+    if shared.used:
+        arrays = {**arrays, f"{SECONDS}:geodesics": np.asarray(shared.used)}
+    return {**arrays, SECONDS: arrays[SECONDS] - shared.waited}
 
 
 def _form(method: Method, shape: Shape) -> Arrays:

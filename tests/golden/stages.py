@@ -24,7 +24,7 @@ from benchmark.pipeline import preparation
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
-from benchmark.pipeline.stages import SECONDS, SharedStages, compute_answer, require_result
+from benchmark.pipeline.stages import SECONDS, SharedGeodesics, compute_answer, require_result
 from benchmark.registry import select_one
 from benchmark.registry.outputs import compare_signatures, compute_distances, compute_signature
 from tests.golden import inputs
@@ -49,7 +49,7 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 
 def _answer(method: Any, shape: Shape) -> Arrays:
     """Return a form or a descriptor without its times; raise the reason of a refusal."""
-    answer = require_result(compute_answer(method, shape, SharedStages()))
+    answer = require_result(compute_answer(method, shape, SharedGeodesics()))
     return {name: array for name, array in answer.items() if not name.startswith(SECONDS)}
 
 
