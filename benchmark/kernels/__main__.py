@@ -7,7 +7,6 @@ all of them. Here one process compiles them by the steps of a run, so that they 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 
 from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
@@ -56,11 +55,7 @@ def compile_methods() -> None:
                     apply(shapes[input_])
 
 
-PARTS: dict[str, Callable[[], None]] = {
-    "methods": compile_methods,
-    "bodies": compile_bodies,
-    "scorer": compile_scorer,
-}
+PARTS = {"methods": compile_methods, "bodies": compile_bodies, "scorer": compile_scorer}
 
 
 def main() -> None:
