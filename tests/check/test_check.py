@@ -12,30 +12,21 @@ from benchmark.check import check, run_checks
 from benchmark.check.checks import Finding
 from benchmark.registry import Component, methods
 from benchmark.registry.known import BUILT_IN, in_file
+from tests.registry.plugin import write_plugin
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
-METHOD = """
+IMPORTS = """
 import itertools
 import os
 import sys
-import time
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from benchmark.api import CanonicalForm, MethodInfo, UnsupportedShape
+from benchmark.api import CanonicalForm, UnsupportedShape
 
 CALLS = []
 COUNT = itertools.count()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tried:
-    info: ClassVar[MethodInfo] = MethodInfo({info})
-
-    {body}
 """
 FORM = "def canonicalise(self, shape):\n        x = shape.mesh.vertices\n        "
 LEANS = (
@@ -60,10 +51,8 @@ SIGNS = "return shape.form(x * np.where(np.arange(3) == next(COUNT) % 3, -1, 1))
 MUTE = "if len(x) < 5: raise UnsupportedShape('')\n        return shape.form(x)"
 
 
-def written(path: Path, body: str = FORM + "return shape.form(x)", info: str = "") -> Component:
-    info = "name='tried', title='Tried'" + (f", {info}" if info else "")
-    path.write_text(METHOD.format(body=body, info=info))
-    (component,) = in_file(path)
+def written(path: Path, methods: str = FORM + "return shape.form(x)", info: str = "") -> Component:
+    (component,) = in_file(write_plugin(path, imports=IMPORTS, info=info, methods=methods))
     return component
 
 
@@ -89,16 +78,16 @@ FAULTS = [
         "answer",
         FORM + "return shape.form(x * np.nan)",
         "",
-        "^tried.py: method 'tried' returned .*: 500 of 500 vertices",
+        "^tried.py: method 'smooth' returned .*: 500 of 500 vertices",
     ),
     ("answer", FORM + "return shape.form(0 * x)", "", "at one point"),
-    ("answer", FORM + "return shape.form(x[1:])", "", "^tried.py: method 'tried' .* 499 positions for 500 vertices"),
+    ("answer", FORM + "return shape.form(x[1:])", "", "^tried.py: method 'smooth' .* 499 positions for 500 vertices"),
     ("answer", FORM + "return x", "", "it is of type ndarray, not CanonicalForm; return shape.form"),
     ("answer", FORM + "x[0] = 0\n        return shape.form(x)", "", "work on a copy"),
     ("answer", FORM + "import no_such_package", "", "name packages beyond the core in info.requires"),
     ("answer", FORM + "raise UnsupportedShape('too thin')", "", r"refuses an ordinary surface \(too thin\)"),
-    ("answer", FORM + "return topp", "", r"^tried.py:23: NameError: name 'topp' is not defined$"),
-    ("answer", FORM + "sys.exit(3)", "", r"^tried.py:23: SystemExit: 3$"),
+    ("answer", FORM + "return topp", "", r"^tried.py:31: NameError: name 'topp' is not defined$"),
+    ("answer", FORM + "sys.exit(3)", "", r"^tried.py:31: SystemExit: 3$"),
     ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
     ("input untouched", FORM + WRITES, "", "changes the geodesics of the shape"),
     ("input untouched", FORM + "shape.seed = 7\n        return shape.form(x)", "", "changes the attributes"),
@@ -119,7 +108,7 @@ FAULTS = [
     ("dissimilarities", DESCRIBE + SPREAD + DISTANCES.replace("np.abs", "np.exp"), "", "not symmetric"),
     ("dissimilarities", DESCRIBE + SPREAD + DISTANCES.replace("return np", "return -np"), "", "return numbers >= 0"),
     ("dissimilarities", DESCRIBE + SPREAD + POSITIONS, "", "depends on the order of the shapes"),
-    ("awkward shapes", FORM + "return shape.form(x + 0 * x[10])", "", "a triangle: tried.py:23: IndexError"),
+    ("awkward shapes", FORM + "return shape.form(x + 0 * x[10])", "", "a triangle: tried.py:31: IndexError"),
     ("awkward shapes", FORM + MUTE, "", "a tetrahedron is refused without a reason"),
 ]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 
 PLUGIN = '''
@@ -19,25 +18,18 @@ from benchmark.api import MethodInfo
 class Smooth:
     """Smoothed surface."""
 
-    info: ClassVar[MethodInfo] = MethodInfo(name="smooth", title="Smooth", files=({files}))
+    info: ClassVar[MethodInfo] = MethodInfo(name="{name}", title="Smooth", {info})
     {fields}
 
-    def canonicalise(self, shape):
-        {body}
+    {methods}
 '''
+FORM = "def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices)"
 
 
 def write_plugin(
-    path: Path,
-    *,
-    imports: str = "",
-    fields: str = "",
-    files: str = "",
-    body: str = "return shape.form(shape.mesh.vertices)",
-    name: str = "smooth",
+    path: Path, *, imports: str = "", name: str = "smooth", info: str = "", fields: str = "", methods: str = FORM
 ) -> Path:
     """Write a plugin file with one method."""
-    text = PLUGIN.format(imports=imports, fields=fields, files=files, body=body)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(textwrap.dedent(text).replace('"smooth"', f'"{name}"'))
+    path.write_text(PLUGIN.format(imports=imports, name=name, info=info, fields=fields, methods=methods))
     return path

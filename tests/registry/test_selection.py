@@ -150,9 +150,7 @@ def test_a_class_that_cannot_be_created_is_named(changes, message, tmp_path):
 
 
 def test_a_missing_package_is_named(tmp_path):
-    text = write_plugin(tmp_path / "smooth.py").read_text()
-    (tmp_path / "smooth.py").write_text(text.replace('title="Smooth"', 'title="Smooth", requires=("absent",)'))
-    component = select_one("smooth", [tmp_path / "smooth.py"])
+    component = select_one("smooth", [write_plugin(tmp_path / "smooth.py", info='requires=("absent",)')])
     assert component.missing_packages() == ("absent",)
     with pytest.raises(ConfigurationError, match="method 'smooth' needs absent; pip install absent"):
         component.create()
