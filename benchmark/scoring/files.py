@@ -20,7 +20,7 @@ _HINT = "write the matrix as .npy, .npz, .txt, .csv or .mat (-v7)"
 _LARGEST = 2**31
 
 
-def as_labels(labels: object) -> dict[str, str] | list[str]:
+def as_labels(labels: Any) -> dict[str, str] | list[str]:
     """Return the class of each shape, by name if the shapes have names.
 
     Parameters
@@ -38,10 +38,9 @@ def as_labels(labels: object) -> dict[str, str] | list[str]:
     """
     if isinstance(labels, str | Path):
         return _read_labels(Path(labels))
-    given: Any = labels
-    if hasattr(given, "items"):
-        return {str(name): str(label) for name, label in given.items()}
-    return [str(label) for label in given]
+    if hasattr(labels, "items"):
+        return {str(name): str(label) for name, label in labels.items()}
+    return [str(label) for label in labels]
 
 
 def _read_labels(path: Path) -> dict[str, str] | list[str]:

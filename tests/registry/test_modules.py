@@ -28,10 +28,7 @@ def _path(monkeypatch):
     ("imports", "message"),
     [
         ("1 / 0", r"smooth.py cannot be imported: smooth.py:8: ZeroDivisionError: division by zero; correct it$"),
-        (
-            "import missing_here",
-            r"smooth.py:8: ModuleNotFoundError: .*; install 'missing_here', or put missing_here.py",
-        ),
+        ("import missing_here", "smooth.py:8: ModuleNotFoundError: .*; install 'missing_here', or put missing_here.py"),
         (
             "MethodInfo(name='A', title='B')",
             r"imported: smooth.py:8: .A. does not fit name of MethodInfo; write lower-case words joined by hyphens$",
