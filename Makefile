@@ -25,7 +25,7 @@ NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
 DRAW := $(BIN)/python -m benchmark report --force --figure effect -o results/figures
 methods = $(addprefix -m ,$(1))
 
-.PHONY: setup kernels bench test test-slow test-exhaustive lint docs speed tables check-tables publish figures clean golden reference
+.PHONY: setup kernels bench test test-slow lint docs speed tables check-tables publish figures clean golden reference
 
 setup: $(READY)
 
@@ -64,10 +64,6 @@ test: setup kernels
 # Most of these wait for processes most of their time.
 test-slow: setup kernels
 	$(BIN)/python -m pytest -m slow -n 2 --dist loadfile --durations 25
-
-# What the other tests check on some, on every method, data set and seed: about half an hour.
-test-exhaustive: setup
-	$(BIN)/python -m pytest -m exhaustive
 
 # What each component makes of small committed inputs, beside what it made before; ARGS="-k NAME --force-regen" writes it again.
 golden: setup kernels

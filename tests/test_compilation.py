@@ -12,7 +12,7 @@ from benchmark.kernels.__main__ import PARTS
 from tests.kernels import first_party_modules, kernels_of
 
 
-@pytest.mark.exhaustive
+@pytest.mark.slow
 def test_every_kernel_is_compiled_ahead(tmp_path):
     """With an empty cache, which takes most of a minute."""
     command = [sys.executable, "-m", "benchmark.kernels"]

