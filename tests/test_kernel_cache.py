@@ -35,3 +35,10 @@ def test_without_a_home_they_go_into_a_new_folder_of_the_user_alone(chosen, tmp_
 
 def test_a_home_is_used(chosen, tmp_path):
     assert chosen(str(tmp_path / "home")) == str(tmp_path / "home/.cache/canonical-forms-kernels")
+
+
+def test_a_home_that_others_can_write_to_is_not_trusted(chosen, tmp_path):
+    trap = tmp_path / "home/.cache/canonical-forms-kernels"
+    trap.mkdir(parents=True)
+    trap.chmod(0o777)
+    assert Path(chosen(str(tmp_path / "home"))).parent == tmp_path

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import glob
 import os
+import stat
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
@@ -71,11 +72,18 @@ def _folder(source: Path) -> Path:
 
 
 def choose_kernel_cache() -> None:
-    """Set a folder for compiled kernels, for this process and its children, if that of the suite is read-only."""
+    """Set a folder for compiled kernels, for this process and its children, if that of the suite is read-only.
+
+    Only the user may write to it, because its content is executed.
+    """
     if VARIABLE in os.environ or os.access(_PACKAGE, os.W_OK):
         return
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111  # raises nothing
     folder = Path(home) / "canonical-forms-kernels"
+    is_private = False
     with suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    os.environ[VARIABLE] = str(folder) if os.access(folder, os.W_OK) else tempfile.mkdtemp(prefix="canonical-forms-")
+        status = folder.lstat()
+        is_ours = status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode)
+        is_private = is_ours and not status.st_mode & 0o022 and os.access(folder, os.W_OK)
+    os.environ[VARIABLE] = str(folder) if is_private else tempfile.mkdtemp(prefix="canonical-forms-")
