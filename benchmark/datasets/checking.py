@@ -99,7 +99,7 @@ class Report:
         stand_in, n_shapes = self.dataset.stand_in_for, len(self.dataset.shapes)
         sizes = Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
         unread = n_shapes - len(self.rows)
-        found = Counter(anomaly.severity for anomaly in self.anomalies)
+        counts = Counter(anomaly.severity for anomaly in self.anomalies)
         return [
             f"{self.dataset.name}: {n_shapes} shapes, {len(sizes)} classes, "
             f"{f'stand-in for {stand_in}' if stand_in else 'not a stand-in'}"
@@ -113,7 +113,7 @@ class Report:
                 )
             ),
             *map(str, self.anomalies),
-            ", ".join(f"{found[kind]} {kind}{'s' * (found[kind] != 1)}" for kind in ("error", "warning")),
+            ", ".join(f"{counts[kind]} {kind}{'s' * (counts[kind] != 1)}" for kind in ("error", "warning")),
         ]
 
 
