@@ -40,9 +40,9 @@ def test_the_test_bites(tmp_path, new, summary):
     ("name", "message"),
     [
         ("MyOwn", "'MyOwn' cannot be the name of a method; join lower-case words by hyphens, like ray-stretch"),
-        ("../evil", "'../evil' cannot be the name of a method"),
-        ("2d", "'2d' cannot be the name of a method"),
-        ("", "'' cannot be the name of a method"),
+        ("../evil", "'../evil' cannot be the name of a method; join lower-case words by hyphens"),
+        ("2d", "'2d' cannot be the name of a method; join lower-case words by hyphens"),
+        ("", "'' cannot be the name of a method; join lower-case words by hyphens"),
         ("gps", "there is already a method 'gps'; choose another name"),
         ("all", "already"),
         ("lambda", "'lambda' has another meaning in Python; choose another name: my-lambda"),

@@ -50,7 +50,10 @@ def test_a_function_is_a_method():
 @pytest.mark.parametrize(
     ("facts", "message"),
     [
-        ({"name": "Smooth It"}, "'Smooth It' does not fit name of MethodInfo; write lower-case words joined"),
+        (
+            {"name": "Smooth It"},
+            "'Smooth It' does not fit name of MethodInfo; write lower-case words joined by hyphens",
+        ),
         ({"title": ""}, "'' does not fit title of MethodInfo; write a text of one line"),
         ({"inputs": ("video",)}, "does not fit inputs of MethodInfo; write values in parentheses, each mesh or view"),
     ],

@@ -74,7 +74,12 @@ def test_a_right_method_passes_every_check(tmp_path):
 
 
 FAULTS = [
-    ("answer", FORM + "return shape.form(x * np.nan)", "", "^tried.py: method 'smooth' .*: 500 of 500 vertices"),
+    (
+        "answer",
+        FORM + "return shape.form(x * np.nan)",
+        "",
+        "^tried.py: method 'smooth' returned .*: 500 of 500 vertices",
+    ),
     ("answer", FORM + "return shape.form(0 * x)", "", "at one point"),
     ("answer", FORM + "return shape.form(x[1:])", "", "^tried.py: method 'smooth' .* 499 positions for 500 vertices"),
     ("answer", FORM + "return x", "", "it is of type ndarray, not CanonicalForm; return shape.form"),

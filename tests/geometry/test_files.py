@@ -295,6 +295,8 @@ def test_on_a_full_disk_the_old_file_stays(tmp_path: Path) -> None:
     with files_of_at_most(4096), pytest.raises(ConfigurationError, match=f"^{target}: File too large; choose a file"):
         write_mesh(target, rod(0.1, 0.5))
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("rod.off", "old")]
+    write_mesh(target, rod(0.1, 0.5))
+    assert target.read_text().startswith("OFF")
 
 
 def test_paths_that_cannot_be_read(tmp_path: Path) -> None:

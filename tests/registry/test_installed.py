@@ -31,7 +31,9 @@ def test_a_package_brings_what_works_and_the_rest_is_named_when_it_is_asked_for(
     component = select_one("smooth")
     assert (component.target, component.plugin, component.of_suite) == ("my_methods:Smooth", None, False)
     assert component.create().info.title == "Smooth"
-    with pytest.raises(ConfigurationError, match="broken cannot be imported: broken.py:8: ZeroDivisionError"):
+    with pytest.raises(
+        ConfigurationError, match="my_methods.broken cannot be imported: broken.py:8: ZeroDivisionError"
+    ):
         select_one("broken")
     with pytest.raises(ConfigurationError, match="'smooth' is registered as 'other' by an installed package"):
         select_one("other")
