@@ -2,68 +2,68 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
+import faulthandler
 import sys
-from collections.abc import Iterator, Mapping
-from multiprocessing.connection import Connection
-from typing import Any
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
 
-from benchmark.check.checks import Finding, run_checks
-from benchmark.errors import BenchmarkError
+from benchmark.check.case import Case, Failed, Skipped, explained
+from benchmark.check.checks import NECESSARY, checks_of
 from benchmark.registry import Component, component_of
 
-__all__ = ["Finding", "check", "failures", "run_checks"]
+__all__ = ["Finding", "check", "failures"]
 
-#: Seconds that one shape may take.
-LIMIT = 60.0
-
-_SPAWN = multiprocessing.get_context("spawn")
+#: Seconds that a check may take.
+LIMIT = 600.0
 
 
-def check(component: Component, options: Mapping[str, str] | None = None, limit: float = LIMIT) -> Iterator[Finding]:
-    """Check a component in a process of its own, and yield each finding as soon as there is one.
+@dataclass(frozen=True)
+class Finding:
+    """Result of one check: its name, its outcome, and one line on what was seen, with a hint if it failed.
 
-    A crash or a shape that takes too long fails the current check and ends the others.
+    ``traceback`` says where an error was raised.
+    """
+
+    name: str
+    outcome: Literal["ok", "failed", "skipped"]
+    explanation: str
+    traceback: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.outcome:<7}  {self.name:<15}  {self.explanation}"
+
+
+def check(component: Component, limit: float = LIMIT) -> Iterator[Finding]:
+    """Check a component in this process, and yield each finding as soon as there is one.
+
+    If there is no answer, or two answers differ, the remaining checks are left out.
 
     Parameters
     ----------
     component
         What to check.
-    options
-        Changes to the schedule of a learner, which is trained on three images.
     limit
-        Seconds that one shape may take.
+        Seconds after which the process ends, and says at which line a check was.
     """
-    ours, theirs = _SPAWN.Pipe(duplex=False)
-    process = _SPAWN.Process(target=_serve, args=(theirs, component, dict(options or {})), daemon=True)
-    process.start()
-    theirs.close()
-    name = "import"
-    try:
-        patience = max(limit, LIMIT)  # until its packages are imported
-        while ours.poll(patience):
-            message, patience = ours.recv(), limit
-            if message is None:
+    if missing := component.missing_packages():
+        yield Finding("packages", "skipped", f"install {', '.join(missing)}, then check again")
+        return
+    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
+        case = Case(component, Path(folder))
+        for name, run in checks_of(component).items():
+            finding = _find(name, run, case, limit)
+            yield finding
+            if finding.outcome == "failed" and run in NECESSARY:
                 return
-            if isinstance(message, Finding):
-                yield message
-            else:
-                name = message or name
-        explanation = f"no answer after {limit:g} s on one shape; find the endless loop or the slow step"
-        yield Finding(name, "failed", explanation)
-    except EOFError:
-        process.join()
-        code = process.exitcode or 0
-        ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        yield Finding(name, "failed", f"ended its process with {ending}; a method must not end its process")
-    finally:
-        process.kill()
-        process.join()
 
 
-def failures(value: Any, options: Mapping[str, str] | None = None) -> list[str]:
-    """Check a method, scorer or data set, or its class, in this process, for tests; return the failed checks.
+def failures(value: Any) -> list[str]:
+    """Check a method, scorer or data set, or its class, for tests; return the failed checks.
 
     Examples
     --------
@@ -71,16 +71,18 @@ def failures(value: Any, options: Mapping[str, str] | None = None) -> list[str]:
     >>> failures(Identity)
     []
     """
-    events = run_checks(component_of(value), options)
-    return [str(event) for event in events if isinstance(event, Finding) and event.outcome == "failed"]
+    return [str(finding) for finding in check(component_of(value)) if finding.outcome == "failed"]
 
 
-def _serve(connection: Connection, component: Component, options: Mapping[str, str]) -> None:
-    """Send the name of each check, "" before each shape, the findings, and None at the end."""
-    sys.stdout = sys.stderr  # what a plugin prints must not stand among the findings
+def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
+    faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
-        for event in run_checks(component, options, lambda: connection.send("")):
-            connection.send(event)
-    except BenchmarkError as error:
-        connection.send(Finding("import", "failed", str(error)))
-    connection.send(None)
+        with redirect_stdout(sys.stderr):  # what a plugin prints must not stand among the findings
+            return Finding(name, "ok", run(case))
+    except Skipped as reason:
+        return Finding(name, "skipped", str(reason))
+    except (Exception, SystemExit) as error:
+        trace = "" if isinstance(error, Failed) else "".join(traceback.format_exception(error))
+        return Finding(name, "failed", " ".join(explained(error).split()), trace)
+    finally:
+        faulthandler.cancel_dump_traceback_later()

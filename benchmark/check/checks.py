@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import pickle
 import re
-import tempfile
-import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,20 +15,13 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import FloatArray, Mesh, Shape
-from benchmark.api.datasets import ShapeSet
 from benchmark.api.learning import CARD, Learner, Split, checked_weights, read_card
+from benchmark.check.case import Case, Failed, Skipped, explained
 from benchmark.check.shapes import BENDS, TRAINING, awkward, figure, training_data, view
-from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, locate
+from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape
 from benchmark.geometry.depth import depth_surface, fit_half_width
 from benchmark.geometry.preparation import prepare
 from benchmark.registry import Component
-from benchmark.registry.outputs import (
-    compare_signatures,
-    compute_descriptor,
-    compute_distances,
-    compute_form,
-    compute_signature,
-)
 
 #: Largest accepted difference between two runs on one shape, relative to the largest coordinate: rounding may depend on
 #: the position of an array in memory.
@@ -48,166 +37,6 @@ _SHARE = 0.1
 _SCALE = 2.5
 _ROTATION = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
 _COMPARED_VERTICES = 1000
-
-
-class Failed(Exception):
-    """The check failed; with the reason and a hint."""
-
-
-class Skipped(Exception):
-    """The check does not apply; with the reason."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Result of one check: its name, its outcome, and one line on what was seen, with a hint if it failed.
-
-    ``traceback`` says where an error was raised.
-    """
-
-    name: str
-    outcome: Literal["ok", "failed", "skipped"]
-    explanation: str
-    traceback: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.outcome:<7}  {self.name:<15}  {self.explanation}"
-
-
-def run_checks(
-    component: Component, options: Mapping[str, str] | None = None, tick: Callable[[], object] = lambda: None
-) -> Iterator[str | Finding]:
-    """Yield the name of each check of a component before it runs, then its finding.
-
-    If there is no answer, or two answers differ, the remaining checks are left out.
-
-    Parameters
-    ----------
-    component
-        What to check.
-    options
-        Changes to the schedule of a learner.
-    tick
-        Called before each shape.
-    """
-    if missing := component.missing_packages():
-        yield Finding("packages", "skipped", f"install {', '.join(missing)}, then check again")
-        return
-    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        case = Case(component, Path(folder), options or {}, tick)
-        for name, run in _checks_of(component).items():
-            yield name
-            finding = _find(name, run, case)
-            yield finding
-            if finding.outcome == "failed" and run in _NECESSARY:
-                return
-
-
-def _find(name: str, run: Callable[[Case], str], case: Case) -> Finding:
-    try:
-        return Finding(name, "ok", run(case))
-    except Skipped as reason:
-        return Finding(name, "skipped", str(reason))
-    except (Exception, SystemExit) as error:
-        trace = "" if isinstance(error, Failed) else "".join(traceback.format_exception(error))
-        return Finding(name, "failed", " ".join(_explained(error).split()), trace)
-
-
-def _explained(error: BaseException) -> str:
-    """Return an exception as the author needs it, with advice that fits."""
-    if isinstance(error, UnsupportedShape):
-        return f"refuses an ordinary surface ({error}); treat it"
-    if isinstance(error, Failed | BenchmarkError):
-        return str(error)
-    if isinstance(error, ImportError):
-        return f"{locate(error)}; name packages beyond the core in info.requires"
-    return f"{locate(error)}{'; it writes into its input: work on a copy' if 'read-only' in str(error) else ''}"
-
-
-@dataclass
-class Case:
-    """A component under test, with its answers: forms, shape (n, 3), vectors, or meshes of a data set.
-
-    Parameters
-    ----------
-    component
-        What to check.
-    folder, options
-        Where a learner is trained, and changes to its schedule.
-    tick
-        Called before each shape.
-    model
-        The model of a learner, once it is trained.
-    meshes
-        The meshes of a data set, once they are loaded.
-    """
-
-    component: Component
-    folder: Path
-    options: Mapping[str, str]
-    tick: Callable[[], object]
-    model: Path | None = None
-    meshes: dict[str, Mesh] = field(default_factory=dict)
-
-    @property
-    def is_scorer(self) -> bool:
-        """Whether it compares forms."""
-        return self.component.kind == "scorer"
-
-    @property
-    def is_random(self) -> bool:
-        """Whether its answers depend on the seed."""
-        return not getattr(self.component.info, "deterministic", True)
-
-    @property
-    def reads_images(self) -> bool:
-        """Whether it is a method that needs depth images."""
-        return "mesh" not in getattr(self.component.info, "inputs", ("mesh",))
-
-    @cached_property
-    def reference(self) -> FloatArray:
-        """The answer for the figure."""
-        return self.answer(self.shape())
-
-    @cached_property
-    def dataset(self) -> ShapeSet:
-        """The data set."""
-        created: ShapeSet = self.component.create()
-        return created
-
-    def create(self) -> Any:
-        """Return a new object, with its trained model."""
-        created = self.component.create()
-        return created.load(self.model) if self.model else created
-
-    def shape(self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure") -> Shape:
-        """Return the figure, or another mesh in its place, as input."""
-        seen = view(bend) if self.reads_images else None
-        mesh = mesh or (seen.mesh if seen else figure(bend))
-        # Bending preserves the area, and equal areas would leave nothing to compare.
-        area, depth = (1 + bend) * mesh.area, seen.depth if seen else None
-        return Shape(identifier=f"{name} {bend}", mesh=mesh, depth=depth, source_area=area, seed=seed)
-
-    def answer(self, shape: Shape, by: Any = None) -> FloatArray:
-        """Return the answer of an object, by default a new one, as an array."""
-        answer = self._answer(self.create() if by is None else by, shape)
-        if self.is_scorer:
-            return np.concatenate([np.asarray(answer[name], dtype=np.float64).ravel() for name in sorted(answer)])
-        return np.asarray(answer)
-
-    def dissimilarities(self, shapes: Sequence[Shape], draw: int = 0) -> FloatArray:
-        """Return the dissimilarities of all pairs by a descriptor or a scorer."""
-        created = self.create()
-        answers = [self._answer(created, shape) for shape in shapes]
-        return compare_signatures(created, answers, draw) if self.is_scorer else compute_distances(created, answers)
-
-    def _answer(self, created: Any, shape: Shape) -> Any:
-        self.tick()
-        if self.is_scorer:
-            return compute_signature(created, shape.mesh)
-        if self.component.describes:
-            return compute_descriptor(created, shape)
-        return compute_form(created, shape)[0].vertices
 
 
 # Differences ---------------------------------------------------------------------------------------------------------
@@ -274,8 +103,8 @@ def _require_comparable(case: Case) -> None:
 def _training(case: Case) -> str:
     learner = case.component.create()
     named = getattr(learner, "model_folder", None)
-    if isinstance(named, Path) and not case.options:
-        raise Skipped(f"is checked with its model, {named.name}; -o NAME=VALUE trains one for the check")
+    if isinstance(named, Path):
+        raise Skipped(f"is checked with its model, {named.name}")
     if not isinstance(learner, Learner):
         raise Failed("has 'train' but is not a learner; see 'A learner' in docs/reference/plugins.md")
     if not re.fullmatch(r"[\w.=-]+", str(learner.model_name)):
@@ -284,7 +113,7 @@ def _training(case: Case) -> str:
         raise Failed(f"split is {learner.split!r}; choose one of {', '.join(get_args(Split))}")
     model, data, cards = case.folder / TRAINING / learner.model_name, training_data(), []
     for _ in range(2):
-        learner.train(data, model, dict(case.options), lambda _: None)
+        learner.train(data, model, {}, lambda _: None)
         if not (model / CARD).is_file():
             raise Failed(f"'train' ends without {CARD}; write it last, to show that the model is finished")
         cards.append(read_card(model))
@@ -438,7 +267,7 @@ def _awkward(case: Case) -> str:
             refused.append(name)
             problems += [] if str(reason) else [f"{name} is refused without a reason; say why"]
         except Exception as error:
-            problems.append(f"{name}: {_explained(error)}; raise UnsupportedShape with a reason, or treat it")
+            problems.append(f"{name}: {explained(error)}; raise UnsupportedShape with a reason, or treat it")
     if problems:
         raise Failed("; ".join(problems))
     return f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated"
@@ -459,7 +288,6 @@ def _shapes(case: Case) -> str:
 
 def _meshes(case: Case) -> str:
     for entry in case.dataset.shapes:
-        case.tick()
         case.meshes[entry.identifier] = mesh = case.dataset.load(entry)
         if not isinstance(mesh, Mesh):
             raise Failed(f"'load' returns {type(mesh).__name__} for '{entry.identifier}'; return Mesh(vertices, faces)")
@@ -468,7 +296,6 @@ def _meshes(case: Case) -> str:
 
 def _repeatable_meshes(case: Case) -> str:
     for entry in reversed(case.dataset.shapes):
-        case.tick()
         mesh, before, name = case.dataset.load(entry), case.meshes[entry.identifier], entry.identifier
         if not (np.array_equal(mesh.vertices, before.vertices) and np.array_equal(mesh.faces, before.faces)):
             raise Failed(f"the mesh of '{name}' changes between calls; seed it, keep no state between shapes")
@@ -477,7 +304,6 @@ def _repeatable_meshes(case: Case) -> str:
 
 def _inputs(case: Case) -> str:
     for entry in {entry.subject: entry for entry in reversed(case.dataset.shapes)}.values():
-        case.tick()
         mesh, camera = case.meshes[entry.identifier], case.dataset.camera(entry)
         try:
             prepare(mesh)
@@ -490,10 +316,10 @@ def _inputs(case: Case) -> str:
 # What is checked -----------------------------------------------------------------------------------------------------
 
 #: Checks without which the others have nothing to compare.
-_NECESSARY = frozenset({_training, _answer, _repeatable, _shapes, _meshes})
+NECESSARY = frozenset({_training, _answer, _repeatable, _shapes, _meshes})
 
 
-def _checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
+def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
     """Return the checks of a component by name, in their order."""
     if component.kind == "data set":
         return {"shapes": _shapes, "meshes": _meshes, "repeatable": _repeatable_meshes, "inputs": _inputs}

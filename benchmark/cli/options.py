@@ -43,7 +43,6 @@ Method = Annotated[str, Option("-m", "--method", metavar="METHOD", help="Method;
 Force = Annotated[bool, Option("--force", help="Replace files that this verb did not write.")]
 Format = Annotated[Literal["text", "json"], Option("--format")]
 Timeout = Annotated[float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")]
-Assigned = Annotated[list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")]
 Traceback = Annotated[bool, Option("--traceback", help="Print errors in full.")]
 MethodName = Annotated[str, Argument(metavar="METHOD")]
 SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import shlex
 import sys
@@ -102,7 +103,7 @@ def report(
         Path | None, Option("-o", "--output", metavar="OUT", help="Folder [results/report], or figure [KIND.pdf].")
     ] = None,
     figure: Annotated[
-        Literal["effect", "scores", "cost", "precision-recall", "scorers"] | None,
+        Literal["effect", "scores", "cost", "precision-recall"] | None,
         Option("--figure", help="Draw a .pdf, .png or .svg instead; effect shows shapes and forms."),
     ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
@@ -236,23 +237,20 @@ def score(
 def check(
     selection: Selection,
     target: Annotated[str, Argument(metavar="METHOD|FILE")],
-    methods: Annotated[list[str], Option("-m", "--method", metavar="METHOD", help="Only this method of a file.")] = [],
-    assigned: shared.Assigned = [],
-    timeout: shared.Timeout = "60s",  # type: ignore[assignment]
+    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
     traceback: shared.Traceback = False,
 ) -> bool:
     """Test the contract of a plugin file, or of a method.
 
     Parameters follow in brackets: FILE[power=1]. The exit code is 1 if a check fails.
     """
-    from benchmark.api.parameters import assignments
     from benchmark.check import check
     from benchmark.registry import find
 
-    plugins = [*selection.plugins, *([Path(target)] if methods else [])]
+    faulthandler.enable(2)  # names the line of a crash
     passed = True
-    for component in [component for name in methods or (target,) for component in find(name, plugins)]:
-        for finding in check(component, assignments(assigned), timeout):
+    for component in find(target, selection.plugins):
+        for finding in check(component, timeout):
             say(f"{component.name}  {finding}")
             passed &= finding.outcome != "failed"
             if traceback:
@@ -286,7 +284,7 @@ def train(
     selection: Selection,
     method: shared.MethodName,
     target: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")] = "I",
-    assigned: shared.Assigned = [],
+    assigned: Annotated[list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")] = [],
     data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
     hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
     init: Annotated[Path | None, Option("--init", metavar="MODEL", help="Folder of a model to begin with.")] = None,

@@ -1,0 +1,124 @@
+"""A component under test, and its answers for the shapes of the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmark.api.contracts import FloatArray, Mesh, Shape
+from benchmark.api.datasets import ShapeSet
+from benchmark.check.shapes import BENDS, figure, view
+from benchmark.errors import BenchmarkError, UnsupportedShape, locate
+from benchmark.registry import Component
+from benchmark.registry.outputs import (
+    compare_signatures,
+    compute_descriptor,
+    compute_distances,
+    compute_form,
+    compute_signature,
+)
+
+
+class Failed(Exception):
+    """The check failed; with the reason and a hint."""
+
+
+class Skipped(Exception):
+    """The check does not apply; with the reason."""
+
+
+def explained(error: BaseException) -> str:
+    """Return an exception as the author needs it, with advice that fits."""
+    if isinstance(error, UnsupportedShape):
+        return f"refuses an ordinary surface ({error}); treat it"
+    if isinstance(error, Failed | BenchmarkError):
+        return str(error)
+    if isinstance(error, ImportError):
+        return f"{locate(error)}; name packages beyond the core in info.requires"
+    return f"{locate(error)}{'; it writes into its input: work on a copy' if 'read-only' in str(error) else ''}"
+
+
+@dataclass
+class Case:
+    """A component under test, with its answers: forms, shape (n, 3), vectors, or meshes of a data set.
+
+    Parameters
+    ----------
+    component
+        What to check.
+    folder
+        Where a learner is trained.
+    model
+        The model of a learner, once it is trained.
+    meshes
+        The meshes of a data set, once they are loaded.
+    """
+
+    component: Component
+    folder: Path
+    model: Path | None = None
+    meshes: dict[str, Mesh] = field(default_factory=dict)
+
+    @property
+    def is_scorer(self) -> bool:
+        """Whether it compares forms."""
+        return self.component.kind == "scorer"
+
+    @property
+    def is_random(self) -> bool:
+        """Whether its answers depend on the seed."""
+        return not getattr(self.component.info, "deterministic", True)
+
+    @property
+    def reads_images(self) -> bool:
+        """Whether it is a method that needs depth images."""
+        return "mesh" not in getattr(self.component.info, "inputs", ("mesh",))
+
+    @cached_property
+    def reference(self) -> FloatArray:
+        """The answer for the figure."""
+        return self.answer(self.shape())
+
+    @cached_property
+    def dataset(self) -> ShapeSet:
+        """The data set."""
+        created: ShapeSet = self.component.create()
+        return created
+
+    def create(self) -> Any:
+        """Return a new object, with its trained model."""
+        created = self.component.create()
+        return created.load(self.model) if self.model else created
+
+    def shape(self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure") -> Shape:
+        """Return the figure, or another mesh in its place, as input."""
+        seen = view(bend) if self.reads_images else None
+        mesh = mesh or (seen.mesh if seen else figure(bend))
+        # Bending preserves the area, and equal areas would leave nothing to compare.
+        area, depth = (1 + bend) * mesh.area, seen.depth if seen else None
+        return Shape(identifier=f"{name} {bend}", mesh=mesh, depth=depth, source_area=area, seed=seed)
+
+    def answer(self, shape: Shape, by: Any = None) -> FloatArray:
+        """Return the answer of an object, by default a new one, as an array."""
+        answer = self._answer(self.create() if by is None else by, shape)
+        if self.is_scorer:
+            return np.concatenate([np.asarray(answer[name], dtype=np.float64).ravel() for name in sorted(answer)])
+        return np.asarray(answer)
+
+    def dissimilarities(self, shapes: Sequence[Shape], draw: int = 0) -> FloatArray:
+        """Return the dissimilarities of all pairs by a descriptor or a scorer."""
+        created = self.create()
+        answers = [self._answer(created, shape) for shape in shapes]
+        return compare_signatures(created, answers, draw) if self.is_scorer else compute_distances(created, answers)
+
+    def _answer(self, created: Any, shape: Shape) -> Any:
+        if self.is_scorer:
+            return compute_signature(created, shape.mesh)
+        if self.component.describes:
+            return compute_descriptor(created, shape)
+        return compute_form(created, shape)[0].vertices
