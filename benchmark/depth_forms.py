@@ -98,9 +98,7 @@ def form_maker(component: Component) -> Method:
     """Return a method with its default model; raise ``ConfigurationError`` if it computes no forms."""
     maker = with_model(component)
     if not isinstance(maker, Method):
-        raise ConfigurationError(
-            f"method '{component.name}' describes shapes without a canonical form", "choose another method"
-        )
+        raise ConfigurationError(f"method '{component.name}' computes no forms", "choose another method")
     return maker
 
 

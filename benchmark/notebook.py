@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Input, Shape
-from benchmark.errors import ConfigurationError
+from benchmark.depth_forms import form_maker, form_with_fit
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.protocols.models import with_model
 from benchmark.registry import select, select_one
-from benchmark.registry.outputs import compute_form
 from benchmark.text import DATA_VARIABLE, EVERY
 
 if TYPE_CHECKING:
@@ -126,13 +124,10 @@ def canonicalise(
     ConfigurationError
         If there is no such method, or it computes no forms.
     """
-    (component,) = select([method])[:1]
-    if component.describes:
-        raise ConfigurationError(f"method '{component.name}' computes no forms", "choose another method")
+    maker = form_maker(select([method])[0])
     prepared = prepare(Mesh(vertices, faces), n_vertices)  # type: ignore[arg-type]
     shape = Shape(identifier="shape", mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
-    form, notes = compute_form(with_model(component) if component.learns else component.create(), shape)
-    return CanonicalForm(form.vertices, form.faces, {name: note.item() for name, note in notes.items()})
+    return form_with_fit(maker, shape, prepared.notes)
 
 
 def _listed(values: Any) -> list[Any]:

@@ -37,7 +37,7 @@ def test_the_method_is_by_default_the_network_that_a_loop_loads_once():
     [
         (CAMERA[:2], "identity", "are 6 numbers"),
         (CAMERA, "learnt", "unknown method"),
-        (CAMERA, "shape-dna", "describes shapes without a canonical form"),
+        (CAMERA, "shape-dna", "method 'shape-dna' computes no forms"),
     ],
 )
 def test_what_cannot_be_used_is_named(camera, method, message):
