@@ -121,7 +121,7 @@ figures: setup
 	$(BIN)/python -m benchmark run $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/learned-forms.png $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/effect.png -t III -d tosca -m least-squares-mds $(BODIES)
-	$(BIN)/python -m benchmark report --force --figure scorers -o results/figures/two-scorers.png
+	$(BIN)/python -m tools.scorers
 	for name in animals people humans-scanlike tosca; do \
 	    $(BIN)/python -m benchmark data sheet $$name -o results/figures/sheet-$$name.png || exit 1; done
 	mkdir -p build

@@ -79,21 +79,15 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     check_ending(path, figures.ENDINGS)
     if path.exists() and not force:
         raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
-    if what == "scorers":
-        from pandas import read_csv
-
-        figure = figures.scorers_figure(read_csv(path.with_suffix(".csv")))
+    views = selected_tables(options, recorded(options))
+    if not views:
+        raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
+    view, forms = views[0], StoredForms(options.results, options.data_root)
+    if what == "effect":
+        figure = figures.effect_figure(view, forms, shapes)
+    elif what == "precision-recall":
+        figure = figures.precision_recall_figure(view, forms)
     else:
-        views = selected_tables(options, recorded(options))
-        if not views:
-            raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
-        view = views[0]
-        forms = StoredForms(options.results, options.data_root)
-        if what == "effect":
-            figure = figures.effect_figure(view, forms, shapes)
-        elif what == "precision-recall":
-            figure = figures.precision_recall_figure(view, forms)
-        else:
-            figure = (figures.cost_figure if what == "cost" else figures.scores_figure)(view)
+        figure = (figures.cost_figure if what == "cost" else figures.scores_figure)(view)
     figures.save(figure, path)
     say(f"wrote {path}")

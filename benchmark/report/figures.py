@@ -10,7 +10,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from pandas import DataFrame
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError
@@ -56,7 +55,7 @@ ENDINGS = tuple(_UNDATED)
 def scores_figure(view: TableView) -> Figure:
     """Draw the scores of a table with their intervals over classes (95 %), one line a row."""
     titles = [column.title for column in view.columns]
-    figure, axes = _axes(WIDTH, 0.5 + 0.14 * len(view.printed_rows), n_columns=len(titles), sharey=True)
+    figure, axes = subplots(WIDTH, 0.5 + 0.14 * len(view.printed_rows), n_columns=len(titles), sharey=True)
     rows = view.printed_rows[::-1]
     for place, title in zip(axes[0], titles, strict=True):
         for height, row in enumerate(rows):
@@ -72,7 +71,7 @@ def scores_figure(view: TableView) -> Figure:
 def cost_figure(view: TableView) -> Figure:
     """Draw seconds a shape against a measure; no row is both faster and better than those on the line."""
     points = costs(view)
-    figure, ((place,),) = _axes(COLUMN, 2.8)
+    figure, ((place,),) = subplots(COLUMN, 2.8)
     for row, seconds, score in points:
         place.plot(seconds, score, "o", ms=3.5, color=COLOURS[row.kind])
         place.annotate(clean(row.title), (seconds, score), (3, 2), textcoords="offset points", fontsize=5,
@@ -114,7 +113,7 @@ def precision_recall_figure(view: TableView, forms: StoredForms) -> Figure:
     curves = precision_recall(view, forms)
     if not curves:
         raise ConfigurationError(f"no distances of table {view.table.identifier} are stored here", "run it here")
-    figure, ((place,),) = _axes(COLUMN, 2.8)
+    figure, ((place,),) = subplots(COLUMN, 2.8)
     for row, curve in curves:
         place.plot(RECALLS, curve, lw=1, label=clean(row.title))
     place.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="recall", ylabel="precision")
@@ -178,7 +177,7 @@ def effect_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = (
     lines = [(title, meshes) for title, meshes in lines if any(meshes)]
     if len(lines) < 2:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
-    figure, axes = _axes(WIDTH, WIDTH / len(names) * len(lines), len(lines), len(names))
+    figure, axes = subplots(WIDTH, WIDTH / len(names) * len(lines), len(lines), len(names))
     camera = UPRIGHT if records[0].input == "mesh" else OBLIQUE
     for of_line, (title, meshes) in zip(axes, lines, strict=True):
         of_line[0].set_title(clean(title), fontsize=_SIZE, loc="left", parse_math=False)
@@ -210,28 +209,6 @@ def some_shapes(record: Record, n_classes: int = 2, n_shapes: int = 3) -> list[s
     return [shape for of_class in spread([*classes.values()], n_classes) for shape in spread(of_class, n_shapes)]
 
 
-def scorers_figure(scores: DataFrame) -> Figure:
-    """Draw the scores of the paper's methods by two scorers with intervals over classes; crossing lines change order.
-
-    Parameters
-    ----------
-    scores
-        ``method``, ``scorer``, ``measure``, ``value``, ``low``, ``high``.
-    """
-    scorers = list(dict.fromkeys(scores["scorer"]))
-    figure, ((place,),) = _axes(COLUMN, 2.6)
-    for number, (method, of_method) in enumerate(scores[scores["measure"] == MEASURE].groupby("method", sort=False)):
-        part = of_method.set_index("scorer").loc[scorers]
-        places, values = np.arange(len(scorers)) + 0.02 * (number - 3.5), part["value"].to_numpy()
-        errors = np.abs(part[["low", "high"]].to_numpy().T - values)
-        line = place.errorbar(places, values, errors, marker="o", ms=3, lw=1, elinewidth=0.5)
-        place.annotate(TITLES.get(str(method), str(method)), (places[-1], values[-1]), (4, -2), fontsize=5,
-                       textcoords="offset points", color=line[0].get_color())  # fmt: skip
-    place.set_xticks(range(len(scorers)), scorers)
-    place.set(xlim=(-0.3, len(scorers) - 0.4), ylabel=MEASURE)
-    return figure
-
-
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PDF, PNG or SVG by its extension, without dates; publishers take the fonts (Type 42)."""
     ending = path.suffix.lower()
@@ -240,9 +217,10 @@ def save(figure: Figure, path: Path) -> None:
         write_atomically(path, lambda file: figure.savefig(file, metadata=_UNDATED[ending], **options))
 
 
-def _axes(
+def subplots(
     width: float, height: float, n_rows: int = 1, n_columns: int = 1, *, sharey: bool = False
 ) -> tuple[Figure, NDArray[np.object_]]:
+    """Return a figure of a size in inches, and its axes, shape (n_rows, n_columns)."""
     figure = Figure(figsize=(width, height), layout="constrained")
     with mpl.rc_context(_STYLE):
         axes = figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)
