@@ -132,8 +132,9 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``table``, ``dataset``, ``method``, ``source`` (``"paper"``, ``"mesh"`` or ``"view"``), ``fold`` (part of the
-        data set; "" for the whole one), ``measure``, ``value``: the mean over queries, and over seeds of a training.
+        ``table``, ``dataset``, ``method``, ``input`` (``"mesh"``, ``"view"``, or ``"paper"`` for what it prints),
+        ``fold`` (part of the data set; "" for the whole one), ``measure``, ``value``: the mean over queries, and over
+        seeds of a training.
     """
     from pandas import DataFrame
 
@@ -148,5 +149,5 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     for numeral, dataset in sorted(with_paper):
         for method, figures in PRINTED[numeral].items():
             rows += [(numeral, dataset, method, "paper", "", measure, value) for measure, value in figures.items()]
-    names = ["table", "dataset", "method", "source", "fold", "measure", "value"]
+    names = ["table", "dataset", "method", "input", "fold", "measure", "value"]
     return DataFrame(rows, columns=names).groupby(names[:-1], sort=False, as_index=False)["value"].mean()

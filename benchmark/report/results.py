@@ -43,8 +43,8 @@ class Results:
     def scores(self) -> DataFrame:
         """All scores of full runs, one value a line, beside those that the paper prints.
 
-        Columns: ``table``, ``dataset``, ``method``, ``source`` ("paper", "mesh" or "view"), ``fold`` (part of the data
-        set; "" for the whole one), ``measure``, and ``value`` in [0, 1], a mean over queries.
+        Columns: ``table``, ``dataset``, ``method``, ``input`` ("mesh", "view", or "paper" for what it prints), ``fold``
+        (part of the data set; "" for the whole one), ``measure``, and ``value`` in [0, 1], a mean over queries.
         """
         return scores_frame(chosen_records(self.records))
 
