@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
-from benchmark.registry import methods
+from benchmark.registry import by_name
 from benchmark.text import EVERY, is_name
 
 #: Method that is written under another name.
@@ -73,7 +73,7 @@ def _check(name: str) -> None:
     if not is_name(name):
         hint = f"join lower-case words by hyphens, like {_EXAMPLE}"
         raise ConfigurationError(f"'{name:.80}' cannot be the name of a method", hint)
-    if name in methods() or name == EVERY:
+    if name in by_name("method") or name == EVERY:
         raise ConfigurationError(f"there is already a method '{name}'", "choose another name")
     _, module, class_name, _ = _spellings(name)
     is_word = keyword.iskeyword(module) or keyword.iskeyword(class_name)

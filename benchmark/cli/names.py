@@ -18,7 +18,7 @@ from benchmark.protocols.models import MODELS_VARIABLE, model_places
 from benchmark.protocols.tables import TABLES
 from benchmark.protocols.trainings import TRAININGS
 from benchmark.reference.paper import source_of
-from benchmark.registry import Component, by_name, methods, select_one
+from benchmark.registry import Component, by_name, select_one
 from benchmark.registry.names import described
 from benchmark.text import aligned, clean, say, say_lines
 
@@ -102,7 +102,7 @@ def _tables(selection: Selection) -> Rows:
 def _models(selection: Selection) -> Rows:
     """Return finished models with their training; those trained here precede the shipped ones."""
     folders = {selection.results / "models": "trained here"}
-    for learner in (component.create() for component in methods().values() if component.learns):
+    for learner in (component.create() for component in by_name("method").values() if component.learns):
         for folder in model_places(learner):
             folders.setdefault(folder, "shipped" if folder == learner.shipped_models else MODELS_VARIABLE)
     return [

@@ -41,12 +41,12 @@ def compile_methods() -> None:
     from benchmark.pipeline.preparation import fit_frame, prepare_mesh, prepare_view
     from benchmark.pipeline.stages import shape_of
     from benchmark.protocols.models import with_model
-    from benchmark.registry import methods
+    from benchmark.registry import by_name
 
     source = figure()
     prepared = {"mesh": prepare_mesh(source), "view": prepare_view(source, FRONT, fit_frame(source, FRONT))}
     shapes = {input_: shape_of(arrays, "figure") for input_, arrays in prepared.items()}
-    for row in methods().values():
+    for row in by_name("method").values():
         with suppress(ConfigurationError):  # missing packages and models are left for the run to report
             method = with_model(row)
             apply = method.describe if row.describes else method.canonicalise

@@ -88,11 +88,6 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
     return Known(kind, [*ours, *installed, *of_files], faults)
 
 
-def methods(plugins: Iterable[Path] = ()) -> Known:
-    """Return all methods by name; see :func:`by_name`."""
-    return by_name("method", plugins)
-
-
 def in_file(path: Path) -> list[Component]:
     """Return the methods, scorers and data sets of a plugin file, in its order.
 

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from benchmark.errors import ConfigurationError
 from benchmark.registry.components import Component, Kind, component_of
-from benchmark.registry.known import by_name, in_file, methods
+from benchmark.registry.known import by_name, in_file
 from benchmark.registry.names import combinations, split_name
 from benchmark.text import EVERY
 
@@ -30,7 +30,7 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     ConfigurationError
         If a name or a parameter is unknown, or a value is invalid.
     """
-    known = methods(plugins)
+    known = by_name("method", plugins)
     chosen: list[Component] = []
     for name in names:
         if not isinstance(name, str):

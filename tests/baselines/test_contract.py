@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
-from benchmark.registry import methods, select_one
+from benchmark.registry import by_name, select_one
 from benchmark.registry.known import BUILT_IN
 from benchmark.registry.outputs import compute_descriptor, compute_form
 from tests.baselines.deformable import centre_line, moved_to, shape_of, straightness, tube
@@ -59,7 +59,7 @@ def test_a_method_keeps_the_contract(name: str) -> None:
 
 def test_methods_that_need_all_pairs_refuse_a_large_surface_at_once() -> None:
     large = Shape(identifier="large", mesh=sphere(20_001))
-    needs = {name: component.info.needs for name, component in methods().items() if name in BUILT_IN}
+    needs = {name: component.info.needs for name, component in by_name("method").items() if name in BUILT_IN}
     assert {name for name in NAMES[:-1] if needs[name] == ("pairs",)} == {
         *("classic-mds", "non-metric-mds", "least-squares-mds", "constrained-mds"),
         *("skeleton", "feature-preserved", "sd-gdm"),

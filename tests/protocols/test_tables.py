@@ -10,7 +10,7 @@ from benchmark.protocols.galleries import QUICK_POSES, galleries
 from benchmark.protocols.tables import ABLATION, SYNTHETIC_HUMANS, TABLES, TITLES, own_table
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
-from benchmark.registry import methods, select, select_one
+from benchmark.registry import by_name, select, select_one
 from benchmark.runs.planning import plan
 from tests.toy import rod, write_off, write_rods
 
@@ -145,7 +145,7 @@ def test_the_network_has_rows_for_each_seed_and_as_printed_where_these_have_mode
 
 
 def test_every_row_of_the_paper_is_a_method_with_a_title():
-    known = methods(())
+    known = by_name("method")
     for table in TABLES:
         if table.has_paper:
             assert all(name.partition("[")[0] in known and name in TITLES for name in paper.PRINTED[table.identifier])

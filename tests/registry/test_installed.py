@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from benchmark.code_digest import code_of
 from benchmark.errors import ConfigurationError
-from benchmark.registry import code_of, known, methods, select_one
+from benchmark.registry import by_name, known, select_one
 from tests.registry.plugin import write_plugin
 
 
@@ -27,7 +28,7 @@ def package(tmp_path, monkeypatch):
 
 
 def test_a_package_brings_what_works_and_the_rest_is_named_when_it_is_asked_for(package):
-    assert list(methods())[-1] == "smooth"
+    assert list(by_name("method"))[-1] == "smooth"
     component = select_one("smooth")
     assert (component.target, component.plugin, component.of_suite) == ("my_methods:Smooth", None, False)
     assert component.create().info.title == "Smooth"
@@ -47,7 +48,7 @@ def test_modules_of_its_package_are_part_of_its_code(package):
 
 def test_what_cannot_be_used_is_said_once(package, capsys):
     for _ in range(2):
-        methods()
+        by_name("method")
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 2
     assert "broken.py:8: ZeroDivisionError: division by zero" in said[0]

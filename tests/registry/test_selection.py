@@ -12,8 +12,9 @@ from baselines.gps import GPS
 from baselines.identity import Identity
 from benchmark.api import CheckedParameters, Interval, MethodInfo
 from benchmark.errors import ConfigurationError
-from benchmark.registry import BUILT_IN, Component, component_of, methods, select, select_one, variants
+from benchmark.registry import BUILT_IN, Component, by_name, component_of, select, select_one
 from benchmark.registry.names import combinations
+from benchmark.registry.selection import variants
 from tests.registry.plugin import write_plugin
 
 FIELDS = 'power: float = 1.0\n    kind: str = "a"\n    sizes: tuple[int, ...] = (1, 2)'
@@ -53,7 +54,7 @@ def test_what_cannot_be_read_is_named(text, message):
 
 
 def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in(plugin):
-    known = methods([plugin])
+    known = by_name("method", [plugin])
     names = [component.name for component in variants("smooth[power=2|1|2.0,kind=a|b]", known)]
     assert names == ["smooth[power=2.0]", "smooth[power=2.0,kind=b]", "smooth", "smooth[kind=b]"]
     with pytest.raises(ConfigurationError, match=r"'smooth\[power=1.2\]' stands for 2 methods; name one: smooth$"):
@@ -91,9 +92,9 @@ def test_a_method_of_a_file_in_this_folder_is_told_to_be_one(tmp_path, monkeypat
 def test_two_components_of_one_name_are_refused(tmp_path):
     plugin = write_plugin(tmp_path / "smooth.py", name="gps")
     with pytest.raises(ConfigurationError, match=r"two methods are called 'gps': baselines.gps:GPS and .*smooth.py"):
-        methods([plugin])
+        by_name("method", [plugin])
     with pytest.raises(ConfigurationError, match="a method is called 'all', which stands for all; rename it"):
-        methods([write_plugin(tmp_path / "all.py", name="all")])
+        by_name("method", [write_plugin(tmp_path / "all.py", name="all")])
 
 
 @dataclass(frozen=True, kw_only=True)
