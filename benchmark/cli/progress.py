@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import timedelta
 from typing import TypeVar
@@ -87,17 +87,7 @@ class Bar:
             say(line, err=True)
 
 
-def counting(what: str, items: Sequence[T]) -> Iterator[T]:
-    """Yield items, such as the shapes of ``"checking people"``, and show how many are left."""
-    title, console = clean(what), Console(file=sys.stderr)
-    if console.is_terminal:
-        yield from track(items, escape(title), console=console)
-        return
-    start, shown = time.monotonic(), -INTERVAL
-    for number, item in enumerate(items):
-        elapsed = time.monotonic() - start
-        if elapsed - shown >= INTERVAL:
-            left = f", about {elapsed / number * (len(items) - number):.0f} s left" if number else ""
-            say(f"{title}: {number} of {len(items)}{left}", err=True)
-            shown = elapsed
-        yield item
+def counting(what: str, items: Iterable[T]) -> Iterator[T]:
+    """Yield items, such as the shapes of ``"checking people"``, and show in a terminal how many are left."""
+    console = Console(file=sys.stderr)
+    yield from track(items, escape(clean(what)), console=console, disable=not console.is_terminal)
