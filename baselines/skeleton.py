@@ -62,8 +62,8 @@ class Skeleton(CheckedParameters):
         family="paper",
         summary="curve skeleton scaled by its path lengths, surface transferred",
         departs=(
-            "Differs from the released code: quadrics are summed, joints are centred by displacement and merged "
-            "afterwards, pockets are absorbed, a triangle across a border belongs to the bone between, and contraction "
+            "Differs from the released code in five points: quadrics are summed; joints are centred by displacement, "
+            "then merged; pockets are absorbed; a triangle across a border belongs to the bone between; contraction "
             "does not stop early. On open views, joints are level sets of the geodesic distance, which is another "
             "method."
         ),

@@ -88,8 +88,8 @@ class NonMetricMDS(CheckedParameters):
         family="paper",
         summary="scaling of the rank order of the geodesic distances",
         departs=(
-            "Majorises the stress from Classic MDS; the source descends along the gradient of stress-1. Pairs at equal "
-            "distance are ordered by vertex number, by neither of Kruskal's approaches to ties."
+            "Minimises the stress by majorisation, from Classic MDS; the source follows the gradient of stress-1. "
+            "Pairs at equal distance are ordered by vertex number, unlike in both of Kruskal's approaches to ties."
         ),
         needs=("pairs",),
     )

@@ -51,8 +51,8 @@ def train(
     settings = ({"early_epochs": 0} if name == "without_weighting" else {}) | settings
     schedule = resolved(Schedule(**checked(Schedule, settings, "the schedule")), device)
     if schedule.resolution not in RESOLUTIONS:
-        fits = f"{RESOLUTIONS[0]} to {RESOLUTIONS[-1]}"
-        raise ConfigurationError(f"the network has no resolution {schedule.resolution}", f"pass --resolution {fits}")
+        hint = f"pass -o resolution=N, {RESOLUTIONS[0]} to {RESOLUTIONS[-1]}"
+        raise ConfigurationError(f"the network has no resolution {schedule.resolution}", hint)
     words = schedule.in_words() + (f", from {machine.init}" if machine.init else "")
     if (folder / CARD).is_file():
         _check_finished(folder, schedule, data, words)

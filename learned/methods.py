@@ -136,8 +136,8 @@ class Learned(TrainedNetwork):
         summary="canonical pose predicted from the depth image by the paper's network",
         departs=(
             "The source counts the short-range blocks in three ways; here they are nine convolutions. Widths, output "
-            "functions, camera and canonical pose, which it leaves open, are ours, and so are, unless 'as_printed', "
-            "fewer pixels and, for people, epochs."
+            "functions, camera and canonical pose, which it leaves open, are ours. Unless 'as_printed' is chosen, it "
+            "is trained with fewer pixels and, on people, fewer epochs."
         ),
         requires=("torch", "safetensors"),
         inputs=("view",),
@@ -225,7 +225,7 @@ WithoutWeighting = _row(
 )  # fmt: skip
 SizeFree = _row(
     "learned-size-free", "Depth network, size unknown", "size_free", "the paper's network without the size of the body",
-    "Images are cropped to the body, whose size is therefore unknown. Otherwise it departs as 'Our' does.",
+    "Images are cropped to the body, so its size is unknown. Otherwise, it departs like 'learned'.",
 )  # fmt: skip
 Strict = _row(
     "learned-strict", "strict train", "literal", "ablation: neither subject nor pose seen in training, 12 folds",

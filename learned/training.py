@@ -121,7 +121,7 @@ def device_named(name: Device) -> torch.device:
     if name == "auto":
         name = next(kind for kind in ("cuda", "mps", "cpu") if present[kind])
     if not present[name]:
-        raise ConfigurationError(f"this torch has no device '{name}' here", "pass --device cpu or auto")
+        raise ConfigurationError(f"this torch has no device '{name}' here", "pass -o device=cpu or -o device=auto")
     return torch.device(name)
 
 

@@ -74,8 +74,7 @@ class MethodInfo(CheckedParameters):
     summary
         One line for ``list methods``.
     departs
-        How the method departs from its source, in one or two sentences; "" if it does not. Shown by ``describe`` and,
-        for methods of the suite, as a numbered note below tables.
+        How the method departs from its source, in one or two sentences; "" if it does not. Shown by ``describe``.
     requires
         Import names of packages beyond the core. Without them the method is *unavailable*; it never uses another
         algorithm instead.

@@ -51,6 +51,7 @@ TITLES: Mapping[str, str] = {
     "learned-wide-extra": "Depth network, extra data",
     "learned-wide-extra[training=animals-sampled]": "Depth network, extra animals",
     "learned-streamed": "Depth network, streamed",
+    "deformation-field": "Deformation field, complete surface",
     "learned-strict": "strict training",
     "learned-without-srf": "without SRF",
     "learned-without-lrf": "without LRF",

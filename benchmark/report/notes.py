@@ -10,8 +10,8 @@ from benchmark.text import brief
 
 #: Note on bold and italic.
 MARKS = (
-    "Bold: the best of its block. Italic: not separable from the best over subjects (paired bootstrap of classes, "
-    "90 %). Rows with missing results or with shapes seen in training have neither."
+    "Bold: the best of its block. Italic: not significantly different from it (paired bootstrap of classes, 90 %). "
+    "Rows with missing results or with shapes seen in training have neither."
 )
 
 #: Names in a list before the rest is only counted.

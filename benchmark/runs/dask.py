@@ -47,7 +47,7 @@ class DaskPool:
 
     def __init__(self, url: str, timeout: float) -> None:
         if find_spec("distributed") is None:
-            raise ConfigurationError("--dask needs the package distributed", "pip install 'canonical-forms[dask]'")
+            raise ConfigurationError("--dask needs the package distributed", "pip install 'dask[distributed]'")
         from distributed import Client
 
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # this module reports errors itself

@@ -133,7 +133,7 @@ def test_a_finished_model_is_left_alone(trained: Path) -> None:
     [
         ({"epoch": 3}, "unknown parameter of the schedule 'epoch'; did you mean epochs"),
         ({"device": "tpu"}, "unknown device of the training 'tpu'; did you mean"),
-        ({"resolution": 16}, "the network has no resolution 16; pass --resolution 32 to 2048"),
+        ({"resolution": 16}, "the network has no resolution 16; pass -o resolution=N, 32 to 2048"),
         ({"init": "nowhere"}, "nowhere/card.json cannot be read"),
     ],
 )

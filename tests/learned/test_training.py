@@ -141,7 +141,7 @@ def test_a_loss_that_is_no_number_leaves_the_last_checkpoint(pairs: Pairs, tmp_p
 
 def test_a_device_that_is_not_here_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    with pytest.raises(ConfigurationError, match="has no device 'cuda' here; pass --device cpu or auto"):
+    with pytest.raises(ConfigurationError, match="has no device 'cuda' here; pass -o device=cpu or -o device=auto"):
         device_named("cuda")
     assert device_named("cpu") == CPU
     assert resolved(Schedule(), CPU).precision in ("float32", "bfloat16")
