@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from benchmark.api.datasets import ShapeSet
 from benchmark.cli.names import trained_on_people
 from benchmark.cli.options import Selection
 from benchmark.datasets.folder import folder_set
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth
@@ -36,12 +37,9 @@ from benchmark.report.drawing import check_ending, save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.text import aligned, say
 
-#: Characters of method names that are replaced in file names.
-_NOT_IN_NAMES = r"[^\w.,=()\[\]-]"
-
 
 def canonicalise(
-    paths: Sequence[Path], method: str, options: Selection, output: Path | None, *, all_vertices: bool = False
+    paths: Sequence[Path], method: str, options: Selection, output: Path, *, all_vertices: bool = False
 ) -> bool:
     """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
     source, *others = paths
@@ -55,33 +53,27 @@ def canonicalise(
         if all_vertices:
             raise ConfigurationError("a depth image has no vertices", "omit --all-vertices")
         return _canonicalise_frames(paths, method, options, output)
-    if options.intrinsics or options.mask or options.depth_scale is not None:
+    if options.has_camera:
         raise ConfigurationError(f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
-    target = _mesh_target(output, source, method)
-    if target.exists() and target.samefile(source):
-        raise ConfigurationError(f"{target} is the mesh itself", "name another file with -o")
+    _check_target(output)
+    if output.exists() and output.samefile(source):
+        raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
     try:
         form = form_of_mesh(source, method, options, all_vertices=all_vertices)
     except ShapeError as error:
         problem = error.problem if str(source) in error.problem else f"{source}: {error.problem}"
         raise ShapeError(problem, error.hint) from error
-    write_mesh(target, form.mesh)
+    write_mesh(output, form.mesh)
     if options.picture is not None:
         save_png(mesh_picture(read_mesh(source), form.mesh), options.picture)
-    say(", ".join([f"{target}: {len(form.vertices)} vertices", *_facts(form.notes)]))
+    say(", ".join([f"{output}: {len(form.vertices)} vertices", *_facts(form.notes)]))
     return True
 
 
-def _mesh_target(output: Path | None, source: Path, method: str) -> Path:
-    """Return the output file; raise ``ConfigurationError`` for no mesh, or a default beside the source."""
-    target = output or Path(f"{source.stem}-{re.sub(_NOT_IN_NAMES, '_', method)}.off")
-    if output is None and source.resolve().parent == Path.cwd():
-        raise ConfigurationError(
-            f"{target} beside {source} would become part of the data", f"name a file with -o, such as -o forms/{target}"
-        )
-    if target.suffix.lower() not in WRITABLE:
-        raise ConfigurationError(f"{target} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
-    return target
+def _check_target(path: Path) -> None:
+    """Raise ``ConfigurationError`` if a form cannot be written to a file of this name."""
+    if path.suffix.lower() not in WRITABLE:
+        raise ConfigurationError(f"{path} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
@@ -142,45 +134,58 @@ def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: st
 # Depth images --------------------------------------------------------------------------------------------------------
 
 
-def _frames_under(source: Path) -> list[Path]:
-    """Return the depth images of a file or folder; raise ``ConfigurationError`` if there is none."""
+class _Frame(NamedTuple):
+    """A depth image: how to read it, and half the width of the frame of its object."""
+
+    path: Path
+    observe: Callable[[], ObservedObject]
+    half_width: float = HALF_WIDTH
+
+
+def _frames_under(source: Path, options: Selection) -> list[_Frame]:
+    """Return the depth images of a file or folder; a camera of the command line replaces that of the folder."""
     if not source.is_dir():
-        return [source]
+        return [_Frame(source, _files(source, options).observe)]
     dataset = folder_set(source)
     if dataset.observe is None:
         raise ConfigurationError(f"{source} holds meshes", "name one of them, or make all forms with 'run -d'")
-    return [entry.path for entry in dataset.shapes if entry.path]
+    entries = [(entry, entry.path) for entry in dataset.shapes if entry.path]
+    if options.has_camera:
+        return [_Frame(path, _files(path, options).observe) for _, path in entries]
+    half_width = dataset.half_width or HALF_WIDTH
+    return [_Frame(path, partial(dataset.observe, entry), half_width) for entry, path in entries]
 
 
-def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection, output: Path | None) -> bool:
+def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
     """Write and report the form and picture of each depth image; return whether all have a form."""
     if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
-    frames = [frame for path in paths for frame in _frames_under(path)]
+    frames = [frame for path in paths for frame in _frames_under(path, options)]
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
-    if frames == list(paths[:1]):
+    if [frame.path for frame in frames] == list(paths[:1]):
         if options.picture is not None:
             check_ending(options.picture)
-        outputs = [(_mesh_target(output, frames[0], method), options.picture)]
+        _check_target(output)
+        outputs = [(output, options.picture)]
     else:
-        above = os.path.commonpath([path.absolute().parent for path in frames])
-        inner = [frame.absolute().relative_to(above) for frame in frames]
-        forms, picture = output or Path("forms"), options.picture
-        outputs = [(forms / p.with_suffix(".off"), picture and picture / p.with_suffix(".png")) for p in inner]
+        above = os.path.commonpath([frame.path.absolute().parent for frame in frames])
+        inner = [frame.path.absolute().relative_to(above) for frame in frames]
+        picture = options.picture
+        outputs = [(output / p.with_suffix(".off"), picture and picture / p.with_suffix(".png")) for p in inner]
     maker = method_of_depth(method, tuple(options.plugins))
     failures = 0
     for number, (frame, (target, picture)) in enumerate(zip(frames, outputs, strict=True), 1):
         start = time.perf_counter()
         count = f"{number} of {len(frames)}  " if len(frames) > 1 else ""
         try:
-            observed = _files(frame, options).observe()
-            form = form_of_object(observed, maker, frame.stem, seed=options.seed)
+            observed = frame.observe()
+            form = form_of_object(observed, maker, frame.path.stem, half_width=frame.half_width, seed=options.seed)
         except ShapeError as error:
             if len(frames) == 1:
                 raise
             failures += 1
-            say(f"{count}{frame}: {error}")
+            say(f"{count}{frame.path}: {error}")
             continue
         seconds = time.perf_counter() - start
         write_mesh(target, form.mesh)

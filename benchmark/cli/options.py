@@ -97,6 +97,11 @@ class Selection:
         """Return whether methods are selected, so that a table omits others that were never run."""
         return bool(self.methods) and EVERY not in self.methods
 
+    @property
+    def has_camera(self) -> bool:
+        """Return whether camera, mask or unit of a depth image are given."""
+        return bool(self.intrinsics or self.mask or self.depth_scale is not None)
+
     def has_data(self, record: Record) -> bool:
         """Return whether a record is of the selected data sets; of any if none is selected."""
         names = {*self.datasets, *map(os.path.realpath, self.datasets)}

@@ -34,9 +34,18 @@ def test_a_folder_and_a_pattern_give_a_form_of_each_image_and_one_bad_image_cost
     assert "form.off: " in call("canonicalise", "-m", "identity", *others, "-o", tmp_path / "form.off")
 
 
+def test_the_settings_of_a_folder_hold_for_its_images_unless_the_command_line_has_others(tmp_path):
+    folder = write_frames(tmp_path / "frames", count=1)
+    (folder / "intrinsics.txt").unlink()
+    (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\nhalf_width = 0.5\n")
+    words = ("canonicalise", "-m", "identity", folder, "-o", tmp_path / "forms")
+    assert call(*words, code=1).count("more than the 1.00 m of the frame") == 2
+    assert call(*words, "--intrinsics", CAMERA).count(" vertices") == 2
+
+
 @pytest.mark.parametrize(("name", "said"), [("*.png", "is not a file"), ("", "no meshes in")])
 def test_what_does_not_fit_is_refused(tmp_path, name, said):
-    assert said in refusal("canonicalise", "-m", "identity", tmp_path / name)
+    assert said in refusal("canonicalise", "-m", "identity", tmp_path / name, "-o", tmp_path / "forms")
 
 
 CAMERA = "525,525,319.5,239.5"
