@@ -77,7 +77,7 @@ def run(
     from benchmark.datasets.catalogue import sources
     from benchmark.pipeline.records import read_records
     from benchmark.protocols.galleries import galleries
-    from benchmark.report.frames import jobs_frame
+    from benchmark.report.results import Results
     from benchmark.runs.planning import plan
     from benchmark.runs.runner import run as run_jobs
 
@@ -91,7 +91,7 @@ def run(
     jobs = plan(shapes, [input], chosen, folder, again=["failed", "finished"] if again else ["failed"], **options)
     ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
     records = {record.key: record for record in read_records(folder, published=False)} | ended
-    return jobs_frame([records[job.record.key] for job in jobs if job.state != "unsupported"])
+    return Results(folder, tuple(records[job.record.key] for job in jobs if job.state != "unsupported")).jobs
 
 
 def canonicalise(

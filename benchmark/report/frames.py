@@ -1,4 +1,4 @@
-"""Records as data frames: scores, one value a line; jobs, one job a line; queries, one shape of a job a line.
+"""What tables and frames show of records: their place, row and block, and all scores, one value a line.
 
 All tables are pure functions of records, so they need neither data nor methods.
 """
@@ -73,57 +73,11 @@ def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
     return tuple(table for table in known if fold in table.parts) if known else (own_table(dataset),)
 
 
-def jobs_frame(records: Iterable[Record]) -> DataFrame:
-    """Return one line a job, indexed by its key: where, how it ended, what it cost, and its scores."""
-    from pandas import DataFrame
-
-    rows = {
-        record.key: {
-            "dataset": record.data.name,
-            "fold": fold_of(record),
-            "quick": record.data.quick,
-            "input": record.input,
-            "method": record.method,
-            "title": record.title,
-            "kind": kind_of(record),
-            "scorer": record.scorer,
-            "seed": record.seed,
-            "status": record.status,
-            "reason": record.reason,
-            **record.scores,
-            "n_shapes": len(record.shapes),
-            "n_classes": len(set(record.labels)),
-            "coverage": record.coverage,
-            "seconds": seconds_of(record),
-            "published": record.published,
-            "commit": record.commit,
-            "finished": record.finished,
-        }
-        for record in records
-    }
-    return DataFrame.from_dict(rows, orient="index").rename_axis("job")
-
-
 def seconds_of(record: Record) -> float | None:
     """Return the seconds a shape for form and geodesics; None if they were not measured."""
     if "canonicalise" not in record.seconds:
         return None
     return record.seconds["canonicalise"] + record.seconds.get("geodesics", 0.0)
-
-
-def queries_frame(records: Iterable[Record]) -> DataFrame:
-    """Return one line for each shape of each job with scores: its class, and its measures as a query."""
-    from pandas import DataFrame, concat
-
-    frames = [
-        DataFrame({
-            "job": record.key, "dataset": record.data.name, "fold": fold_of(record), "input": record.input,
-            "method": record.method, "shape": record.shapes, "class": record.labels, **record.per_query,
-        })
-        for record in records
-        if record.status == "ok"
-    ]  # fmt: skip
-    return concat(frames, ignore_index=True) if frames else DataFrame()
 
 
 def scores_frame(records: Iterable[Record]) -> DataFrame:

@@ -33,7 +33,7 @@ from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
 from benchmark.report.tables import BLOCKS, Row, TableView
-from benchmark.text import brief, clean, say
+from benchmark.text import clean, say
 
 #: Vertices of a form in 3D and pixels of its height; forms of a shape, and shapes, for browsers draw at most 16.
 VERTICES, SIDE, SIDE_BY_SIDE, POSES = 700, 180, 6, 2
@@ -42,6 +42,9 @@ VERTICES, SIDE, SIDE_BY_SIDE, POSES = 700, 180, 6, 2
 METHODS, WORST, MATCHES = 6, 20, 5
 
 ITSELF = "the shape"
+
+#: Pixels of a picture of a shape.
+_PIXELS = 96
 
 
 @dataclass
@@ -84,20 +87,15 @@ class Pages:
         self.files[name] = "\n".join(lines) + "\n"
 
     def picture(self, record: Record, shape: str) -> str:
-        """Return an image of a shape; "" where it is not stored."""
-        name = f"{record.input}-{record.data.name}-{shape}"
-        is_here = f"pictures/{_safe(name)}.webp" in self.files
-        mesh = None if is_here else self.forms.shape(record, shape)
-        return self.image(name, mesh) if is_here or mesh else ""
-
-    def image(self, name: str, mesh: Mesh | None, values: NDArray[np.float64] | None = None, size: int = 96) -> str:
-        """Return an image of a mesh; None for one that was drawn before."""
-        file = f"pictures/{_safe(name)}.webp"
-        if mesh is not None:
+        """Return an image of a shape, which is drawn once; "" where it is not stored."""
+        file = f"pictures/{_safe(f'{record.input}-{record.data.name}-{shape}')}.webp"
+        if file not in self.files:
+            if (mesh := self.forms.shape(record, shape)) is None:
+                return ""
             stream = io.BytesIO()
-            shaded(mesh, UPRIGHT, size, values).save(stream, format="WEBP", quality=80)
+            shaded(mesh, UPRIGHT, _PIXELS).save(stream, format="WEBP", quality=80)
             self.files[file] = stream.getvalue()
-        return f"<img src='{file}' width='{size}' height='{size}' alt='' loading='lazy'>"
+        return f"<img src='{file}' width='{_PIXELS}' height='{_PIXELS}' alt='' loading='lazy'>"
 
 
 def write_report(
@@ -142,17 +140,10 @@ def write_report(
 
 
 def overview(pages: Pages) -> Iterator[str]:
-    """Yield the first page: all tables, and what failed."""
+    """Yield the first page: all tables."""
     for view in pages.views:
         yield f"<h2>{_link(f'{view.stem}.html', _title(view))}</h2>"
         yield from html_table(view)
-    failed = [
-        map(clean, (_short(view), row.title, record.input, record.status, brief(record.reason)))
-        for view in pages.views for row in view.printed_rows for record in row.failed
-    ]  # fmt: skip
-    frame = DataFrame(failed, columns=["Table", "Method", "Input", "Status", "Reason"])
-    yield "<h2>Failures</h2>"
-    yield f"<div class='frame'>{frame.to_html(index=False, border=0)}</div>" if failed else "<p>None.</p>"
 
 
 def table_page(pages: Pages, view: TableView) -> Iterator[str]:
@@ -239,9 +230,7 @@ def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
         yield f"<h2>{_text(shape)}</h2><div class='forms'>"
         for title, mesh in meshes.items():
             values = figures.values_like(mesh, meshes.get(ITSELF))
-            printed = pages.image(f"{view.stem}-{shape}-{title}", mesh, values, SIDE)
-            chart = _html(mesh_chart(mesh, values))
-            yield f"<figure>{chart}{printed}<figcaption>{_text(title)}</figcaption></figure>"
+            yield f"<figure>{_html(mesh_chart(mesh, values))}<figcaption>{_text(title)}</figcaption></figure>"
         yield "</div>"
 
 

@@ -14,12 +14,12 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from pandas import DataFrame
+from pandas import DataFrame, concat
 
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import Record, read_distances, read_form, read_records
-from benchmark.report.frames import chosen_records, jobs_frame, queries_frame, scores_frame
+from benchmark.report.frames import chosen_records, fold_of, kind_of, scores_frame, seconds_of
 
 __all__ = ["Results", "open_results"]
 
@@ -56,7 +56,31 @@ class Results:
         ``status`` ("ok", "failed", ...), ``reason``, the measures (NaN without scores), ``n_shapes``, ``n_classes``,
         ``coverage`` (share of shapes with a result), ``seconds`` a shape, ``published``, ``commit``, ``finished``.
         """
-        return jobs_frame(self.records)
+        rows = {
+            record.key: {
+                "dataset": record.data.name,
+                "fold": fold_of(record),
+                "quick": record.data.quick,
+                "input": record.input,
+                "method": record.method,
+                "title": record.title,
+                "kind": kind_of(record),
+                "scorer": record.scorer,
+                "seed": record.seed,
+                "status": record.status,
+                "reason": record.reason,
+                **record.scores,
+                "n_shapes": len(record.shapes),
+                "n_classes": len(set(record.labels)),
+                "coverage": record.coverage,
+                "seconds": seconds_of(record),
+                "published": record.published,
+                "commit": record.commit,
+                "finished": record.finished,
+            }
+            for record in self.records
+        }
+        return DataFrame.from_dict(rows, orient="index").rename_axis("job")
 
     @cached_property
     def queries(self) -> DataFrame:
@@ -64,7 +88,15 @@ class Results:
 
         Columns: ``job``, ``dataset``, ``fold``, ``input``, ``method``, ``shape``, ``class``, and the measures.
         """
-        return queries_frame(self.records)
+        frames = [
+            DataFrame({
+                "job": record.key, "dataset": record.data.name, "fold": fold_of(record), "input": record.input,
+                "method": record.method, "shape": record.shapes, "class": record.labels, **record.per_query,
+            })
+            for record in self.records
+            if record.status == "ok"
+        ]  # fmt: skip
+        return concat(frames, ignore_index=True) if frames else DataFrame()
 
     def job(
         self, method: str, dataset: str, input: str = "mesh", fold: str = "", *, quick: bool = False, seed: int = 0
