@@ -33,12 +33,11 @@ def recorded(options: Selection) -> list[Record]:
             raise did_you_mean("table", name, known)
     chosen = chosen_records(every, quick=options.quick, scorer=options.scorer, seed=options.seed)
     records = [record for record in chosen if options.has_data(record) and options.input in (None, record.input)]
-    if not records and options.published:
-        problem = f"no published record under {options.results} fits the selection"
-        raise ConfigurationError(problem, "pass --results CHECKOUT/results, or select less")
     if not records:
-        hint = "run it first, select less, or drop --quick" if options.quick else "run it first, or select less"
-        raise ConfigurationError(f"no finished job under {options.results} fits the selection", hint)
+        what = "published record" if options.published else "finished job"
+        first = "pass --results CHECKOUT/results" if options.published else "run it first"
+        problem = f"no {what} under {options.results} fits the selection"
+        raise ConfigurationError(problem, f"{first}, or select less")
     return records
 
 

@@ -6,7 +6,6 @@ import faulthandler
 import json
 import shlex
 import sys
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -79,8 +78,10 @@ def tables(
     records = recorded(selection)
     views = selected_tables(selection, records)
     is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
+    robustness = is_whole or "robustness" in selection.tables
     if output is not None:
-        files = table_files(views, records, [format] if format else FORMATS, is_whole=is_whole)
+        formats = [format] if format else FORMATS
+        files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
         write_files(output, files, force=force)
         say(f"wrote {len(files)} files to {output}")
     elif format == "json":
@@ -90,7 +91,7 @@ def tables(
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
     elif format == "markdown" or not sys.stdout.isatty():
-        pivot = [robustness_markdown(records)] if is_whole or "robustness" in selection.tables else []
+        pivot = [robustness_markdown(records)] if robustness else []
         say_lines("\n".join([*map(markdown, views), *pivot]))
     else:
         print_tables(views)
@@ -165,10 +166,7 @@ def canonicalise(
     selection: Selection,
     method: shared.Method,
     paths: Annotated[list[Path], Argument(metavar="IN...")],
-    output: Annotated[
-        Path | None,
-        Option("-o", "--output", metavar="OUT", help="Mesh file [IN-METHOD.off], or folder for several [forms]."),
-    ] = None,
+    output: Annotated[Path, Option("-o", "--output", metavar="OUT", help="Mesh file, or folder for several.")],
     all_vertices: Annotated[bool, Option("--all-vertices", help="Keep the vertices of a large mesh.")] = False,
 ) -> bool:
     """Write the canonical form of a mesh, or of depth images.
@@ -304,7 +302,6 @@ def train(
     if not isinstance(learner, Learner):
         raise ConfigurationError(f"method '{method}' is not a learner", "choose one, such as 'learned'")
     settings = assignments([*assigned, *([f"init={init}"] if init else [])])
-    schedule = {name: _number(value) for name, value in settings.items()}
     if data is not None:
         trainings = [own_training(data, tuple(filter(None, hold_out.split(","))))]
     else:
@@ -313,16 +310,8 @@ def train(
         say(f"{spec.name}, {training.name}")
         folder = selection.results / "models" / training.name / learner.model_name
         set_unusable_aside(folder, say)
-        learner.train(training_data(training, selection.data_root, say), folder, schedule, say)
+        learner.train(training_data(training, selection.data_root, say), folder, settings, say)
         say(f"the model is in {folder}")
-
-
-def _number(text: str) -> int | float | str:
-    """Return a value of an option: a number where it is one."""
-    for kind in (int, float):
-        with suppress(ValueError):
-            return kind(text)
-    return text
 
 
 @verb("results")

@@ -31,7 +31,12 @@ def scores_csv(records: Iterable[Record]) -> str:
 
 
 def table_files(
-    views: Sequence[TableView], records: Sequence[Record], formats: Sequence[str] = FORMATS, *, is_whole: bool = True
+    views: Sequence[TableView],
+    records: Sequence[Record],
+    formats: Sequence[str] = FORMATS,
+    *,
+    verdicts: bool = True,
+    robustness: bool = True,
 ) -> dict[str, str]:
     """Return tables as text by file name: a LaTeX and a Markdown file each, one CSV and one JSON file for all.
 
@@ -43,17 +48,16 @@ def table_files(
         The records that they come from.
     formats
         Some of :data:`FORMATS`.
-    is_whole
-        Whether to add what the paper's claims come to, and the table of robustness.
+    verdicts, robustness
+        Whether to add what the paper's claims come to, and the table of robustness, to Markdown.
     """
     files: dict[str, str] = {}
     if "latex" in formats:
         files |= {f"{view.stem}.tex": latex(view) for view in views} | {"references.bib": bibliography()}
     if "markdown" in formats:
         files |= {f"{view.stem}.md": markdown(view) for view in views}
-    if "markdown" in formats and is_whole:
-        files["reproduction.md"] = verdicts_markdown(views)
-        if text := robustness_markdown(records):
+        files |= {"reproduction.md": verdicts_markdown(views)} if verdicts else {}
+        if robustness and (text := robustness_markdown(records)):
             files["robustness.md"] = text
     if "csv" in formats:
         files["scores.csv"] = scores_csv(records)
