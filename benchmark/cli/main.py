@@ -75,7 +75,7 @@ def _refuse_usage(error: TyperException) -> NoReturn:
             print(text, file=sys.stderr)  # noqa: T201
         sys.exit(USAGE)
     path = getattr(getattr(error, "ctx", None), "command_path", PROGRAM)
-    _end(f"error: {text.replace('Value error, ', '').rstrip('.')}; see '{path} --help'", USAGE)
+    _end(f"error: {text.rstrip('.')}; see '{path} --help'", USAGE)
 
 
 def _open_streams() -> None:

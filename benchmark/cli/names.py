@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import zip_longest
 from pathlib import Path
+
+from rich.console import Console
+from rich.table import Column, Table
+from rich.text import Text
 
 from benchmark.api.learning import CARD, read_card
 from benchmark.api.parameters import format_value
@@ -173,9 +174,7 @@ def _facts(component: Component) -> dict[str, str | list[str]]:
 
 def _say_wrapped(rows: Sequence[tuple[str, str]]) -> None:
     """Print names and texts in two columns, wrapped to the width of the terminal."""
-    margin = max(len(name) for name, _ in rows) + 2
-    width = max(20, shutil.get_terminal_size((100, 24)).columns - margin)
+    grid = Table.grid(Column(no_wrap=True), Column(), padding=(0, 2, 0, 0))
     for name, text in rows:
-        lines = textwrap.wrap(clean(text), width, break_on_hyphens=False) or [""]
-        for head, line in zip_longest([name], lines, fillvalue=""):
-            say(f"{head:<{margin}}{line}".rstrip())
+        grid.add_row(Text(name), Text(clean(text)))
+    Console(highlight=False).print(grid)

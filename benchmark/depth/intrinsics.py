@@ -28,10 +28,6 @@ NAMES = (
     "intrinsic_depth.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "camera_intrinsic.json", "K.txt",
 )  # fmt: skip
 
-#: Endings of intrinsics files of a single image, appended to its name without extension.
-ENDINGS = tuple(f"{mark}{what}{end}" for mark in (".", "_", "-") for what in ("intrinsics", "camera", "camera_info")
-                for end in (".txt", ".json", ".yaml"))  # fmt: skip
-
 CENTRAL = (0.25, 0.75)
 """Bounds of the principal point as fractions of width and height, if the intrinsics do not give the image size."""
 
@@ -177,15 +173,10 @@ def _parsed(text: str) -> Any:
 
 
 def find_intrinsics(image: Path) -> Path | None:
-    """Return the intrinsics file of an image by its usual names, or None.
-
-    Files of the image itself take precedence over those of its folder, and these over those of its two parents.
-    """
-    stems = dict.fromkeys((image.stem, image.stem.partition(".")[0]))
-    own = [image.with_name(stem + ending) for stem in stems for ending in ENDINGS]
+    """Return the file of intrinsics, by its usual names, in the folder of an image or in one of its two parents."""
     folders = (image.parent, *image.absolute().parent.parents[:2])
-    shared = [folder / name for folder in folders for name in NAMES]
-    return next((path for path in own + shared if path.is_file()), None)
+    paths = (folder / name for folder in folders for name in NAMES)
+    return next((path for path in paths if path.is_file()), None)
 
 
 def camera_of(

@@ -133,7 +133,7 @@ def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[s
 
 
 def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
-    """Return a table as text for a terminal; groups that do not fit side by side follow each other.
+    """Return a table as text for a terminal, with titles cut where it is narrow.
 
     Parameters
     ----------
@@ -149,19 +149,16 @@ def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
     room = width - len(view.groups) * (len(names) + 2) - 7
     titles = [line.title for _, lines in blocks(view) for line in lines]
     longest = min(max(map(len, titles)), max(room, _SHORTEST))
-    at_once = max(1, (width - longest - 7) // (len(names) + 2))
+    heads = [f"{clean(group)[: len(names)]:<{len(names)}}" for group in view.groups]
+    indent = " " * longest
     printed = _wrapped(f"Table {clean(view.table.identifier)}. {clean(view.caption)}", width)
-    for start in range(0, len(view.groups), at_once):
-        part = slice(start, start + at_once)
-        heads = [f"{clean(group)[: len(names)]:<{len(names)}}" for group in view.groups[part]]
-        indent = " " * longest
-        printed += ["", f"{indent}  {'  '.join(heads)}".rstrip(), f"{indent}  {'  '.join([names] * len(heads))}      s"]
-        for heading, lines in blocks(view):
-            printed += [heading] if heading else []
-            for line in lines:
-                title = line.title if len(line.title) <= longest else f"{line.title[: longest - 1]}…"
-                cells = "  ".join(_padded(group, styles, len(names)) for group in line.groups[part])
-                printed.append(f"{title:<{longest}}  {cells}  {line.seconds:>5}".rstrip())
+    printed += ["", f"{indent}  {'  '.join(heads)}".rstrip(), f"{indent}  {'  '.join([names] * len(heads))}      s"]
+    for heading, lines in blocks(view):
+        printed += [heading] if heading else []
+        for line in lines:
+            title = line.title if len(line.title) <= longest else f"{line.title[: longest - 1]}…"
+            cells = "  ".join(_padded(group, styles, len(names)) for group in line.groups)
+            printed.append(f"{title:<{longest}}  {cells}  {line.seconds:>5}".rstrip())
     notes = [clean(note) for note in table_notes(view) if colour or note != MARKS]
     return "\n".join([*printed, "", *_notes(notes, width)]) + "\n"
 

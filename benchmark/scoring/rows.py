@@ -85,18 +85,10 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
 def _facts(results: Path, dataset: str, input_: Input, method: str, labels: Mapping[str, str]) -> dict[str, Any]:
     """Return the facts of the gallery beside whose rows an external row is shown, or else of a table of its own."""
     name = Path(dataset).resolve().name if Path(dataset).is_dir() else dataset
-    galleries = {
-        record.gallery: record
-        for record in read_records(results)
-        if record.status == "ok" and record.input == input_ and not record.data.quick and record.method != method
-        and name in (record.gallery, record.data.name)
-    }  # fmt: skip
-    if galleries:
-        if len(galleries) > 1 and name not in galleries:  # parts of a set
-            hint = f"choose one with --dataset: {', '.join(sorted(galleries))}"
-            raise ConfigurationError(f"the rows of '{name}' are of several galleries", hint)
-        record = galleries.get(name) or next(iter(galleries.values()))
-        return {name: getattr(record, name) for name in ("gallery", "gallery_digest", "data", "shapes", "labels")}
+    rows = [record for record in read_records(results) if (record.gallery, record.input) == (name, input_)]
+    if beside := [record for record in rows if record.status == "ok" and record.method != method]:
+        facts = ("gallery", "gallery_digest", "data", "shapes", "labels")
+        return {fact: getattr(beside[-1], fact) for fact in facts}
     if is_known(name):
         problem = f"no row of '{name}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")

@@ -39,7 +39,7 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(results, roo
     said = call(*train, "-o", "epochs=3", "-o", "speed=fast").splitlines()
     folder = results / "models" / "tosca-III" / "plain-seed0"
     assert said[0] == "mean-target, tosca-III"
-    assert said[1] == "6 of 6 pairs, 6 held out, [('epochs', 3), ('speed', 'fast')]"
+    assert said[1] == "6 of 6 pairs, 6 held out, [('epochs', '3'), ('speed', 'fast')]"
     assert said[2] == f"the model is in {folder}"
     card = json.loads((folder / "card.json").read_text())
     assert card["subjects"] == ["dog", "wolf"]

@@ -297,7 +297,6 @@ def test_intrinsics_of_another_size_are_refused_and_numbers_on_the_command_line_
         ("a/b/0.png", ["a/intrinsics.txt", "camera.json"]),
         ("a/b/0.png", ["camera_info.yaml"]),
         ("a/frame-000.depth.png", ["a/depthIntrinsics.txt"]),
-        ("a/0.depth.png", ["a/0_camera.json", "a/camera.json"]),
     ],
 )
 def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
