@@ -1,6 +1,5 @@
 """The wheel: what is in it, how large it is, and what is said where a model is left out; and one version everywhere."""
 
-import os
 import re
 import runpy
 import tomllib
@@ -22,12 +21,11 @@ LARGEST_MODELS, LARGEST = 22e6, 30e6
 @pytest.fixture(scope="module")
 def packed():
     """Files of the wheel, by their places in it; taken from the build, which copies nothing."""
-    before, given = Path.cwd(), {}
-    os.chdir(ROOT)
-    try:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(setuptools, "setup", lambda **passed: given.update(passed))
-            runpy.run_path("setup.py")
+    given = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        patch.setattr(setuptools, "setup", lambda **passed: given.update(passed))
+        runpy.run_path("setup.py")
         made = setuptools.Distribution({**given, "script_name": "setup.py"})
         made.parse_config_files()
         made.include_package_data = False  # there is no manifest; looking for one would write into the checkout
@@ -39,8 +37,6 @@ def packed():
         }
         for package, source, _, files in build.data_files:
             files_of |= {f"{package.replace('.', '/')}/{name}": ROOT / source / name for name in files}
-    finally:
-        os.chdir(before)
     return files_of
 
 

@@ -1,11 +1,13 @@
-"""Small shapes for tests, rods of two builds bent by several angles, and a disk that is full."""
+"""Small shapes for tests, rods of two builds bent by several angles; a disk that is full; and patience."""
 
 from __future__ import annotations
 
 import resource
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,9 +45,15 @@ def write_off(path: Path, mesh: Mesh) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-def write_rods(folder: Path, bends: tuple[float, ...] = (0.0, 1.2, 2.4), rings: int = 24, sides: int = 12) -> Path:
-    """A data set of two classes in a few poses each, the class in the file name."""
-    for name, radius in RADII.items():
+def write_rods(
+    folder: Path,
+    bends: Sequence[float] = (0.0, 1.2, 2.4),
+    rings: int = 24,
+    sides: int = 12,
+    radii: Mapping[str, float] = RADII,
+) -> Path:
+    """A data set of a few classes in a few poses each, the class in the file name."""
+    for name, radius in radii.items():
         for number, bend in enumerate(bends):
             write_off(folder / f"{name}{number}.off", rod(radius, bend, rings, sides))
     return folder
@@ -60,3 +68,13 @@ def files_of_at_most(size: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def wait_for(condition: Callable[[], Any], seconds: float = 60.0) -> Any:
+    """Return what a condition gives once it holds."""
+    until = time.monotonic() + seconds
+    while not (found := condition()):
+        if time.monotonic() > until:
+            raise TimeoutError
+        time.sleep(0.02)
+    return found

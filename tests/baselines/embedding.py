@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist, pdist, squareform
 from scipy.spatial.transform import Rotation
@@ -20,13 +21,9 @@ def sphere(n: int = 400) -> Mesh:
     angle = np.pi * (1 + np.sqrt(5)) * place
     ring = np.sqrt(1 - height**2)
     vertices = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
-    hull = ConvexHull(vertices)
-    faces = hull.simplices
-    outward = (np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))) * vertices[faces[:, 0]]).sum(
-        1
-    )
-    faces[outward < 0] = faces[outward < 0][:, ::-1]
-    return Mesh(vertices, faces)
+    ball = trimesh.Trimesh(vertices, ConvexHull(vertices).simplices, process=False)
+    ball.fix_normals()
+    return Mesh(ball.vertices, ball.faces)
 
 
 def limbed(n: int = 400) -> Shape:

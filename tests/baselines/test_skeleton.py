@@ -51,19 +51,13 @@ def test_it_agrees_with_the_simplices_of_sumner_and_popovic():
     np.testing.assert_allclose(moved - moved.mean(axis=0), solution - solution.mean(axis=0), atol=1e-9)
 
 
-def scaled_tips(mesh):
-    """Tips of the Y in the coordinates of the prepared mesh, whose area is 1, and the factor between both."""
-    reach = np.linalg.norm(TIPS, axis=1).max() + 0.2
-    factor = np.linalg.norm(mesh.vertices, axis=1).max() / reach
-    return TIPS * factor, factor
-
-
 def test_of_a_y_has_three_branches(y_shape):
     skeleton = contraction_skeleton(y_shape)
     assert sorted(skeleton.degrees[skeleton.degrees != 2].tolist()) == [1, 1, 1, 3]
-    tips, factor = scaled_tips(y_shape)
+    # The prepared mesh has area 1.
+    factor = np.linalg.norm(y_shape.vertices, axis=1).max() / (np.linalg.norm(TIPS, axis=1).max() + 0.2)
     leaves = skeleton.joints[skeleton.degrees == 1]
-    assert np.linalg.norm(leaves[:, None] - tips, axis=2).min(axis=0).max() < 0.35 * factor
+    assert np.linalg.norm(leaves[:, None] - TIPS * factor, axis=2).min(axis=0).max() < 0.35 * factor
     junction = skeleton.joints[skeleton.degrees == 3][0]
     assert np.linalg.norm(junction) < 0.2 * factor
 

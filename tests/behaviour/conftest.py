@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from PIL import Image
 
 from benchmark.geometry.mesh import Mesh
-from tests.behaviour.suite import PLUGINS, ROOT, call, write_frames
+from tests.behaviour.suite import ROOT, call, write_frames
+from tests.runs.toy import FAULTS
 from tests.toy import write_off, write_rods
 
 
@@ -21,6 +23,7 @@ def material(tmp_path_factory) -> Path:
     write_rods(folder / "rods2", rings=16, sides=8)
     write_frames(folder / "frames")
     depth = np.load(folder / "frames" / "lean0.npy")
+    np.save(folder / "alone.npy", depth)
     Image.fromarray(((depth < 2.5) * 255).astype(np.uint8)).save(folder / "mask.png")
     triangle = Mesh(np.eye(3), [[0, 1, 2]])
     for name in ("bad/dog0", "one/cat0", "one/cat1"):
@@ -36,7 +39,7 @@ def material(tmp_path_factory) -> Path:
     for name in ("strange", "forced"):
         (folder / name / "references.bib").write_text("mine")
         (folder / name / "index.html").write_text("mine")
-    (folder / "own.py").write_text(PLUGINS)
+    shutil.copy(FAULTS, folder / "own.py")
     (folder / "syntax.py").write_text("def\n")
     (folder / "examples").symlink_to(ROOT / "examples")
     return folder
@@ -60,6 +63,6 @@ def ran(material) -> Path:
         of_suite = ("-m", "identity", "-m", "surface-area", "-m", "classic-mds", "-m", "gps")
         assert call("run", "-d", "rods", *of_suite, *serial).code == 0
         assert call("run", "-d", "frames", "-m", "gps", "-m", "surface-area", *serial).code == 0
-        own = ("-m", "flat", "-m", "picky", "-m", "broken", "--plugin", "own.py", "--input", "mesh")
+        own = ("-m", "flat", "-m", "picky", "-m", "bug", "--plugin", "own.py", "--input", "mesh")
         assert call("run", "-d", "rods", *own, "--results", "results", "-j", 1).code == 1
     return material

@@ -1,4 +1,4 @@
-"""The suite as somebody at a shell uses it, and what is fed to it: small meshes, a depth image, plugin files."""
+"""The suite as somebody at a shell uses it, and depth images to feed it."""
 
 from __future__ import annotations
 
@@ -93,32 +93,3 @@ def write_frames(folder: Path) -> None:
             depth = np.where(inside > 0, (b - np.sqrt(np.maximum(inside, 0))) / a, 3.0)
             np.save(folder / f"{name}{number}.npy", depth.round(3).astype(np.float32))
     (folder / "intrinsics.txt").write_text("262.5 0 159.5\n0 262.5 119.5\n0 0 1\n")
-
-
-#: Methods of one's own: one that works on meshes alone, one that refuses a shape, and one that crashes on every shape.
-PLUGINS = '''# SPDX-License-Identifier: MIT
-"""Three methods."""
-
-from benchmark.api import UnsupportedShape, canonical_form
-
-
-@canonical_form(name="flat", title="Flattened", inputs=("mesh",))
-def flat(shape):
-    """Halve the height."""
-    return shape.mesh.vertices * [1.0, 1.0, 0.5]
-
-
-@canonical_form(name="picky", title="Picky", inputs=("mesh",))
-def picky(shape):
-    """Refuse the straight thin rod."""
-    x, y, _ = shape.mesh.vertices.max(axis=0) - shape.mesh.vertices.min(axis=0)
-    if x > 5 * y:
-        raise UnsupportedShape("too thin for a test", "feed it")
-    return shape.mesh.vertices
-
-
-@canonical_form(name="broken", title="Broken", inputs=("mesh",))
-def broken(shape):
-    """Fail."""
-    raise ValueError("a fault of a test")
-'''

@@ -14,9 +14,6 @@ from tests.behaviour.suite import HERE, call
 #: What needs no results of today.
 WITHOUT_RESULTS = ("Names", "Data")
 
-#: What stands behind a command.
-MARKS = {"slow": pytest.mark.slow, "fails": pytest.mark.xfail(reason="to be repaired", strict=True)}
-
 
 @dataclass
 class Case:
@@ -37,7 +34,7 @@ def cases():
         elif kind == "$":
             words, _, mark = text.partition("#")
             case = Case(words.strip(), section, 2 if section == "Refusals" else 0)
-            marks = [MARKS[mark.strip()]] if mark else []
+            marks = [getattr(pytest.mark, mark.strip())] if mark else []
             found.append(pytest.param(case, id=case.line or "no words", marks=marks))
         elif kind == "?":
             case.code = int(text)

@@ -6,27 +6,13 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 
 import psutil
 import pytest
 
 from tests.behaviour.suite import ROOT, environment, start
-
-#: A method that says that it is at work, and stays there.
-SLOW = """
-import os, time
-from pathlib import Path
-
-from benchmark.api import canonical_form
-
-
-@canonical_form(name="slow", title="Slow", inputs=("mesh",))
-def slow(shape):
-    Path(__file__).with_name("at-work").write_text(str(os.getpid()))
-    time.sleep(600)
-"""
+from tests.toy import wait_for
 
 
 def ended(process, timeout=60):
@@ -34,20 +20,13 @@ def ended(process, timeout=60):
     return process.returncode, out or "", err or ""
 
 
-def wait_for(condition, seconds=120):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place):
-    (place / "slow.py").write_text(SLOW)
-    words = ("-d", "rods", "-m", "slow", "--plugin", "slow.py", "--results", "stopped", "-j", 1)
+def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place, monkeypatch):
+    monkeypatch.setenv("FAULTS", str(place))
+    words = ("-d", "rods", "-m", "waits-once", "--plugin", "own.py", "--results", "stopped", "-j", 1)
     process = start("run", *words, cwd=place)
-    marker = place / "at-work"
-    wait_for(lambda: (marker.exists() and marker.read_text()) or process.poll() is not None)
+    marker = place / "waits-once"
+    wait_for(lambda: (marker.exists() and marker.read_text()) or process.poll() is not None, 120)
     os.kill(process.pid, number)
     found, _, err = ended(process)
     assert found == 130, err

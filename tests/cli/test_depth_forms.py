@@ -1,16 +1,11 @@
 """``canonicalise`` of depth images, and ``retrieve``."""
 
 import re
-from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from benchmark.cli.forms import canonicalise
-from benchmark.cli.options import Selection
-from benchmark.errors import DepthError
 from tests.datasets.test_frames import write_frames
-from tests.depth.scenes import frame, in_millimetres
 from tests.verbs import call, refusal
 
 
@@ -40,34 +35,7 @@ def test_the_settings_of_a_folder_hold_for_its_images_unless_the_command_line_ha
     (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\nhalf_width = 0.5\n")
     words = ("canonicalise", "-m", "identity", folder, "-o", tmp_path / "forms")
     assert call(*words, code=1).count("more than the 1.00 m of the frame") == 2
-    assert call(*words, "--intrinsics", CAMERA).count(" vertices") == 2
-
-
-@pytest.mark.parametrize(("name", "said"), [("*.png", "is not a file"), ("", "no meshes in")])
-def test_what_does_not_fit_is_refused(tmp_path, name, said):
-    assert said in refusal("canonicalise", "-m", "identity", tmp_path / name, "-o", tmp_path / "forms")
-
-
-CAMERA = "525,525,319.5,239.5"
-#: One of each step; tests/depth has the others.
-BAD = {
-    "colour.png": ({}, "holds colours .RGB., no depth"),
-    "good.png": ({"intrinsics": ""}, "there are no intrinsics for .*; put camera.json"),
-    "./good.png": ({"depth_scale": 1.0}, "the median depth is .* m with 1 units .*; pass .*--depth-scale"),
-}
-
-
-@pytest.mark.parametrize("image", BAD)
-def test_each_bad_input_is_named_with_a_hint(image, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Image.fromarray(in_millimetres(frame()[0])).save("good.png")
-    Image.new("RGB", (640, 480)).save("colour.png")
-    options, said = BAD[image]
-    selection = Selection(**({"intrinsics": CAMERA} | options))
-    with pytest.raises(DepthError, match=said) as caught:
-        canonicalise([Path(image)], "identity", selection, tmp_path / "out" / "form.off")
-    assert caught.value.hint
-    assert not Path("out").exists()
+    assert call(*words, "--intrinsics", "525,525,319.5,239.5").count(" vertices") == 2
 
 
 def test_a_gallery_that_was_run_is_searched(frames, tmp_path):

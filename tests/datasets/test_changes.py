@@ -6,7 +6,6 @@ import tracemalloc
 import numpy as np
 import pytest
 from trimesh import Trimesh
-from trimesh.creation import icosphere
 
 from benchmark.datasets import surface_changes as surface
 from benchmark.datasets.base import canonical_shapes
@@ -16,10 +15,10 @@ from benchmark.datasets.surface_changes import shortcuts
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE
 from benchmark.geometry.cleaning import extent_of
-from benchmark.geometry.mesh import Mesh
+from tests.geometry.surfaces import sphere
 from tests.toy import rod, write_rods
 
-BALL = Mesh(np.asarray(icosphere(subdivisions=3).vertices), np.asarray(icosphere(subdivisions=3).faces))
+BALL = sphere(3)
 HORSESHOE = rod(0.05, 4.5, rings=60)
 
 
@@ -109,8 +108,7 @@ def test_a_perspective_camera_sees_less_the_nearer_it_is_and_what_it_sees_lies_o
 
 
 def test_changes_of_large_meshes_take_little_memory():
-    large = icosphere(subdivisions=6)
-    ball = Mesh(np.asarray(large.vertices), np.asarray(large.faces))
+    ball = sphere(6)
     for change in (surface.holes, shortcuts):
         tracemalloc.start()
         with contextlib.suppress(UnsupportedShape):  # a ball does not come near itself

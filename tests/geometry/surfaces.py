@@ -52,18 +52,5 @@ def relabelled(mesh: Mesh, seed: int = 0) -> tuple[Mesh, np.ndarray]:
 
 def capped_cylinder(sides: int) -> Mesh:
     """Closed cylinder of radius 1 and height 2: both caps are fans of ``sides`` triangles around their centre."""
-    angles = 2 * np.pi * np.arange(sides) / sides
-    rim = np.stack((np.cos(angles), np.sin(angles), np.ones(sides)), axis=1)
-    this = np.arange(sides)
-    following = np.roll(this, -1)
-    bottom, top = np.full(sides, 2 * sides), np.full(sides, 2 * sides + 1)
-    faces = (
-        (this, following, sides + following),
-        (this, sides + following, sides + this),
-        (following, this, bottom),
-        (sides + this, sides + following, top),
-    )
-    return Mesh(
-        np.concatenate((rim * [1, 1, -1], rim, [[0, 0, -1], [0, 0, 1]])),
-        np.concatenate([np.stack(corners, axis=1) for corners in faces]),
-    )
+    made = trimesh.creation.cylinder(radius=1, height=2, sections=sides)
+    return Mesh(made.vertices, made.faces)

@@ -18,7 +18,7 @@ from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
 from benchmark.geometry.mesh import edges_of
 from learned import methods
-from learned.methods import Learned, Streamed, Strict, WideExtra
+from learned.methods import Learned, Streamed, WideExtra
 from learned.models import CONFIGURATIONS
 from tests.learned.toy import TINY, Image, ellipsoid, replace_weights
 
@@ -78,7 +78,5 @@ def test_a_model_of_another_network_is_refused(trained: Path) -> None:
 
 def test_the_rows_differ_in_what_their_names_say() -> None:
     assert {*get_args(methods.ConfigurationName)} == {name for name in CONFIGURATIONS if name != TINY.name}
-    assert (Strict().split, Strict().configuration, Learned().split) == ("strict", "literal", "table")
     assert WideExtra(training="animals-sampled").model_folder.parts[-2:] == ("animals-sampled", "wide-extra-seed0")
     assert Streamed().model_folder.parts[-2:] == ("humans-varied", "streamed-people-seed0")
-    assert Streamed.info.name == "learned-streamed"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
@@ -99,6 +100,9 @@ UNBUILDABLE = [("width", "16"), ("width", 0), ("width", 10**9), ("architecture",
     [
         (lambda card: card.pop("digest"), "missing required field `digest`; train the model again"),
         (lambda card: card.pop("subjects"), "missing required field `subjects`; train the model again"),
+        (lambda card: card.update(subjects=None), r"at `\$.subjects`.*; train the model again"),
+        (lambda card: card.update(digest="abc"), r"at `\$.digest`.*; train the model again"),
+        (lambda card: card.update(note=math.nan), "malformed.*; train the model again"),
         (lambda card: card["configuration"].update(width=16), "belong to another network than 'tiny'"),
         *(
             (lambda card, change={name: value}: card["configuration"].update(change), rf"`\$\.configuration\.{name}`")

@@ -10,7 +10,7 @@ import pytest
 from benchmark.api.learning import CARD, digest_of
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.trainings import find_training, own_training
-from tests.toy import rod, write_off
+from tests.toy import write_rods
 from tests.verbs import call
 
 WIDTHS = {"anna": 0.08, "ben": 0.12, "carl": 0.2}
@@ -18,11 +18,9 @@ WIDTHS = {"anna": 0.08, "ben": 0.12, "carl": 0.2}
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Rods, of which a straight one would be seen end on."""
     folder = tmp_path_factory.mktemp("data") / "my scans"
-    for name, radius in WIDTHS.items():
-        for number, bend in enumerate((1.0, 1.5, 2.0)):  # a straight one would be seen end on
-            write_off(folder / f"{name}{number}.off", rod(radius, bend, rings=12, sides=8))
-    return folder
+    return write_rods(folder, (1.0, 1.5, 2.0), rings=12, sides=8, radii=WIDTHS)
 
 
 def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(scans: Path, tmp_path: Path) -> None:

@@ -50,9 +50,8 @@ def walked(folder: Path, page: str) -> None:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """An empty folder to start in, and another with a small TOSCA."""
-    for name, radius in (("cat", 0.06), ("dog", 0.18)):
-        for number in range(4):  # of which a quick run takes three
-            write_off(tmp_path / "data" / "tosca" / f"{name}{number}.off", rod(radius, 0.8 * number))
+    bends = (0.0, 0.8, 1.6, 2.4)  # of which a quick run takes three
+    write_rods(tmp_path / "data" / "tosca", bends, radii={"cat": 0.06, "dog": 0.18})
     return tmp_path
 
 

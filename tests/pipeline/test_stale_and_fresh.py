@@ -9,25 +9,13 @@ from pathlib import Path
 import pytest
 
 from benchmark import code_digest
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.records import read_distances, read_form, read_records
 from benchmark.runs import tasks
-from tests.runs.toy import planned, run_toy
+from tests.registry.plugin import write_plugin
+from tests.runs.toy import done, planned, run_toy
 
-PLUGIN = '''"""A plugin."""
-from dataclasses import dataclass
-from typing import ClassVar
-from benchmark.api import CanonicalForm, MethodInfo, Shape
-from lengthen import factor
-
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """Stretch a shape."""
-    info: ClassVar[MethodInfo] = MethodInfo(name="stretch", title="Stretch", files=("table.csv",))
-    power: float = 1.0
-
-    def canonicalise(self, shape: Shape) -> CanonicalForm:
-        return shape.form(shape.mesh.vertices * factor() ** self.power + shape.geodesics()[0, 0])
-'''
+STRETCHED = """def canonicalise(self, shape):
+        return shape.form(shape.mesh.vertices * factor() ** self.power + shape.geodesics()[0, 0])"""
 HELPER = """from numba import njit
 
 @njit
@@ -44,7 +32,14 @@ class World:
 
     def __init__(self, folder: Path, rods: Path) -> None:
         self.plugin, self.rods, self.results = folder / "stretch.py", folder / "rods", folder / "results"
-        self.plugin.write_text(PLUGIN)
+        write_plugin(
+            self.plugin,
+            imports="from lengthen import factor",
+            name="stretch",
+            info='files=("table.csv",)',
+            fields="power: float = 1.0",
+            methods=STRETCHED,
+        )
         (folder / "lengthen.py").write_text(HELPER)
         (folder / "table.csv").write_text("1,2\n")
         shutil.copytree(rods, self.rods)
@@ -129,7 +124,7 @@ def test_an_edit_of_a_plugin_or_of_what_it_uses_runs_it_alone(world):
 
 
 def test_docstrings_comments_and_the_name_of_a_plugin_change_nothing(world):
-    edit(world.plugin, '"""Stretch a shape."""', '"""Lengthen it."""  # by twice')
+    edit(world.plugin, '"""Smoothed surface."""', '"""Lengthen it."""  # by twice')
     assert world.stale() == {}
     world.plugin = world.plugin.rename(world.plugin.with_name("stretch_it.py"))
     assert world.stale() == {}
@@ -162,21 +157,15 @@ def test_an_edit_of_the_measures_ranks_again_and_makes_no_form(world, edited):
     files = {path: path.stat().st_mtime_ns for path in (world.results / "runs" / "signatures").iterdir()}
     edited("retrieval/measures.py")
     jobs = world.plan("identity")
-    from tests.runs.toy import done
-
     assert done(jobs, world.results, size=0)["identity"].status == "ok"
     assert {path: path.stat().st_mtime_ns for path in (world.results / "runs" / "signatures").iterdir()} == files
 
 
 def test_the_next_run_of_a_job_replaces_its_record_and_until_then_its_forms_are_there(world):
-    from benchmark.pipeline.records import read_distances, read_form
-
     edit(world.plugin, "* factor()", "/ factor()")
     (old,) = [record for record in read_records(world.results) if record.method == "stretch"]
     assert read_form(world.results, old, "thin1") is not None
     assert read_distances(world.results, old).shape == (4, 4)
-    from tests.runs.toy import done
-
     new = done(world.plan("stretch"), world.results, size=0)["stretch"]
     assert [record.key for record in read_records(world.results) if record.method == "stretch"] == [new.key]
     assert new.key != old.key

@@ -16,7 +16,6 @@ from benchmark.protocols.trainings import trainings_by_shape
 from learned.methods import Learned
 from tests.verbs import call
 
-RANDOM = ["people", *(f"people[draw={draw}]" for draw in range(3))]
 GENERATED = "people[n=4]"
 CHANGED = [
     "people[noise=3]", "people[jitter=1]", "people[depth-noise=2][jitter=1]",

@@ -1,5 +1,7 @@
 """Which shapes train which model, by hand."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from benchmark.datasets.animals import animals
@@ -8,8 +10,7 @@ from benchmark.datasets.people import people
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
-from tests.mean_folds import MeanSampled, MeanStrict
-from tests.mean_target import MeanTarget
+from learned.methods import Learned, Strict
 
 SETS = {"people[draw=0]": people(), "animals": animals()}
 FOLDS = [f"people-fold-{a}" for a in range(3)]
@@ -62,7 +63,7 @@ def test_the_folds_test_every_shape_once(names):
     assert len(chosen) == len(set(chosen)) == 300
 
 
-@pytest.mark.parametrize("learner", [MeanTarget(), MeanStrict()])
+@pytest.mark.parametrize("learner", [Learned(), Strict()])
 def test_no_shape_of_a_gallery_meets_a_model_that_knows_its_subject(learner):
     for gallery in galleries(["I", "IV"]):
         if gallery.inputs == ("mesh",):
@@ -81,16 +82,17 @@ def test_each_gallery_gets_the_models_of_its_table():
         found = trainings_by_shape(learner, gallery.dataset, gallery.entries, gallery.data_root)
         return {training.name for training in found.values()}
 
+    sampled = SimpleNamespace(split="sampled")
     found = {gallery.name: gallery for gallery in galleries(["I", "II", "III"])}
     folds = [found[f"people[draw=0] fold {fold}"] for fold in range(3)]
-    assert [names(MeanTarget(), gallery) for gallery in folds] == [{name} for name in FOLDS]
-    assert names(MeanTarget(), found["people[draw=0]"]) == {*FOLDS}
+    assert [names(Learned(), gallery) for gallery in folds] == [{name} for name in FOLDS]
+    assert names(Learned(), found["people[draw=0]"]) == {*FOLDS}
     second, third = found["humans-scanlike"], found["animals"]
-    assert [names(MeanTarget(), gallery) for gallery in (second, third)] == [{"people-fold-0"}, {"animals-III"}]
-    assert {name for gallery in (*folds, second) for name in names(MeanSampled(), gallery)} == {"humans-sampled"}
-    assert names(MeanTarget(training="people-fold-1"), third) == {"people-fold-1"}
-    assert names(MeanStrict(), folds[2]) == {f"people-strict-2-{b}" for b in range(4)}
+    assert [names(Learned(), gallery) for gallery in (second, third)] == [{"people-fold-0"}, {"animals-III"}]
+    assert {name for gallery in (*folds, second) for name in names(sampled, gallery)} == {"humans-sampled"}
+    assert names(Learned(training="people-fold-1"), third) == {"people-fold-1"}
+    assert names(Strict(), folds[2]) == {f"people-strict-2-{b}" for b in range(4)}
     with pytest.raises(ConfigurationError, match="'humans-scanlike' has no folds of subjects and poses"):
-        names(MeanStrict(), second)
+        names(Strict(), second)
     with pytest.raises(ConfigurationError, match="unknown training 'people-fold-3'; did you mean people-fold"):
-        names(MeanTarget(training="people-fold-3"), folds[0])
+        names(Learned(training="people-fold-3"), folds[0])

@@ -8,7 +8,6 @@ import sys
 
 import pytest
 
-from benchmark import code_digest as module
 from benchmark.code_digest import code_digest, code_of, modules_beside
 from benchmark.errors import ConfigurationError
 from tests.registry.plugin import write_plugin
@@ -60,11 +59,6 @@ def test_docstrings_comments_layout_and_other_files_do_not_matter(plugin):
     assert code_digest(str(plugin)) == before
 
 
-def test_a_renamed_plugin_has_the_same_code(plugin):
-    before = code_digest(f"{plugin}:Smooth")
-    assert code_digest(f"{plugin.rename(plugin.with_name('renamed.py'))}:Smooth") == before
-
-
 def test_a_lazy_attribute_counts(plugin):
     imports = "from package import anything"
     write_plugin(plugin, imports=imports)
@@ -79,21 +73,6 @@ def test_a_compiled_extension_counts_by_its_content(plugin):
     assert "fast.abi3.so" in before
     extension.write_bytes(b"\x7fELF 22")
     assert code_of(str(plugin))["fast.abi3.so"] != before["fast.abi3.so"]
-
-
-def test_a_kernel_and_geodesics_are_part_of_a_method_and_of_a_plugin(plugin):
-    assert "benchmark/geometry/geodesics.py" in code_of("baselines.gps:GPS")
-    write_plugin(plugin, imports="from baselines.gps import GPS")
-    parts = code_of(str(plugin))
-    assert {"baselines/gps.py", "benchmark/geometry/shortest_paths.py"} <= parts.keys()
-
-
-def test_the_version_of_a_package_counts(plugin, monkeypatch):
-    before = code_digest(str(plugin))
-    versions = {"numpy": "99"}
-    monkeypatch.setattr(module, "_versions", lambda top: {top: versions[top]} if top in versions else {})
-    assert code_of(str(plugin))["numpy"] == "99"
-    assert code_digest(str(plugin)) != before
 
 
 def test_a_type_checkers_import_does_not_count(plugin):

@@ -1,14 +1,9 @@
 """A results folder with a small run in it."""
 
-from pathlib import Path
-
 import pytest
 
-from benchmark.protocols.galleries import galleries
-from benchmark.registry import select
 from benchmark.report.results import Results, open_results
-from benchmark.runs.planning import plan
-from benchmark.runs.runner import run
+from tests.runs.toy import run_toy
 from tests.toy import write_rods
 
 
@@ -16,15 +11,5 @@ from tests.toy import write_rods
 def results(tmp_path_factory) -> Results:
     """Results of three methods on bent rods."""
     folder = tmp_path_factory.mktemp("results")
-    write_rods(folder / "rods")
-    names = ["gps", "identity", "surface-area"]
-    planned = plan(galleries([], [str(folder / "rods")]), ["mesh"], select(names, ()), folder, named=True)
-    for _ in run(planned, folder, size=0, timeout=600):
-        pass
+    run_toy(write_rods(folder / "rods"), folder, "gps", "identity", "surface-area")
     return open_results(folder)
-
-
-@pytest.fixture(scope="session")
-def folder(results) -> Path:
-    """Its folder."""
-    return results.folder

@@ -1,4 +1,4 @@
-"""A plugin of methods that go wrong; ``FAULTS`` is a folder where they say which processes they are."""
+"""A plugin of methods of which most go wrong; ``FAULTS`` is a folder where they say which processes they are."""
 
 import ctypes
 import os
@@ -118,6 +118,18 @@ def needs_geodesics(shape):
 @canonical_form(name="interrupts", title="Interrupts")
 def interrupts(shape):
     raise KeyboardInterrupt
+
+
+@canonical_form(name="debugged", title="Debugged")
+def debugged(shape):
+    breakpoint()
+    return shape.mesh.vertices
+
+
+@canonical_form(name="flat", title="Flattened", inputs=("mesh",))
+def flat(shape):
+    """Halve the height."""
+    return shape.mesh.vertices * [1.0, 1.0, 0.5]
 
 
 def sleep_once(real):

@@ -2,47 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
-import sys
-import time
-from pathlib import Path
 
 import psutil
 import pytest
 
 from benchmark.errors import ConfigurationError
-from tests.runs.test_faults import wait_for
-from tests.runs.toy import FAULTS, done, planned, run_toy
+from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 
-pytest.importorskip("distributed", reason="needs dask: pip install 'dask[distributed]'")
+distributed = pytest.importorskip("distributed", reason="needs dask: pip install 'dask[distributed]'")
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
 def cluster(tmp_path, monkeypatch):
-    """Return the address of a scheduler with two workers under nannies, and the processes."""
+    """Return the address of a scheduler with two workers under nannies."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
-    place = tmp_path / "scheduler.json"
-    environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
-
-    def start(program, *arguments):
-        command = [sys.executable, "-m", f"distributed.cli.{program}", *map(str, arguments), "--no-dashboard"]
-        return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-    programs = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", place)]
-    while not place.is_file():
-        time.sleep(0.1)
-    address = json.loads(place.read_text())["address"]
-    for number in range(2):
-        programs.append(start("dask_worker", address, "--nthreads", 1, "--local-directory", tmp_path / f"disk{number}"))
-    yield address
-    for program in programs:
-        for process in [*psutil.Process(program.pid).children(recursive=True), program]:
-            process.kill()
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "local_directory": tmp_path}
+    with distributed.LocalCluster(**options) as cluster:
+        yield cluster.scheduler_address
 
 
 def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path, cluster):
@@ -51,7 +31,7 @@ def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path,
 
     def kill(progress):
         if not killed and (tmp_path / "slow").is_file():
-            worker = psutil.Process(wait_for(tmp_path / "slow")[0]).parent()
+            worker = psutil.Process(noted(tmp_path / "slow")[0]).parent()
             killed.append(worker.pid)
             os.kill(worker.pid, signal.SIGKILL)
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
-from pathlib import Path
 
 import psutil
 import pytest
@@ -12,7 +10,7 @@ import pytest
 from benchmark.pipeline.records import read_records
 from benchmark.runs import runner
 from benchmark.runs.runner import run
-from tests.runs.toy import FAULTS, planned, run_toy
+from tests.runs.toy import FAULTS, noted, planned, run_toy
 
 FAULTY = (
     "fine", "bug", "exits", "os-exit", "segfault", "killed", "hang", "memory", "nan", "short", "picky",
@@ -32,13 +30,6 @@ ENDINGS = {
     "short": ("failed", "thick0: faults.py: method 'short' returned no canonical form"),
     "refuses": ("failed", "thin0: the first 3 shapes are refused alike: not today"),
 }
-
-
-@pytest.fixture(scope="module")
-def rods(tmp_path_factory):
-    from tests.toy import write_rods
-
-    return write_rods(tmp_path_factory.mktemp("data") / "rods", bends=(0.0, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -93,22 +84,13 @@ def test_failed_jobs_run_again_only_when_asked(rods, faulty):
         assert (job.to_run, job.state) == (runs, "failed")
 
 
-def wait_for(path: Path) -> list[int]:
-    until = time.monotonic() + 60
-    while time.monotonic() < until:
-        if path.is_file() and (found := path.read_text().split()):
-            return [int(word) for word in found]
-        time.sleep(0.02)
-    raise TimeoutError(path)
-
-
 def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, monkeypatch):
     monkeypatch.setenv("FAULTS", str(tmp_path))
     killed = []
 
     def kill(progress):
         if not killed and (tmp_path / "waits-once").is_file():
-            killed.extend(wait_for(tmp_path / "waits-once"))
+            killed.extend(noted(tmp_path / "waits-once"))
             os.kill(killed[0], 9)
 
     jobs = planned(rods, tmp_path / "results", "waits-once", "slow", plugins=(FAULTS,))

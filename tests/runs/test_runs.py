@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from bdb import BdbQuit
 from pathlib import Path
 
 import psutil
@@ -18,9 +19,8 @@ from benchmark.pipeline.cache import StorageError, writing
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
-from tests.runs.test_faults import wait_for
-from tests.runs.toy import FAULTS, planned, run_toy
-from tests.toy import files_of_at_most, write_rods
+from tests.runs.toy import FAULTS, noted, planned, run_toy
+from tests.toy import files_of_at_most, wait_for, write_rods
 
 #: A program that runs slow methods.
 PROGRAM = """
@@ -38,16 +38,11 @@ def start(rods, tmp_path):
     environment = {**os.environ, "FAULTS": str(tmp_path), "PYTHONPATH": str(Path.cwd())}
     command = [sys.executable, "-c", PROGRAM, str(rods), str(tmp_path / "results")]
     program = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-    return program, wait_for(tmp_path / "slow")
+    return program, noted(tmp_path / "slow")
 
 
-def gone(processes, seconds):
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if not [p for p in processes if psutil.pid_exists(p) and psutil.Process(p).status() != psutil.STATUS_ZOMBIE]:
-            return True
-        time.sleep(0.02)
-    return False
+def is_gone(process):
+    return not psutil.pid_exists(process) or psutil.Process(process).status() == psutil.STATUS_ZOMBIE
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.35, 0.9])
@@ -60,7 +55,7 @@ def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_is_done(rods, tmp_path
     assert time.monotonic() - begun < 1.5
     if program.returncode:  # it may just have ended
         assert error.rstrip().endswith("KeyboardInterrupt")
-    assert gone(workers, 1.0)
+    wait_for(lambda: all(map(is_gone, workers)), 1.0)
     kept = set((tmp_path / "results" / "runs" / "forms").glob("*.npz"))
     (record,) = run_toy(rods, tmp_path / "results", "slow", plugins=(FAULTS,)).values() or read_records(
         tmp_path / "results"
@@ -73,7 +68,7 @@ def test_workers_end_with_a_program_that_is_killed(rods, tmp_path):
     program, workers = start(rods, tmp_path)
     program.kill()
     program.communicate()
-    assert gone(workers, 2.0)
+    wait_for(lambda: all(map(is_gone, workers)), 2.0)
     with writing(tmp_path / "results"):  # its lock ended with it, and so did what it left half-written
         assert not list((tmp_path / "results" / "runs").rglob("*.tmp"))
 
@@ -121,20 +116,13 @@ def test_a_damaged_file_of_any_kind_is_made_again(rods, tmp_path, kind, damage):
 
 
 def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp_path, monkeypatch):
-    from bdb import BdbQuit
-
     def quits():
         raise BdbQuit
 
     monkeypatch.setattr("sys.breakpointhook", quits)
-    plugin = tmp_path / "debugged.py"
-    plugin.write_text(
-        "from benchmark.api import canonical_form\n@canonical_form(name='debugged', title='Debugged')\n"
-        "def debugged(shape):\n    breakpoint()\n    return shape.mesh.vertices\n"
-    )
-    for method, file, error in (("debugged", plugin, BdbQuit), ("interrupts", FAULTS, KeyboardInterrupt)):
+    for method, error in (("debugged", BdbQuit), ("interrupts", KeyboardInterrupt)):
         with pytest.raises(error):
-            run_toy(rods, tmp_path / "results", method, plugins=(file,))
+            run_toy(rods, tmp_path / "results", method, plugins=(FAULTS,))
     assert not read_records(tmp_path / "results")
 
 
@@ -147,15 +135,11 @@ def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
 
 
 def test_an_edit_during_a_run_ends_it(rods, tmp_path):
-    plugin = tmp_path / "edits.py"
-    text = (
-        "from pathlib import Path\nfrom benchmark.api import canonical_form\n"
-        "@canonical_form(name='edits', title='Edits')\ndef edits(shape):\n    return shape.mesh.vertices\n"
-    )
-    plugin.write_text(text)
-    jobs = planned(rods, tmp_path / "results", "edits", plugins=(plugin,))
-    plugin.write_text(text + "CONSTANT = 1\n")
-    with pytest.raises(BenchmarkError, match="rods mesh edits: its code changed during the run"):
+    plugin = tmp_path / "edited.py"
+    plugin.write_text(FAULTS.read_text())
+    jobs = planned(rods, tmp_path / "results", "fine", plugins=(plugin,))
+    plugin.write_text(FAULTS.read_text() + "CONSTANT = 1\n")
+    with pytest.raises(BenchmarkError, match="rods mesh fine: its code changed during the run"):
         list(run(jobs, tmp_path / "results", size=1))
 
 
@@ -196,9 +180,7 @@ def test_progress_reaches_its_total(rods, tmp_path):
 def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(rods, tmp_path):
     run_toy(rods, tmp_path, "classic-mds", "identity")
     record = {record.method: record for record in read_records(tmp_path)}
-    jobs = planned(
-        rods, tmp_path, "classic-mds", "identity", "hks-like", again=("finished",), plugins=(_unknown(tmp_path),)
-    )
+    jobs = planned(rods, tmp_path, "classic-mds", "identity", "fine", again=("finished",), plugins=(FAULTS,))
     found = estimate(jobs, tmp_path)
     each = [sum(record[name].seconds[stage] for stage in ("canonicalise", "signature")) for name in record]
     shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]
@@ -211,12 +193,3 @@ def test_a_plan_in_an_empty_folder_is_estimated_from_published_records(rods, tmp
     jobs = planned(rods, tmp_path / "empty", "classic-mds", "identity")
     assert estimate(jobs, tmp_path / "empty").unknown == 0
     assert estimate(jobs, tmp_path / "empty", published=tmp_path).unknown == 2
-
-
-def _unknown(folder):
-    plugin = folder / "unknown.py"
-    plugin.write_text(
-        "from benchmark.api import canonical_form\n@canonical_form(name='hks-like', title='Unknown')\n"
-        "def unknown(shape):\n    return shape.mesh.vertices\n"
-    )
-    return plugin

@@ -11,6 +11,7 @@ from benchmark.pipeline.records import Record
 from benchmark.registry import select
 from benchmark.runs.planning import Planned, plan
 from benchmark.runs.runner import run
+from tests.toy import wait_for
 
 FAULTS = Path(__file__).with_name("faults.py")
 
@@ -39,3 +40,8 @@ def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record
 
 def run_toy(folder: Path, results: Path, *methods: Any, size: int = 0, timeout: float = 60.0, **options: Any) -> Any:
     return done(planned(folder, results, *methods, **options), results, size=size, timeout=timeout)
+
+
+def noted(path: Path) -> list[int]:
+    """Return the processes that a method has noted in a file, once there are some."""
+    return [int(word) for word in wait_for(lambda: path.is_file() and path.read_text().split())]

@@ -2,20 +2,19 @@
 
 import json
 import shutil
-from typing import Any
 
-import msgspec
 import numpy as np
 import pandas as pd
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.records import Record, read_distances, read_records, write_record
+from benchmark.pipeline.records import read_distances, read_records, write_record
 from benchmark.protocols.galleries import galleries
 from benchmark.registry import select_one
 from benchmark.scoring.evaluation import score
 from benchmark.scoring.rows import keep_distances, method_name, score_forms
 from retrieval.measures import score_draws
+from tests.report.records import record as made_up_record
 from tests.scoring.line import LABELS, NAMES, D
 from tests.toy import rod, write_off, write_rods
 from tests.verbs import call
@@ -26,12 +25,10 @@ NAMED = dict(zip(NAMES, LABELS, strict=True))
 @pytest.fixture
 def beside(tmp_path):
     """A results folder with a row of the same shapes."""
-    facts: dict[str, Any] = {
-        "key": "0" * 32, "status": "ok", "gallery": "line", "gallery_digest": "d", "input": "mesh", "method": "gps",
-        "title": "GPS", "family": "paper", "data": {"name": "line", "title": "Line", "source": "/data/line"},
-        "shapes": NAMES, "labels": LABELS, **score_draws([D], LABELS),
-    }  # fmt: skip
-    write_record(tmp_path, msgspec.convert(facts, Record))
+    scores = score_draws([D], LABELS)
+    write_record(
+        tmp_path, made_up_record("gps", dataset="line", gallery_digest="d", shapes=NAMES, labels=LABELS, **scores)
+    )
     return tmp_path
 
 

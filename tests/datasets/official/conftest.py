@@ -1,10 +1,13 @@
 """Official sets made up once for all tests, and copies of them to be damaged."""
 
+import os
+import shutil
+
 import pytest
 
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.official import SETS
-from tests.datasets.official.layouts import copy, make, with_made_members
+from tests.datasets.official.layouts import make, with_made_members
 
 
 @pytest.fixture(scope="session")
@@ -26,5 +29,6 @@ def _made_lists(monkeypatch):
 
 @pytest.fixture
 def damaged(sets, tmp_path):
-    """Copies a set so that it can be damaged; returns its folder, below a data root of its own."""
-    return lambda name: copy(sets / SETS[name].folder, tmp_path / SETS[name].folder)
+    """Copies a set by links, so replace a file rather than write to it; returns its folder, below a root of its own."""
+    names = {name: known.folder for name, known in SETS.items()}
+    return lambda name: shutil.copytree(sets / names[name], tmp_path / names[name], copy_function=os.link)

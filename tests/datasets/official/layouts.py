@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,12 +72,6 @@ def make(name: str, root: Path) -> Path:
     if name in LISTED:
         (folder / "test.cla").write_text(cla(listing(n_classes, n_poses, first)))
     return folder
-
-
-def copy(folder: Path, target: Path) -> Path:
-    """The same files under another name, by links; replace a file rather than write to it."""
-    shutil.copytree(folder, target, copy_function=os.link)
-    return target
 
 
 def with_made_members(known: OfficialSet) -> OfficialSet:

@@ -12,10 +12,6 @@ from benchmark.protocols.galleries import galleries
 from tests.datasets.official.layouts import cla, class_of, write_tetrahedron
 
 
-def move(folder, old, new):
-    (folder / old).rename(folder / new)
-
-
 def relist(folder, change, name="test.cla"):
     text = (folder / "test.cla").read_text()
     (folder / "test.cla").unlink()
@@ -92,7 +88,7 @@ def test_folders_of_classes_take_the_place_of_the_list(sets, damaged, tmp_path):
     for number in range(600):
         place = folder / "shrec_16" / f"beast{class_of(number, 30)}" / ("test" if number % 5 == 0 else "train")
         place.mkdir(parents=True, exist_ok=True)
-        move(folder, f"T{number}.off", place / f"T{number}.off")
+        (folder / f"T{number}.off").rename(place / f"T{number}.off")
     dataset, listed = open_dataset("shrec11", tmp_path), open_dataset("shrec11", sets)
     assert [(e.identifier, e.subject) for e in dataset.shapes] == [(e.identifier, e.subject) for e in listed.shapes]
     # 31 and 1 are of one class; 32 is not.
