@@ -220,11 +220,15 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int) ->
         command = f"python -m benchmark run -m {component.name} -d {shapes.name} --input {input_}"
         raise ConfigurationError(f"no form of {row} is kept in {options.results}", f"run `{command}` first")
     record = records[row]
-    shape = _query_shape(query, Preparation(shapes, input_, Cache(options.results)), options)
+    itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]
+    preparation = Preparation(shapes, input_, Cache(options.results))
+    if itself and not options.has_camera:
+        shape = shape_of(preparation.arrays(itself[0]), query.stem, options.seed)
+    else:
+        shape = _query_shape(query, preparation, options)
     models = find_models(component, shapes, shapes.shapes, options.data_root, options.results / "models").values()
     maker = next((component.create().load(model.folder) for model in models), component.create())
-    itself = [e.identifier for e in shapes.shapes if e.path and e.path.exists() and e.path.samefile(query)]
-    nearest = search(options.results, record, shape, maker, scorer.create(), itself)
+    nearest = search(options.results, record, shape, maker, scorer.create(), [entry.identifier for entry in itself])
     hits = nearest.hits[:k]
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
     for line in aligned([("rank", "name", "class", "distance"), *rows]):

@@ -53,3 +53,12 @@ def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
         assert drawn.width > drawn.height
     described = call(*(word if word != "identity" else "surface-area" for word in asked))
     assert re.search(r"class (one|two), by a margin of", described)
+
+
+def test_a_query_of_the_gallery_is_prepared_with_its_settings(tmp_path):
+    folder, results = write_frames(tmp_path / "frames"), tmp_path / "results"
+    (folder / "intrinsics.txt").unlink()
+    (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\n")
+    call("run", "-d", folder, "-m", "identity", "--results", results, "-j", "0")
+    asked = ("retrieve", "-m", "identity", "-d", folder, "--results", results, folder / "one" / "0.png")
+    assert "two/0" in call(*asked)

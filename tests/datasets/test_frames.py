@@ -105,10 +105,11 @@ def test_settings_are_applied(tmp_path):
 def test_each_bad_image_costs_one_shape(tmp_path):
     folder = write_frames(tmp_path / "frames")
     (folder / "one" / "1.png").write_bytes((folder / "one" / "0.png").read_bytes()[:20000])
-    (folder / "two" / "1.intrinsics.txt").write_text("0 0 0 0 0 0 0 0 1")
+    (folder / "two" / "intrinsics.txt").write_text("0 0 0 0 0 0 0 0 1")
     preparation = Preparation(open_dataset(str(folder), None), "view", Cache(tmp_path))
-    good, cut, twin, wrong = preparation.shapes.shapes
-    assert preparation.arrays(good) and preparation.arrays(twin)
-    for entry, message in ((cut, "1.png: not a readable png file"), (wrong, "are those of no camera")):
+    good, cut, wrong, twin = preparation.shapes.shapes
+    assert preparation.arrays(good)
+    camera = "are those of no camera"
+    for entry, message in ((cut, "1.png: not a readable png file"), (wrong, camera), (twin, camera)):
         with pytest.raises(UnsupportedShape, match=message):
             preparation.arrays(entry)
