@@ -56,9 +56,12 @@ def test_the_wheel_has_types_templates_and_examples_and_no_tests(packed):
     assert not any(name.startswith(("tests/", "tools/", "results/")) for name in packed)
 
 
-def test_a_model_that_is_left_out_is_named_and_may_be_in_a_folder_of_its_own(monkeypatch, tmp_path):
+def test_a_model_that_is_left_out_is_named_with_two_ways_to_get_it(monkeypatch, tmp_path):
     spec = select_one("learned[training_seed=7]")
     with pytest.raises(MissingModel, match=r"needs the model people-fold-0; run `python -m benchmark train [^`]*`$"):
+        with_model(spec)
+    monkeypatch.setattr(models, "_ALL_HERE", "absent")  # as in an installed package
+    with pytest.raises(MissingModel, match="or name the folder learned/models of a checkout in CANONICAL_FORMS_MODELS"):
         with_model(spec)
     (tmp_path / "people-fold-0").mkdir()
     made = ROOT / "learned" / "models" / "people-fold-0" / "literal-seed0"

@@ -22,6 +22,9 @@ from benchmark.registry import Component
 #: Environment variable of a folder of models with the layout of the repository, for installations without all models.
 MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
 
+#: File next to the models in the repository; wheels, which are too small for all models, omit it.
+_ALL_HERE = "README.md"
+
 
 class MissingModel(ConfigurationError):
     """A learner has not been trained for some shapes."""
@@ -138,7 +141,7 @@ def find_models(
     of_shape = trainings_by_shape(learner, dataset, entries, data_root)
     folders = {training.name: _finished(learner, training.name, trained_here) for training in of_shape.values()}
     if missing := [name for name, folder in folders.items() if folder is None]:
-        raise _missing(spec, missing)
+        raise _missing(spec, learner, missing)
     models = {name: _model(name, folder) for name, folder in folders.items() if folder}
     for model in models.values():
         model.check(dataset.name, data_root)
@@ -162,7 +165,7 @@ def with_model(spec: Component) -> Any:
     training = own_folder.parent.name
     folder = _finished(method, training, None)
     if folder is None:
-        raise _missing(spec, [training])
+        raise _missing(spec, method, [training])
     return method.load(folder)
 
 
@@ -187,15 +190,18 @@ def _finished(learner: Learner, training: str, trained_here: Path | None) -> Pat
     return next((folder for folder in folders if (folder / CARD).is_file()), None)
 
 
-def _missing(spec: Component, names: Sequence[str]) -> MissingModel:
-    """Return an error with the missing models and the command that trains them."""
+def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> MissingModel:
+    """Return an error with the missing models, the command that trains them, and where to get them."""
     words = ["python", "-m", "benchmark", "train", spec.name]
     if len(names) == 1:
         words += ["--table", names[0]]
     if spec.plugin:
         words += ["--plugin", str(spec.plugin)]
-    problem = f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}"
-    return MissingModel(problem, f"run `{shlex.join(words)}`")
+    hint, package, shipped = f"run `{shlex.join(words)}`", Path(__file__).parents[2], learner.shipped_models
+    if shipped.is_relative_to(package) and not (shipped / _ALL_HERE).is_file():
+        place = shipped.relative_to(package)
+        hint += f", or name the folder {place} of a checkout in {MODELS_VARIABLE}: installed packages lack this model"
+    return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 
 def _model(training: str, folder: Path) -> Model:
