@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,8 @@ from benchmark.api.datasets import ShapeSet
 from benchmark.cli.names import trained_on_people
 from benchmark.cli.options import Selection
 from benchmark.datasets.folder import folder_set
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject
+from benchmark.datasets.frames import frame_settings
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth
@@ -134,26 +134,24 @@ def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: st
 # Depth images --------------------------------------------------------------------------------------------------------
 
 
-class _Frame(NamedTuple):
-    """A depth image: how to read it, and half the width of the frame of its object."""
-
-    path: Path
-    observe: Callable[[], ObservedObject]
-    half_width: float = HALF_WIDTH
-
-
-def _frames_under(source: Path, options: Selection) -> list[_Frame]:
-    """Return the depth images of a file or folder; a camera of the command line replaces that of the folder."""
+def _frames_under(source: Path, options: Selection) -> list[FrameFiles]:
+    """Return the depth images of a file or folder; options replace single settings of the folder's camera."""
     if not source.is_dir():
-        return [_Frame(source, _files(source, options).observe)]
+        return [_with_camera(FrameFiles(source), options)]
     dataset = folder_set(source)
     if dataset.observe is None:
         raise ConfigurationError(f"{source} holds meshes", "name one of them, or make all forms with 'run -d'")
-    entries = [(entry, entry.path) for entry in dataset.shapes if entry.path]
-    if options.has_camera:
-        return [_Frame(path, _files(path, options).observe) for _, path in entries]
-    half_width = dataset.half_width or HALF_WIDTH
-    return [_Frame(path, partial(dataset.observe, entry), half_width) for entry, path in entries]
+    settings = frame_settings(source)
+    return [_with_camera(FrameFiles(entry.path, **settings), options) for entry in dataset.shapes if entry.path]
+
+
+def _with_camera(frame: FrameFiles, options: Selection) -> FrameFiles:
+    return replace(
+        frame,
+        intrinsics=intrinsics_of(options.intrinsics) if options.intrinsics else frame.intrinsics,
+        mask=options.mask or frame.mask,
+        scale=frame.scale if options.depth_scale is None else options.depth_scale,
+    )
 
 
 def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
@@ -163,14 +161,15 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
     frames = [frame for path in paths for frame in _frames_under(path, options)]
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
-    if [frame.path for frame in frames] == list(paths[:1]):
+    images = [frame.image for frame in frames]
+    if images == list(paths[:1]):
         if options.picture is not None:
             check_ending(options.picture)
         _check_target(output)
         outputs = [(output, options.picture)]
     else:
-        above = os.path.commonpath([frame.path.absolute().parent for frame in frames])
-        inner = [frame.path.absolute().relative_to(above) for frame in frames]
+        above = os.path.commonpath([image.absolute().parent for image in images])
+        inner = [image.absolute().relative_to(above) for image in images]
         picture = options.picture
         outputs = [(output / p.with_suffix(".off"), picture and picture / p.with_suffix(".png")) for p in inner]
     maker = method_of_depth(method, tuple(options.plugins))
@@ -180,12 +179,12 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         count = f"{number} of {len(frames)}  " if len(frames) > 1 else ""
         try:
             observed = frame.observe()
-            form = form_of_object(observed, maker, frame.path.stem, half_width=frame.half_width, seed=options.seed)
+            form = form_of_object(observed, maker, frame.image.stem, half_width=frame.half_width, seed=options.seed)
         except ShapeError as error:
             if len(frames) == 1:
                 raise
             failures += 1
-            say(f"{count}{frame.path}: {error}")
+            say(f"{count}{frame.image}: {error}")
             continue
         seconds = time.perf_counter() - start
         write_mesh(target, form.mesh)
@@ -196,11 +195,6 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
     if failures:
         say(f"{failures} of {len(frames)} images have no form", err=True)
     return not failures
-
-
-def _files(image: Path, options: Selection) -> FrameFiles:
-    camera = intrinsics_of(options.intrinsics) if options.intrinsics else None
-    return FrameFiles(image, intrinsics=camera, mask=options.mask, scale=options.depth_scale)
 
 
 # Retrieval -----------------------------------------------------------------------------------------------------------
@@ -225,7 +219,7 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int) ->
     if itself and not options.has_camera:
         shape = shape_of(preparation.arrays(itself[0]), query.stem, options.seed)
     else:
-        shape = _query_shape(query, preparation, options)
+        shape = _query_shape(query, preparation, options, of_gallery=bool(itself))
     models = find_models(component, shapes, shapes.shapes, options.data_root, options.results / "models").values()
     maker = next((component.create().load(model.folder) for model in models), component.create())
     nearest = search(options.results, record, shape, maker, scorer.create(), [entry.identifier for entry in itself])
@@ -252,11 +246,13 @@ def _input(query: Path, shapes: ShapeSet, component: Component) -> Input:
     return input_
 
 
-def _query_shape(query: Path, preparation: Preparation, options: Selection) -> Shape:
+def _query_shape(query: Path, preparation: Preparation, options: Selection, *, of_gallery: bool) -> Shape:
     """Return a mesh or depth image as it is passed to the method, in the frame of the gallery."""
     if query.suffix.lower() in EXTENSIONS:
-        width = preparation.shapes.half_width or HALF_WIDTH
-        arrays = prepare_view(_files(query, options).observe().surface, UPRIGHT, width)
+        folder = preparation.shapes.folder
+        frame = FrameFiles(query, **frame_settings(folder)) if of_gallery and folder else FrameFiles(query)
+        frame = replace(_with_camera(frame, options), half_width=preparation.shapes.half_width or HALF_WIDTH)
+        arrays = prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
     elif preparation.input == "mesh":
         arrays = prepare_mesh(read_mesh(query))
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
@@ -30,26 +31,14 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     DatasetError
         If ``dataset.toml`` is unreadable or a value is invalid.
     """
-    path = folder / SETTINGS_FILE
-    values = read_settings(path, _KEYS, ", in a folder of depth images")
-    scale = positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
-    half_width = positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
-    try:
-        intrinsics = intrinsics_of(str(values["intrinsics"]), folder) if "intrinsics" in values else None
-        up = tuple(checked_up(values["up"]).tolist()) if "up" in values else None
-    except BenchmarkError as error:
-        raise DatasetError(f"{path}: {error.problem}", error.hint) from error
-    files = {
-        entry.identifier: FrameFiles(entry.path, intrinsics, None, scale, up, half_width)
-        for entry in entries
-        if entry.path
-    }
+    settings = frame_settings(folder)
+    files = {entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path}
 
     def key(entry: Entry) -> str:
         frame = files[entry.identifier]
         beside = {"mask": frame.mask_file, "intrinsics": frame.intrinsics_file}
         digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
-        return " ".join([file_digest(frame.image), *digests, repr((intrinsics, scale, up, half_width))])
+        return " ".join([file_digest(frame.image), *digests, repr(settings)])
 
     shapes = ShapeSet(
         name=name,
@@ -58,11 +47,31 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         key=key,
         camera=lambda _: UPRIGHT,
         observe=lambda entry: files[entry.identifier].observe(),
-        half_width=half_width,
+        half_width=settings["half_width"],
         inputs=("view",),
         folder=folder,
         code=(__name__,),
     )
+    path = folder / SETTINGS_FILE
+    values = _read(path)
     if "canonical_pose" not in values:
         return shapes
     return replace(shapes, canonical_poses=canonical_poses(values["canonical_pose"], shapes, path))
+
+
+def frame_settings(folder: Path) -> dict[str, Any]:
+    """Return the camera in a folder's ``dataset.toml`` as keywords of ``FrameFiles``; errors as in ``depth_frames``."""
+    path = folder / SETTINGS_FILE
+    values = _read(path)
+    scale = positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
+    half_width = positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
+    try:
+        intrinsics = intrinsics_of(str(values["intrinsics"]), folder) if "intrinsics" in values else None
+        up = tuple(checked_up(values["up"]).tolist()) if "up" in values else None
+    except BenchmarkError as error:
+        raise DatasetError(f"{path}: {error.problem}", error.hint) from error
+    return {"intrinsics": intrinsics, "scale": scale, "up": up, "half_width": half_width}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return read_settings(path, _KEYS, ", in a folder of depth images")

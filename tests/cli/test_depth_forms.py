@@ -32,10 +32,12 @@ def test_a_folder_and_a_pattern_give_a_form_of_each_image_and_one_bad_image_cost
 def test_the_settings_of_a_folder_hold_for_its_images_unless_the_command_line_has_others(tmp_path):
     folder = write_frames(tmp_path / "frames", count=1)
     (folder / "intrinsics.txt").unlink()
-    (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\nhalf_width = 0.5\n")
+    (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\nhalf_width = 1\ndepth_scale = 500\n")
     words = ("canonicalise", "-m", "identity", folder, "-o", tmp_path / "forms")
-    assert call(*words, code=1).count("more than the 1.00 m of the frame") == 2
-    assert call(*words, "--intrinsics", "525,525,319.5,239.5").count(" vertices") == 2
+    assert call(*words, code=1).count("more than the 2.00 m of the frame") == 2
+    assert call(*words, "--depth-scale", 1000).count(" vertices") == 2
+    narrow = call(*words, "--depth-scale", 1000, "--intrinsics", "250,250,319.5,239.5", code=1)
+    assert narrow.count("more than the 2.00 m of the frame") == 2
 
 
 def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
@@ -61,4 +63,7 @@ def test_a_query_of_the_gallery_is_prepared_with_its_settings(tmp_path):
     (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\n")
     call("run", "-d", folder, "-m", "identity", "--results", results, "-j", "0")
     asked = ("retrieve", "-m", "identity", "-d", folder, "--results", results, folder / "one" / "0.png")
-    assert "two/0" in call(*asked)
+    found = call(*asked)
+    assert "two/0" in found
+    same_camera = call(*asked, "--depth-scale", 1000)
+    assert same_camera.splitlines()[:-1] == found.splitlines()[:-1]
