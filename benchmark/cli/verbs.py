@@ -79,6 +79,7 @@ def tables(
     views = selected_tables(selection, records)
     is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
     robustness = is_whole or "robustness" in selection.tables
+    last = robustness_markdown(records) if robustness else ""
     if output is not None:
         formats = [format] if format else FORMATS
         files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
@@ -91,10 +92,11 @@ def tables(
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
     elif format == "markdown" or not sys.stdout.isatty():
-        pivot = [robustness_markdown(records)] if robustness else []
-        say_lines("\n".join([*map(markdown, views), *pivot]))
+        say_lines("\n".join(filter(None, [*map(markdown, views), last])))
     else:
         print_tables(views)
+        if last:
+            say_lines("\n" + last)
 
 
 @verb(*_RECORDS, "data_root")

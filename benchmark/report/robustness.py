@@ -30,7 +30,8 @@ def robustness_markdown(records: Iterable[Record]) -> str:
         for place in sorted(scores, key=lambda place: (place[0], place[1] != "unchanged", place))
     ]
     titles = {record.method: TITLES.get(record.method, record.title) for record in known}
+    set_titles = {record.data.name: record.data.title for record in known}
     head = ["Change", "strength", *(titles[name] for name in methods)]
-    sets = ", ".join(sorted(map(markdown_text, bases)))
+    sets = ", ".join(markdown_text(set_titles.get(base, base)) for base in sorted(bases))
     lines = [f"**Robustness.** {MEASURE} of complete surfaces of {sets}; a destroyed shape counts 0.", ""]
     return "\n".join([*lines, *markdown_table(head, body)]) + "\n"

@@ -17,7 +17,7 @@ from benchmark.depth.reading import find_mask, in_metres, is_depth_file, read_de
 from benchmark.errors import DepthError
 
 INPUTS = Path(__file__).with_name("inputs")
-DEPTHS = np.linspace(0.5, 4.0, 30 * 40).reshape(30, 40).round(3)
+DEPTHS = np.linspace(0.5, 4.0, 120 * 160).reshape(120, 160).round(3)
 DEPTHS[0, :5] = 0
 FLOATS, MILLIMETRES = DEPTHS.astype(np.float32), np.round(1000 * DEPTHS).astype(np.uint16)
 
@@ -37,11 +37,11 @@ def stored(values: np.ndarray, kind: str, **named: np.ndarray) -> bytes:
 
 
 def pfm(order: str = "<") -> bytes:
-    return b"Pf\n40 30\n%s\n" % (b"-1.0" if order == "<" else b"1") + FLOATS[::-1].astype(f"{order}f4").tobytes()
+    return b"Pf\n160 120\n%s\n" % (b"-1.0" if order == "<" else b"1") + FLOATS[::-1].astype(f"{order}f4").tobytes()
 
 
 def pgm(maximum: int) -> bytes:
-    return b"P5\n# by hand\n40 30\n%d\n" % maximum + MILLIMETRES.astype(">u2").tobytes()
+    return b"P5\n# by hand\n160 120\n%d\n" % maximum + MILLIMETRES.astype(">u2").tobytes()
 
 
 PNG = stored(MILLIMETRES, "png")
@@ -52,7 +52,7 @@ IMAGES = {
     "floats.tif": stored(FLOATS, "tiff"),
     "a.pgm": pgm(65535),
     "twelve-bits.pgm": pgm(4095),
-    "text.pgm": b"P2 40 30 65535\n" + " ".join(map(str, MILLIMETRES.ravel())).encode(),
+    "text.pgm": b"P2 160 120 65535\n" + " ".join(map(str, MILLIMETRES.ravel())).encode(),
     "a.pfm": pfm(),
     "big.pfm": pfm(">"),
     "a.npy": stored(FLOATS, "npy"),

@@ -95,10 +95,13 @@ def test_of_the_galleries_that_the_text_allows_only_all_80_shapes_fit_table_thre
 
 
 def test_committed_tables_are_those_of_the_published_records(tmp_path):
-    call("tables", "--published", "--results", ROOT / "results", "-o", tmp_path)
-    made, committed = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in (tmp_path, TABLES))
+    words = ("tables", "--published", "--results", ROOT / "results", "-o")
+    call(*words, tmp_path / "all")
+    made, committed = ({path.name: path.read_bytes() for path in f.iterdir()} for f in (tmp_path / "all", TABLES))
     assert made == committed
     assert json.loads(made["tables.json"])
+    call(*words, tmp_path / "one", "-t", "robustness")
+    assert (tmp_path / "one" / "robustness.md").read_bytes() == committed["robustness.md"]
 
 
 def test_the_plugin_of_the_readme_keeps_the_contract(tmp_path):

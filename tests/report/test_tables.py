@@ -10,6 +10,7 @@ from benchmark.report.formats import markdown
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
+from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, by_class, failed, record
 
@@ -170,3 +171,20 @@ def test_rows_that_came_with_the_suite_are_named_beside_those_of_runs_here():
     found = table_notes(view(published, record("skeleton")))
     assert "Published with the suite, not run here: GPS (01234567)." in found
     assert not any("Published with" in note for note in table_notes(view(published)))
+
+
+def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_set():
+    changes = {"rods": 0.75, "rods[noise=2]": 0.5, "rods[noise=5]": 0.25, "rods[holes=1]": 0.0, "balls": 1.0}
+    records = [record("gps", nn, dataset=name) for name, nn in changes.items()]
+    records += [record("classic-mds", 1.0, dataset="rods[noise=2]"), record("identity", 1.0, dataset="rods[noise=2]")]
+    text = robustness_markdown(records)
+    assert text.startswith("**Robustness.** NN of complete surfaces of rods;")
+    assert [line for line in text.splitlines() if line.startswith("|")] == [
+        "|Change|strength|Classic MDS|GPS|",
+        "|---|---:|---:|---:|",
+        "|unchanged|0|--|.75|",
+        "|holes|1|--|.00|",
+        "|noise|2|1.00|.50|",
+        "|noise|5|--|.25|",
+    ]
+    assert robustness_markdown([record("gps", dataset="rods")]) == ""

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from benchmark.geometry.mesh import Mesh
-from retrieval.pose import rectilinearity_rotation
+from retrieval.pose import normalise, rectilinearity_rotation
 from tests.retrieval.figures import figure, turned
 
 pytestmark = pytest.mark.kernels
@@ -37,3 +37,10 @@ def test_the_rotation_is_the_minimiser(seed: int = 1) -> None:
         for _ in range(30)
     ]
     assert reached <= min(references) * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(("seed", "smaller"), [(0, "pca"), (3, "rectilinearity")])  # by 2 and 4 per cent
+def test_the_pose_with_the_smaller_silhouettes_wins_in_either_order(seed: int, smaller: str) -> None:
+    expected = normalise(figure(seed), [smaller], 64).vertices
+    for candidates in (["pca", "rectilinearity"], ["rectilinearity", "pca"]):
+        np.testing.assert_array_equal(normalise(figure(seed), candidates, 64).vertices, expected)
