@@ -52,6 +52,16 @@ def test_the_step_size_is_constant_or_falls_along_a_cosine() -> None:
     assert [Schedule(cosine=True).step_size(epoch) for epoch in (0, 250)] == pytest.approx([1e-3, 5e-4])
 
 
+def test_the_time_left_is_that_of_the_epochs_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, lines = iter([0.0, 10.0, 25.0, 40.0]), list[str]()
+    monkeypatch.setattr(training.time, "perf_counter", lambda: next(now))
+    progress = training._Progress(10, 5, lines.append)
+    for epoch in (6, 7, 8):  # the second comes too soon after the first
+        progress.show(epoch, {"epoch": epoch, "loss": 0.5})
+    bars = ["[############        ] epoch 6/10", "[################    ] epoch 8/10"]
+    assert lines == [f"{bar}  loss 0.50000  {left} s left" for bar, left in zip(bars, (40, 27), strict=True)]
+
+
 @pytest.mark.parametrize(
     ("target", "masked", "of_depth", "of_mask"),
     [

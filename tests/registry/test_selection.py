@@ -62,7 +62,7 @@ def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in
 
 
 @pytest.mark.parametrize(
-    "name", ["smooth[kind='a|b',sizes=(3)]", "smooth[power=0.5,kind='']", 'smooth[kind="it\'s"]', "smooth"]
+    "name", ["smooth[kind='a|b',sizes=(3)]", "smooth[power=0.5,kind='']", 'smooth[kind="it\'s|no"]', "smooth"]
 )
 def test_the_name_of_a_component_is_read_as_the_same_component(name, plugin):
     component = select_one(name, [plugin])
