@@ -15,18 +15,18 @@ TARGET = Path(__file__).parents[1] / "results" / "figures" / "two-scorers.png"
 
 
 def scorers_figure(scores: DataFrame) -> Figure:
-    """Draw the scores of each method by both scorers with intervals over classes; crossing lines change order."""
-    scorers = list(dict.fromkeys(scores["scorer"]))
-    figure, ((place,),) = subplots(COLUMN, 2.6)
-    for number, (method, of_method) in enumerate(scores[scores["measure"] == MEASURE].groupby("method", sort=False)):
-        part = of_method.set_index("scorer").loc[scorers]
-        places, values = np.arange(len(scorers)) + 0.02 * (number - 3.5), part["value"].to_numpy()
-        errors = np.abs(part[["low", "high"]].to_numpy().T - values)
-        line = place.errorbar(places, values, errors, marker="o", ms=3, lw=1, elinewidth=0.5)
-        place.annotate(TITLES.get(str(method), str(method)), (places[-1], values[-1]), (4, -2), fontsize=5,
-                       textcoords="offset points", color=line[0].get_color())  # fmt: skip
-    place.set_xticks(range(len(scorers)), scorers)
-    place.set(xlim=(-0.3, len(scorers) - 0.4), ylabel=MEASURE)
+    """Draw the scores of each method by both scorers, with intervals over classes."""
+    figure, ((place,),) = subplots(COLUMN, 2.4)
+    of_measure = scores[scores["measure"] == MEASURE]
+    for number, (scorer, part) in enumerate(of_measure.groupby("scorer", sort=False)):
+        errors = np.abs(part[["low", "high"]].to_numpy().T - part["value"].to_numpy())
+        rows = np.arange(len(part)) + 0.15 * (2 * number - 1)
+        place.errorbar(part["value"], rows, xerr=errors, fmt="o", ms=3, elinewidth=0.7, label=scorer)
+    methods = list(of_measure["method"].unique())
+    place.set_yticks(range(len(methods)), [TITLES.get(method, method) for method in methods])
+    place.invert_yaxis()
+    place.set_xlabel(MEASURE)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=7)
     return figure
 
 
