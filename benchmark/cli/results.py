@@ -36,6 +36,8 @@ def recorded(options: Selection) -> list[Record]:
     if not records:
         what = "published record" if options.published else "finished job"
         first = "pass --results CHECKOUT/results" if options.published else "run it first"
+        if not options.quick and any(record.data.quick and options.has_data(record) for record in every):
+            first = "pass --quick"
         problem = f"no {what} under {options.results} fits the selection"
         raise ConfigurationError(problem, f"{first}, or select less")
     return records

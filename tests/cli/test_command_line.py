@@ -10,6 +10,8 @@ import typer
 from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.pipeline.records import write_record
+from tests.report.records import record
 from tests.toy import write_rods
 from tests.verbs import call, refusal
 
@@ -104,6 +106,12 @@ def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):
     (tmp_path / "cost.png").write_text("mine")
     assert "pass --force" in refusal(*words)
     assert (tmp_path / "cost.png").read_text() == "mine"
+
+
+def test_results_of_a_quick_run_are_named_where_quick_is_missing(tmp_path):
+    write_record(tmp_path, record(quick=True))
+    assert "fits the selection; pass --quick, or select less" in refusal("tables", "--results", tmp_path)
+    assert "run it first" in refusal("tables", "--results", tmp_path, "--quick", "--seed", 1)
 
 
 def test_forget_lists_what_it_deletes(finished, tmp_path):
