@@ -13,6 +13,9 @@ import numpy as np
 
 from benchmark.geometry.mesh import Mesh
 
+#: The scorer with few and small images, for tests that scores do not matter to.
+SMALL_SCORER = "cm-bof[image_size=64,subdivisions=0]"
+
 RADII = {"thin": 0.06, "thick": 0.18}
 
 

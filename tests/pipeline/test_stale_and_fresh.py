@@ -13,6 +13,7 @@ from benchmark.pipeline.records import read_distances, read_form, read_records
 from benchmark.runs import tasks
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import done, planned, run_toy
+from tests.toy import write_rods
 
 STRETCHED = """def canonicalise(self, shape):
         return shape.form(shape.mesh.vertices * factor() ** self.power + shape.geodesics()[0, 0])"""
@@ -30,8 +31,13 @@ def factor():
 class World:
     """A plugin with a helper and a table, and a folder of rods; methods are planned as by a new process."""
 
-    def __init__(self, folder: Path, rods: Path) -> None:
+    names = ("stretch", "gps", "identity", "surface-area")
+
+    def __init__(self, folder: Path) -> None:
         self.plugin, self.rods, self.results = folder / "stretch.py", folder / "rods", folder / "results"
+
+    def write(self) -> None:
+        folder = self.plugin.parent
         write_plugin(
             self.plugin,
             imports="from lengthen import factor",
@@ -42,8 +48,7 @@ class World:
         )
         (folder / "lengthen.py").write_text(HELPER)
         (folder / "table.csv").write_text("1,2\n")
-        shutil.copytree(rods, self.rods)
-        self.names = ["stretch", "gps", "identity", "surface-area"]
+        write_rods(self.rods, bends=(0.0, 1.0))
 
     def plan(self, *names: str):
         self.forget_code()
@@ -62,12 +67,21 @@ class World:
         return {job.job.method.base_name: job.reason for job in self.plan() if job.state != "finished"}
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folder of a world whose methods have run; to be read only."""
+    world = World(tmp_path_factory.mktemp("worlds") / "world")
+    world.write()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [*sys.path])
+        done(world.plan(), world.results, size=0)
+    return world.rods.parent
+
+
 @pytest.fixture
-def world(tmp_path, rods, monkeypatch):
+def world(finished, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
-    world = World(tmp_path, rods)
-    world.forget_code()
-    run_toy(world.rods, world.results, *world.names, plugins=(world.plugin,))
+    world = World(shutil.copytree(finished, tmp_path / "world"))
     assert world.stale() == {}
     return world
 

@@ -106,7 +106,7 @@ def waits_once(shape):
 @canonical_form(name="slow", title="Slow")
 def slow(shape):
     note("slow", os.getpid())
-    time.sleep(0.3)
+    time.sleep(0.5)
     return shape.mesh.vertices
 
 

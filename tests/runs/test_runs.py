@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -19,8 +20,8 @@ from benchmark.pipeline.cache import StorageError, writing
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
-from tests.runs.toy import FAULTS, noted, planned, run_toy
-from tests.toy import files_of_at_most, wait_for, write_rods
+from tests.runs.toy import FAULTS, done, noted, planned, run_toy
+from tests.toy import SMALL_SCORER, files_of_at_most, wait_for, write_rods
 
 #: A program that runs slow methods.
 PROGRAM = """
@@ -127,11 +128,14 @@ def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp
 
 
 def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
-    one = run_toy(rods, tmp_path / "one", "classic-mds", "shape-dna", inputs=("mesh", "view"), size=0)
-    two = run_toy(rods, tmp_path / "two", "classic-mds", "shape-dna", inputs=("mesh", "view"), size=2)
-    assert {name: (r.key, r.scores, r.per_query) for name, r in one.items()} == {
-        name: (r.key, r.scores, r.per_query) for name, r in two.items()
-    }
+    made = []
+    for size in (0, 2):
+        results = tmp_path / str(size)
+        jobs = planned(rods, results, "classic-mds", "shape-dna") + planned(rods, results, "gps", inputs=("view",))
+        records = done(jobs, results, size=size)
+        made.append({name: (r.key, r.scores, r.per_query) for name, r in records.items()})
+    assert made[0].keys() == {"classic-mds", "shape-dna", "gps"}
+    assert made[0] == made[1]
 
 
 def test_an_edit_during_a_run_ends_it(rods, tmp_path):
@@ -139,7 +143,7 @@ def test_an_edit_during_a_run_ends_it(rods, tmp_path):
     plugin.write_text(FAULTS.read_text())
     jobs = planned(rods, tmp_path / "results", "fine", plugins=(plugin,))
     plugin.write_text(FAULTS.read_text() + "CONSTANT = 1\n")
-    with pytest.raises(BenchmarkError, match="rods mesh fine: its code changed during the run"):
+    with pytest.raises(BenchmarkError, match=re.escape(f"fine by {SMALL_SCORER}: its code changed during")):
         list(run(jobs, tmp_path / "results", size=1))
 
 

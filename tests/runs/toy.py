@@ -8,10 +8,10 @@ from typing import Any
 
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.records import Record
-from benchmark.registry import select
+from benchmark.registry import select, select_one
 from benchmark.runs.planning import Planned, plan
 from benchmark.runs.runner import run
-from tests.toy import wait_for
+from tests.toy import SMALL_SCORER, wait_for
 
 FAULTS = Path(__file__).with_name("faults.py")
 
@@ -30,7 +30,8 @@ def gallery(folder: Path | str) -> Any:
 def planned(
     folder: Path, results: Path, *methods: Any, plugins: tuple[Path, ...] = (), inputs: Any = ("mesh",), **options: Any
 ) -> list[Planned]:
-    return plan([gallery(folder)], inputs, select(methods, plugins), results, **options)
+    scorer = select_one(SMALL_SCORER, kind="scorer")
+    return plan([gallery(folder)], inputs, select(methods, plugins), results, **{"scorer": scorer} | options)
 
 
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
