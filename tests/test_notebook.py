@@ -15,7 +15,7 @@ from baselines.gps import GPS
 from benchmark.api import Shape
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.preparation import prepare
-from tests.toy import rod, write_rods
+from tests.toy import SMALL_SCORER, rod, write_rods
 
 NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_table.ipynb"
 
@@ -37,13 +37,14 @@ def test_dir_lists_what_there_is():
 def test_jobs_run_in_this_process_once_and_silently(tmp_path, capfd):
     rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     methods = ["identity", ClassicMDS(), flat_shape, broken]
-    jobs = benchmark.run(rods, methods, results=tmp_path / "results")
+    chosen: Any = {"scorer": SMALL_SCORER, "results": tmp_path / "results"}
+    jobs = benchmark.run(rods, methods, **chosen)
     jobs = jobs.reset_index().set_index("method")
     assert list(jobs.index) == ["classic-mds", "identity", "flat-shape", "broken"]
     assert list(jobs["status"]) == ["ok", "ok", "ok", "failed"]
     assert re.search(r"test_notebook.py:\d+: NameError: name 'topp' is not defined", jobs.loc["broken", "reason"])
     assert capfd.readouterr() == ("", "")
-    again = benchmark.run(rods, methods[:3], results=tmp_path / "results").set_index("method")
+    again = benchmark.run(rods, methods[:3], **chosen).set_index("method")
     assert list(again["finished"]) == list(jobs["finished"][:3])
     keys = jobs["job"]
     form = benchmark.open_results(tmp_path / "results").form(keys["flat-shape"], "thin0")

@@ -6,6 +6,7 @@ import pytest
 from PIL import Image
 
 from tests.datasets.test_frames import write_frames
+from tests.toy import SMALL_SCORER
 from tests.verbs import call, refusal
 
 
@@ -42,9 +43,10 @@ def test_the_settings_of_a_folder_hold_for_its_images_unless_the_command_line_ha
 
 def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
     results, picture = tmp_path / "results", tmp_path / "found.png"
-    asked = ("retrieve", "-m", "identity", "-d", frames, "--results", results, frames / "two" / "1.png")
+    small = ("--scorer", SMALL_SCORER, "--results", results)
+    asked = ("retrieve", "-m", "identity", "-d", frames, *small, frames / "two" / "1.png")
     assert "run -m identity -d" in refusal(*asked)
-    call("run", "-d", frames, "-m", "identity", "-m", "surface-area", "--results", results, "-j", "0")
+    call("run", "-d", frames, "-m", "identity", "-m", "surface-area", *small, "-j", "0")
     first = call(*asked, "--picture", picture)
     assert first.splitlines()[0].split() == ["rank", "name", "class", "distance"]
     assert "two/1" not in first, "the query is no result"
@@ -58,11 +60,11 @@ def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
 
 
 def test_a_query_of_the_gallery_is_prepared_with_its_settings(tmp_path):
-    folder, results = write_frames(tmp_path / "frames"), tmp_path / "results"
+    folder, small = write_frames(tmp_path / "frames"), ("--scorer", SMALL_SCORER, "--results", tmp_path / "results")
     (folder / "intrinsics.txt").unlink()
     (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\n")
-    call("run", "-d", folder, "-m", "identity", "--results", results, "-j", "0")
-    asked = ("retrieve", "-m", "identity", "-d", folder, "--results", results, folder / "one" / "0.png")
+    call("run", "-d", folder, "-m", "identity", *small, "-j", "0")
+    asked = ("retrieve", "-m", "identity", "-d", folder, *small, folder / "one" / "0.png")
     found = call(*asked)
     assert "two/0" in found
     same_camera = call(*asked, "--depth-scale", 1000)

@@ -8,10 +8,11 @@ import pytest
 
 from benchmark.api.learning import CARD
 from tests import verbs
-from tests.toy import write_rods
+from tests.toy import SMALL_SCORER, write_rods
 
 #: The nearest neighbour among the images, which needs no network.
 LEARNER = Path(__file__).parents[2] / "examples" / "nearest_view.py"
+SMALL = ("--scorer", SMALL_SCORER)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     before = (folder / CARD).stat().st_mtime_ns
     assert "finished before" in call(*train)
     assert (folder / CARD).stat().st_mtime_ns == before
-    selection = ("-t", "III-view", "-m", "nearest-view", "--results", tmp_path, "--data-root", root)
+    selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, "--results", tmp_path, "--data-root", root)
     told = " ".join(call("run", *selection, "-j", "0").split())
     assert "Nearest View" in told
     assert "Seen in training: Nearest View 6 of 12 (all shapes)." in told
@@ -49,9 +50,19 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
 
 
 def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_path):
-    arguments = ("-m", "nearest-view[training_seed=1]", "--results", tmp_path, "--data-root", root, "-t", "III-view")
+    arguments = (
+        "-m",
+        "nearest-view[training_seed=1]",
+        *SMALL,
+        "--results",
+        tmp_path,
+        "--data-root",
+        root,
+        "-t",
+        "III-view",
+    )
     told = call("plan", *arguments)
-    assert "unavailable  tosca view nearest-view[training_seed=1]" in told
+    assert f"unavailable  tosca view nearest-view[training_seed=1] by {SMALL_SCORER}" in told
     command = shlex.split(told.split("`")[1])
     assert command[3:7] == ["train", "nearest-view[training_seed=1]", "--table", "tosca-III"]
     call("run", *arguments, "-j", "0", code=1)

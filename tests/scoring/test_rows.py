@@ -16,7 +16,7 @@ from benchmark.scoring.rows import keep_distances, method_name, score_forms
 from retrieval.measures import score_draws
 from tests.report.records import record as made_up_record
 from tests.scoring.line import LABELS, NAMES, D
-from tests.toy import rod, write_off, write_rods
+from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call
 
 NAMED = dict(zip(NAMES, LABELS, strict=True))
@@ -95,9 +95,9 @@ def forms(tmp_path_factory):
 
 def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
     (gallery, *_) = galleries((), [str(forms[0])], None, False)
-    scorer = select_one("cm-bof", kind="scorer")
+    scorer = select_one(SMALL_SCORER, kind="scorer")
     record = score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path)
-    assert (record.method, record.scorer, record.coverage) == ("external-mine", "cm-bof", pytest.approx(4 / 6))
+    assert (record.method, record.scorer, record.coverage) == ("external-mine", scorer.name, pytest.approx(4 / 6))
     assert {name for name, _ in record.unsupported} == {"thin0", "thick2"}
     assert record.per_query["NN"][record.shapes.index("thin0")] == 0
     monkeypatch.setattr("benchmark.scoring.rows.compute_signature", None)
