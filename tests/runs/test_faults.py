@@ -105,15 +105,16 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, m
     assert len(records) == 2
 
 
-def test_what_cannot_be_prepared_is_refused_for_all(rods, tmp_path):
+def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_path, capsys):
     folder = tmp_path / "rods"
     folder.mkdir()
     for path in rods.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
     (folder / "thin2.off").write_text("OFF\n3 1 0\n0 0 0\n")
-    records = run_toy(folder, tmp_path / "results", "identity", "surface-area")
+    records = run_toy(folder, tmp_path / "results", "identity", "surface-area", inputs=("mesh", "view"))
     for record in records.values():
         assert (record.status, record.unprepared, record.coverage) == ("ok", ["thin2"], 0.8)
+    assert [line[:30] for line in capsys.readouterr().err.splitlines()] == ["thin2: not a readable off file"]
 
 
 @pytest.mark.parametrize("stage", ["preparation", "geodesics"])
