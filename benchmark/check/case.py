@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.api.datasets import ShapeSet
+from benchmark.api.parameters import checked, parameter_values
 from benchmark.check.shapes import BENDS, figure, view
 from benchmark.errors import BenchmarkError, UnsupportedShape, locate
 from benchmark.registry import Component
@@ -93,6 +94,8 @@ class Case:
     def create(self) -> Any:
         """Return a new object, with its trained model."""
         created = self.component.create()
+        values = parameter_values(created).items()
+        checked(type(created), {name: value for name, value in values if isinstance(value, int | float | str)})
         return created.load(self.model) if self.model else created
 
     def shape(self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure") -> Shape:

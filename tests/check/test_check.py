@@ -86,6 +86,7 @@ FAULTS = [
     ("answer", FORM + "x[0] = 0\n        return shape.form(x)", "", "work on a copy"),
     ("answer", FORM + "import no_such_package", "", "name packages beyond the core in info.requires"),
     ("answer", FORM + "raise UnsupportedShape('too thin')", "", r"refuses an ordinary surface \(too thin\)"),
+    ("answer", "power: int = 2.5\n\n    " + FORM + "return shape.form(x)", "", "'2.5' does not fit power of smooth"),
     ("answer", FORM + "return topp", "", r"^tried.py:31: NameError: name 'topp' is not defined$"),
     ("answer", FORM + "sys.exit(3)", "", r"^tried.py:31: SystemExit: 3$"),
     ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
