@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -292,6 +292,8 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
     made = [row for row in every if row.scored or row.failed or row.method in printed]
     order = {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))}
     made.sort(key=lambda row: (list(BLOCKS).index(row.kind), order.get(row.method, len(order)), row.title))
+    titles = Counter(row.title for row in made)
+    made = [replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row for row in made]
     ranked = {column: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
     known = [column for column in table.columns if ranked[column]]
     columns = tuple(column for column in known if any(column.title in row.scored for row in made)) or tuple(known[:1])

@@ -55,6 +55,11 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
     assert any(apart in note for note in table_notes(table)) == (len(draws) > 1)
 
 
+def test_rows_of_one_title_show_their_names():
+    table = view(*[record(name, 0.5, title="Mine") for name in ("mine", "mine-too")], record("gps", 0.5))
+    assert [row.title for row in table.rows] == ["GPS", "Mine (mine)", "Mine (mine-too)"]
+
+
 def test_trainings_are_averaged_within_a_fold_before_folds_are():
     seeds = [record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", input_="view", **HUMANS) for s in (1, 2)]
     rest = [record("learned", 0.6, fold=f"fold {k}", input_="view", **HUMANS) for k in (1, 2)]
