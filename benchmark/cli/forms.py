@@ -168,6 +168,8 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         _check_target(output)
         outputs = [(output, options.picture)]
     else:
+        if output.is_file():
+            raise ConfigurationError(f"{output} is a file", "name a folder for several forms with -o")
         above = os.path.commonpath([image.absolute().parent for image in images])
         inner = [image.absolute().relative_to(above) for image in images]
         picture = options.picture

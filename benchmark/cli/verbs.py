@@ -216,6 +216,8 @@ def score(
     from benchmark.scoring.evaluation import score
     from benchmark.scoring.rows import keep_distances
 
+    if dataset and results is None:
+        raise ConfigurationError("--dataset names the data of a row that is kept", "pass --results, too")
     evaluation, title = score(distances, labels), title or distances.stem
     scores = evaluation.scores.rename_axis(title)
     if format == "csv":
@@ -354,7 +356,7 @@ def forget(selection: Selection) -> None:
 
     def is_meant(record: Record) -> bool:
         is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
-        return selection.has_data(record) and bool(is_of_method or not selection.methods)
+        return selection.has_data(record) and bool(is_of_method or not selection.is_narrow)
 
     with writing(selection.results):
         records = list(read_records(selection.results, published=False))

@@ -96,7 +96,7 @@ def _joined(distances: object, labels: object) -> tuple[NDArray[np.float64], tup
     classes = list(given.values() if isinstance(given, dict) else given)
     if len(classes) != len(matrix) or len(set(names)) < len(names):
         problem = f"there are {len(matrix)} rows of distances and {len(classes)} labels, or a name appears twice"
-        raise ConfigurationError(problem, "pass one label for each shape")
+        raise ConfigurationError(problem, "pass one label for each shape, and no header")
     return matrix, names, classes
 
 

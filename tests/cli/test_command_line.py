@@ -117,3 +117,4 @@ def test_forget_lists_what_it_deletes(finished, tmp_path):
     assert [line.partition("  ")[0] for line in lines[:2]] == ["rods mesh shape-dna", "rods view shape-dna"]
     assert lines[2:] == ["records: 2 deleted, with their forms"]
     assert "rods mesh surface-area" in call("plan", *finished[0], "--results", results)
+    assert call("forget", "-m", "all", "--results", results).endswith("deleted, with their forms\n")
