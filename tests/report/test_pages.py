@@ -21,7 +21,7 @@ from benchmark.report.figures import (
     scores_figure,
 )
 from benchmark.report.forms import StoredForms
-from benchmark.report.pages import write_report
+from benchmark.report.pages import mesh_chart, write_report
 from benchmark.report.results import Results
 from benchmark.report.sheets import contact_sheet, frame_picture, spread
 from benchmark.report.tables import table_views
@@ -69,6 +69,13 @@ def test_stored_forms_and_distances_are_shown(results, tmp_path):
     assert queries.count("<tr>") >= 2 * len(results.records[0].shapes)
     sizes = [Image.open(tmp_path / name).size for name in files if name.endswith(".webp")]
     assert sizes == [(96, 96)] * len(results.records[0].shapes)
+
+
+def test_a_long_flat_mesh_fits_its_frame_from_all_sides():
+    chart = mesh_chart(Mesh([[0, 0, 0], [9, 0, 0], [0, 1, 0]], [[0, 1, 2]]), np.zeros(3))
+    size = chart.layout.scene.aspectratio
+    assert size.x == pytest.approx(9 * size.z)
+    assert 0 < size.y < size.z < size.x < 2
 
 
 def test_400_shapes_are_written_soon_and_small(tmp_path):
