@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib import resources
@@ -29,6 +29,7 @@ from benchmark.report.drawing import PALETTE, shaded
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import blocks, hundredths
 from benchmark.report.forms import StoredForms
+from benchmark.report.frames import row_of
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
@@ -221,7 +222,8 @@ def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of forms: poses of one subject, each with its forms by several methods."""
     records = figures.effect_records(view)[: SIDE_BY_SIDE - 1]
     shapes = figures.some_shapes(records[0], 1, POSES) if records else []
-    rows = {shape: _forms_of(pages, records, shape) for shape in shapes}
+    titles = {row.method: row.title for row in view.rows}
+    rows = {shape: _forms_of(pages, {titles[row_of(record)]: record for record in records}, shape) for shape in shapes}
     if not any(len(meshes) > 1 for meshes in rows.values()):
         yield f"<p>No forms of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
         return
@@ -234,13 +236,13 @@ def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
         yield "</div>"
 
 
-def _forms_of(pages: Pages, records: Sequence[Record], shape: str) -> dict[str, Mesh]:
-    """Return a shape and its stored forms by title."""
+def _forms_of(pages: Pages, records: Mapping[str, Record], shape: str) -> dict[str, Mesh]:
+    """Return a shape and its stored forms by the title of their row."""
     meshes: dict[str, Mesh] = {}
-    for record in records:
+    for title, record in records.items():
         form, surface = pages.forms.form(record, shape), pages.forms.shape(record, shape)
         if form is not None and surface is not None:
-            meshes |= {ITSELF: surface, record.title: form}
+            meshes |= {ITSELF: surface, title: form}
     return meshes
 
 

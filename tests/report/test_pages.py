@@ -3,6 +3,7 @@
 import re
 import time
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
@@ -60,12 +61,13 @@ def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path):
 
 
 def test_stored_forms_and_distances_are_shown(results, tmp_path):
-    views = table_views(results.records)
+    views = table_views([msgspec.structs.replace(record, title="Mine") for record in results.records])
     files = write_report(results, views, tmp_path)
     stem = views[0].stem
     forms, queries = ((tmp_path / f"{stem}-{kind}.html").read_text() for kind in ("forms", "queries"))
     assert '"type":"mesh3d"' in forms
     assert forms.count("<figure>") == 2 * 3  # two rods, each itself and its forms by two methods
+    assert "Mine (identity)" in forms
     assert queries.count("<tr>") >= 2 * len(results.records[0].shapes)
     sizes = [Image.open(tmp_path / name).size for name in files if name.endswith(".webp")]
     assert sizes == [(96, 96)] * len(results.records[0].shapes)
