@@ -71,6 +71,7 @@ def tables(
     It needs no data.
     """
     from benchmark.cli.results import print_tables, recorded, selected_tables
+    from benchmark.protocols.tables import TABLES
     from benchmark.report.formats import as_json, latex, markdown
     from benchmark.report.output import FORMATS, scores_csv, table_files, write_files
     from benchmark.report.robustness import robustness_markdown
@@ -82,7 +83,8 @@ def tables(
     last = robustness_markdown(records) if robustness else ""
     if output is not None:
         formats = [format] if format else FORMATS
-        files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
+        verdicts = is_whole and any(view.table in TABLES for view in views)
+        files = table_files(views, records, formats, verdicts=verdicts, robustness=robustness)
         write_files(output, files, force=force)
         say(f"wrote {len(files)} files to {output}")
     elif format == "json":
