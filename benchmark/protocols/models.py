@@ -139,7 +139,8 @@ def find_models(
     if not isinstance(learner, Learner):
         return {}
     of_shape = trainings_by_shape(learner, dataset, entries, data_root)
-    folders = {training.name: _finished(learner, training.name, trained_here) for training in of_shape.values()}
+    trainings = {training.name for training in of_shape.values()}
+    folders = {name: _finished(learner, name, trained_here) for name in sorted(trainings)}
     if missing := [name for name, folder in folders.items() if folder is None]:
         raise _missing(spec, learner, missing)
     models = {name: _model(name, folder) for name, folder in folders.items() if folder}

@@ -11,8 +11,17 @@ from contextlib import suppress
 import psutil
 import pytest
 
-from tests.behaviour.suite import ROOT, environment, start
+from tests.behaviour.suite import ROOT, call, environment, start
 from tests.toy import wait_for
+
+
+@pytest.fixture(scope="module")
+def scored(material, tmp_path_factory):
+    """A folder with results of a descriptor; to be read only."""
+    folder = tmp_path_factory.mktemp("scored")
+    of_rods = ("-d", material / "rods", "-m", "surface-area", "-j", 0)
+    assert call("run", *of_rods, "--results", folder / "results").code == 0
+    return folder
 
 
 def ended(process, timeout=60):
@@ -36,25 +45,25 @@ def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place, monkeyp
     wait_for(lambda: not psutil.pid_exists(int(marker.read_text())), 10)
 
 
-@pytest.mark.parametrize("line", ["list datasets", "tables --results results -d rods", "describe gps"])
-def test_nobody_listens(line, ran, place):
+@pytest.mark.parametrize("line", ["list datasets", "tables -d rods", "describe gps"])
+def test_nobody_listens(line, scored):
     reads, writes = os.pipe()
     os.close(reads)
-    process = start(*line.split(), cwd=place, stdout=writes)
+    process = start(*line.split(), cwd=scored, stdout=writes)
     os.close(writes)
     assert ended(process) == (1, "", "")
 
 
-def test_no_standard_streams_at_all(ran, place):
-    command = f"{sys.executable} -m benchmark tables --results results -d rods -o out"
+def test_no_standard_streams_at_all(scored, tmp_path):
+    command = f"{sys.executable} -m benchmark tables --results {scored / 'results'} -d rods -o {tmp_path}"
     shell = ["sh", "-c", f"exec {command} <&- >&- 2>&-"]
     assert subprocess.run(shell, env=environment(PYTHONPATH=str(ROOT)), timeout=60, check=False).returncode == 0
-    assert (place / "out" / "tables.json").is_file()
+    assert (tmp_path / "tables.json").is_file()
 
 
-def test_a_terminal_gets_the_same_figures(ran, place):
+def test_a_terminal_gets_the_same_figures(scored):
     main, other = pty.openpty()
-    process = start("tables", "--results", "results", "-d", "rods", "--input", "mesh", cwd=place, stdout=other)
+    process = start("tables", "-d", "rods", "--input", "mesh", cwd=scored, stdout=other)
     os.close(other)
     shown = b""
     with suppress(OSError):
@@ -62,5 +71,5 @@ def test_a_terminal_gets_the_same_figures(ran, place):
             shown += part
     assert process.wait(60) == 0
     text = " ".join(re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).split())
-    assert re.search(r"GPS 1\.0+ ", text)
+    assert re.search(r"Surface area 1\.0+ ", text)
     assert "Random order .40 .40 .80 .71" in text

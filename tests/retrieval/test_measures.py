@@ -104,7 +104,7 @@ def test_chance_is_the_share_of_relevant_results_and_random_matrices_reach_it():
     labels = np.repeat([0, 1, 2, 3], [1, 3, 5, 8])
     levels, rng = chance_levels(labels), np.random.default_rng(0)
     assert levels["NN"] == pytest.approx((3 * 2 + 5 * 4 + 8 * 7) / 16 / 16)
-    noise = rng.random((2000, 17, 17))
+    noise = rng.random((1000, 17, 17))
     simulated = np.mean([values(evaluate(one + one.T, labels)) for one in noise], axis=0)
     np.testing.assert_allclose(simulated, list(levels.values()), atol=0.01)
 

@@ -11,13 +11,16 @@ import pytest
 from benchmark.errors import ConfigurationError
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 
-distributed = pytest.importorskip("distributed", reason="needs dask: pip install 'dask[distributed]'")
-
 pytestmark = pytest.mark.slow
 
 
+@pytest.fixture(autouse=True)
+def distributed():
+    return pytest.importorskip("distributed", reason="needs dask: pip install 'dask[distributed]'")
+
+
 @pytest.fixture
-def cluster(tmp_path, monkeypatch):
+def cluster(distributed, tmp_path, monkeypatch):
     """Return the address of a scheduler with two workers under nannies."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "local_directory": tmp_path}

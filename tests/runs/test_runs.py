@@ -30,25 +30,27 @@ from pathlib import Path
 from benchmark.machine import pin_threads
 pin_threads()
 from tests.runs.toy import FAULTS, run_toy
-run_toy(Path(sys.argv[1]), Path(sys.argv[2]), "slow", size=2, plugins=(FAULTS,))
+run_toy(Path(sys.argv[1]), Path(sys.argv[2]), "slow", size=int(sys.argv[3]), plugins=(FAULTS,))
 """
 
 
-def start(rods, tmp_path):
-    """Start a run of a slow method in a program of its own; return it with the workers that are at work."""
+def start(rods, tmp_path, size=2):
+    """Start a run of a slow method in a program of its own; return it with its workers once one is at work."""
     environment = {**os.environ, "FAULTS": str(tmp_path), "PYTHONPATH": str(Path.cwd())}
-    command = [sys.executable, "-c", PROGRAM, str(rods), str(tmp_path / "results")]
+    command = [sys.executable, "-c", PROGRAM, str(rods), str(tmp_path / "results"), str(size)]
     program = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-    return program, noted(tmp_path / "slow")
+    noted(tmp_path / "slow")
+    return program, [worker.pid for worker in psutil.Process(program.pid).children()]
 
 
 def is_gone(process):
     return not psutil.pid_exists(process) or psutil.Process(process).status() == psutil.STATUS_ZOMBIE
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.35, 0.9])
-def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_is_done(rods, tmp_path, delay):
-    program, workers = start(rods, tmp_path)
+@pytest.mark.parametrize(("delay", "size"), [(0.0, 1), (0.35, 2), (0.9, 1)])
+def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_is_done(rods, tmp_path, delay, size):
+    program, workers = start(rods, tmp_path, size)
+    assert len(workers) == size
     time.sleep(delay)
     begun = time.monotonic()
     program.send_signal(signal.SIGINT)
