@@ -11,6 +11,7 @@ from benchmark.pipeline.records import read_records
 from benchmark.runs import runner
 from benchmark.runs.runner import run
 from tests.runs.toy import FAULTS, noted, planned, run_toy
+from tests.toy import wait_for
 
 FAULTY = (
     "fine", "bug", "exits", "os-exit", "segfault", "killed", "hang", "memory", "nan", "short", "picky",
@@ -74,7 +75,7 @@ def test_the_traceback_is_kept(faulty):
 def test_children_of_a_stopped_method_end(faulty):
     processes = [int(line) for line in (faulty[1] / "hang").read_text().split()]
     assert processes
-    assert not [process for process in processes if psutil.pid_exists(process)]
+    wait_for(lambda: not any(map(psutil.pid_exists, processes)), 2.0)
 
 
 def test_failed_jobs_run_again_only_when_asked(rods, faulty):
