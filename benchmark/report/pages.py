@@ -153,11 +153,12 @@ def table_page(pages: Pages, view: TableView) -> Iterator[str]:
     yield from ("<ul>", *(f"<li>{_text(note)}</li>" for note in table_notes(view)), "</ul>")
     yield "<h2>Scores with intervals</h2><p>95 % of resampled classes; dotted: a random order.</p>"
     yield _html(scores_chart(view))
-    yield "<h2>Score against cost</h2><p>No row is both faster and better than those on the line.</p>"
+    column = f", {_text(view.columns[0].title)}" if len(view.columns) > 1 else ""
+    yield f"<h2>Score against cost{column}</h2><p>No row is both faster and better than those on the line.</p>"
     yield _html(cost_chart(view))
     curves = figures.precision_recall(view, pages.forms)
     if curves:
-        yield "<h2>Precision over recall</h2><p>Mean over all queries; a refused shape finds nothing.</p>"
+        yield f"<h2>Precision over recall{column}</h2><p>Mean over all queries; a refused shape finds nothing.</p>"
         yield _html(precision_chart(curves))
 
 

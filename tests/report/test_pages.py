@@ -37,9 +37,10 @@ def pages(folder, *records):
 
 
 def test_records_alone_make_pages_that_say_once_how_to_make_forms_and_need_no_network(tmp_path):
-    found = pages(tmp_path, record(), failed("fell", "it <b>fell</b>"))
+    found = pages(tmp_path, record(), record(input_="view"), failed("fell", "it <b>fell</b>"))
     assert found.keys() == {"index.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html"}
     assert "it &lt;b&gt;fell&lt;/b&gt;" in found["table-rods.html"]
+    assert "Score against cost, mesh" in found["table-rods.html"]
     assert found["table-rods-forms.html"].count("python -m benchmark run -d rods") == 1
     for text in found.values():
         assert not re.search(r"(src|href)=.?(https?:|//)", text)
