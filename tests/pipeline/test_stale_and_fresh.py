@@ -59,7 +59,8 @@ class World:
             del sys.modules[name]
         for module in (code_digest, tasks):
             for value in vars(module).values():
-                if hasattr(value, "cache_clear"):
+                # Sources are parsed again when their time or size has changed.
+                if hasattr(value, "cache_clear") and value is not code_digest._parsed_once:
                     value.cache_clear()
 
     def stale(self) -> dict[str, str]:
