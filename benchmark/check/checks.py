@@ -270,7 +270,7 @@ def _awkward(case: Case) -> str:
             problems.append(f"{name}: {explained(error)}; raise UnsupportedShape with a reason, or treat it")
     if problems:
         raise Failed("; ".join(problems))
-    return f"refuses {', '.join(refused)}, each with a reason" if refused else "all treated"
+    return f"refuses, with a reason: {', '.join(refused)}" if refused else "all treated"
 
 
 # Data sets -----------------------------------------------------------------------------------------------------------
