@@ -109,8 +109,8 @@ class _Run:
         self.first: dict[str, list[str]] = {}
         #: Shapes that are refused for all methods, with the reason, by data set and input.
         self.lost = defaultdict[tuple[str, str], dict[str, str]](dict)
-        #: What was said of them, by data set.
-        self.told = set[tuple[str, str]]()
+        #: Messages about them, by data set.
+        self.announced = set[tuple[str, str]]()
 
     def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
         """Run the jobs."""
@@ -173,11 +173,11 @@ class _Run:
     def _lose(self, step: Step, reason: str) -> None:
         """Refuse a shape for all jobs with its data and input."""
         file, _, problem = reason.partition(": ")
-        is_file = mesh_suffix(Path(file)) in READABLE + EXTENSIONS  # as it was called when its content was first read
-        told = f"{step.shape}: {problem if is_file else reason}"
-        if (step.job.source, told) not in self.told:
-            self.told.add((step.job.source, told))
-            say(told, err=True)
+        is_file = mesh_suffix(Path(file)) in READABLE + EXTENSIONS  # its name when this content was first read
+        message = step.job.source, f"{step.shape}: {problem if is_file else reason}"
+        if message not in self.announced:
+            self.announced.add(message)
+            say(message[1], err=True)
         prepared_as = step.job.source, step.job.row.input
         self.lost[prepared_as][step.shape] = reason
         for key, other in self.jobs.items():
