@@ -20,9 +20,14 @@ def write_frames(folder, classes=("one", "two"), count=2):
         (folder / subject).mkdir(parents=True)
         for pose in range(count):
             depths, mask = frame(seed=10 * number + pose)
-            Image.fromarray(in_millimetres(depths)).save(folder / subject / f"{pose}.png")
-            Image.fromarray(mask).save(folder / subject / f"{pose}_mask.png")
-            Image.new("RGB", (640, 480)).save(folder / subject / f"{pose}-colour.png")
+            colour = Image.new("RGB", (640, 480))
+            images = (
+                (Image.fromarray(in_millimetres(depths)), ""),
+                (Image.fromarray(mask), "_mask"),
+                (colour, "-colour"),
+            )
+            for image, ending in images:
+                image.save(folder / subject / f"{pose}{ending}.png", compress_level=1)
     (folder / "intrinsics.txt").write_text(INTRINSICS)
     return folder
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 
 import psutil
 import pytest
@@ -107,10 +108,7 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, m
 
 
 def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_path, capsys):
-    folder = tmp_path / "rods"
-    folder.mkdir()
-    for path in rods.iterdir():
-        (folder / path.name).write_bytes(path.read_bytes())
+    folder = shutil.copytree(rods, tmp_path / "rods")
     (folder / "thin2.off").write_text("OFF\n3 1 0\n0 0 0\n")
     records = run_toy(folder, tmp_path / "results", "identity", "surface-area", inputs=("mesh", "view"))
     for record in records.values():

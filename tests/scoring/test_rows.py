@@ -111,13 +111,13 @@ def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
 def test_verbs_show_rows_of_other_programs_beside_ours(tmp_path):
     rods, results = write_rods(tmp_path / "rods", bends=(0.0, 1.0)), tmp_path / "results"
     (tmp_path / "d.csv").write_text(pd.DataFrame(1 - np.eye(4), *[["thin1", "thin0", "thick0", "thick1"]] * 2).to_csv())
-    selected = ("-d", rods, "--input", "mesh", "--results", results)
+    selected = ("-d", rods, "--input", "mesh", "--scorer", SMALL_SCORER, "--results", results)
     call("run", *selected, "-m", "identity", "-j", 0)
     kept = call("score", tmp_path / "d.csv", "--labels", rods, "--results", results, "--title", "My method")
     assert "kept as external-my-method" in kept
     call("run", *selected, "--forms", f"Other={rods}")
-    rows = {row["method"]: row for row in json.loads(call("tables", "--results", results, "--format", "json"))}
+    rows = {row["method"]: row for row in json.loads(call("tables", *selected, "--format", "json"))}
     assert {"identity", "external-my-method", "external-other"} <= rows.keys()
     assert rows["external-my-method"]["NN"] == pytest.approx(1 / 3, abs=1e-6)
     assert rows["external-other"]["NN"] == rows["identity"]["NN"]
-    assert "external-my-method" in call("compare", "external-my-method", "identity", "--results", results, "-d", "rods")
+    assert "external-my-method" in call("compare", "external-my-method", "identity", *selected)
