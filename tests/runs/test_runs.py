@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -105,16 +106,23 @@ def test_a_folder_that_cannot_be_written_is_named(rods, tmp_path):
         run_toy(rods, tmp_path / "results", "surface-area")
 
 
+@pytest.fixture(scope="module")
+def finished(rods, tmp_path_factory):
+    """The folder of a finished run, to be read only, and its record."""
+    folder = tmp_path_factory.mktemp("finished")
+    return folder, run_toy(rods, folder, "identity")["identity"]
+
+
 @pytest.mark.parametrize("kind", ["prepared", "forms", "signatures", "records"])
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "empty"])
-def test_a_damaged_file_of_any_kind_is_made_again(rods, tmp_path, kind, damage):
-    before = run_toy(rods, tmp_path, "identity")["identity"]
-    path = sorted((tmp_path / "runs" / kind).glob("*.npz"))[0]
+def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, kind, damage):
+    results, before = shutil.copytree(finished[0], tmp_path / "results"), finished[1]
+    path = sorted((results / "runs" / kind).glob("*.npz"))[0]
     content = bytearray(path.read_bytes())
     middle = len(content) // 2
     content[middle] ^= 255
     path.write_bytes({"truncated": content[:middle], "flipped": content, "empty": b""}[damage])
-    after = run_toy(rods, tmp_path, "identity", again=("finished",))["identity"]
+    after = run_toy(rods, results, "identity", again=("finished",))["identity"]
     assert (after.scores, after.per_query) == (before.scores, before.per_query)
 
 
