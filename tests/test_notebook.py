@@ -15,7 +15,7 @@ from baselines.gps import GPS
 from benchmark.api import Shape
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.preparation import prepare
-from tests.toy import SMALL_SCORER, rod, write_rods
+from tests.toy import SMALL_SCORER, rod
 
 NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_table.ipynb"
 
@@ -34,8 +34,7 @@ def test_dir_lists_what_there_is():
         _ = benchmark.rum
 
 
-def test_jobs_run_in_this_process_once_and_silently(tmp_path, capfd):
-    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+def test_jobs_run_in_this_process_once_and_silently(rods, tmp_path, capfd):
     methods = ["identity", ClassicMDS(), flat_shape, broken]
     chosen: Any = {"scorer": SMALL_SCORER, "results": tmp_path / "results"}
     jobs = benchmark.run(rods, methods, **chosen)
@@ -52,8 +51,7 @@ def test_jobs_run_in_this_process_once_and_silently(tmp_path, capfd):
     np.testing.assert_allclose(form.vertices, prepared.vertices * [1, 1, 0.5], atol=1e-6)
 
 
-def test_a_method_that_is_named_has_a_row_in_quick_runs(tmp_path):
-    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+def test_a_method_that_is_named_has_a_row_in_quick_runs(rods, tmp_path):
     assert benchmark.run(rods, "surface-area", results=tmp_path, quick=True)["status"].tolist() == ["ok"]
 
 

@@ -54,8 +54,7 @@ def implicit_surface(distance, *, extent: float = 1.6, resolution: int = 56, n_v
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     # Moved off the grid: marching cubes makes triangles without area where the level passes through a node.
     vertices, faces, _ = igl.marching_cubes(distance(grid + 0.0123), grid, resolution, resolution, resolution, 0.0)
-    mesh = Mesh(vertices, faces)
-    return prepare(mesh if signed_volume(mesh) > 0 else Mesh(vertices, faces[:, ::-1]), n_vertices).mesh
+    return prepare(Mesh(vertices, faces), n_vertices).mesh
 
 
 def capsule(points: np.ndarray, start, end, radius: float) -> np.ndarray:
@@ -73,9 +72,3 @@ def moved_to(points: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 def shape_of(mesh: Mesh, name: str = "test") -> Shape:
     return Shape(identifier=name, mesh=mesh)
-
-
-def signed_volume(mesh: Mesh) -> float:
-    """Volume inside a closed surface, negative if its triangles face inwards."""
-    a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
-    return float(np.einsum("fi,fi->", np.cross(a, b), c) / 6)

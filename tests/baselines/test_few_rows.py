@@ -9,13 +9,7 @@ from baselines.accelerated_mds import AcceleratedMDS
 from baselines.classic_mds import ClassicMDS
 from baselines.fast_classical_scaling import FastClassicalScaling
 from baselines.fast_mds import FastMDS
-from tests.baselines.embedding import (
-    PointShape,
-    RowsOnly,
-    limbed,
-    points_on_ellipsoid,
-    spread,
-)
+from tests.baselines.embedding import PointShape, RowsOnly, limbed, points_on_ellipsoid, spread
 
 
 @pytest.mark.parametrize(

@@ -1,30 +1,15 @@
 from itertools import permutations
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from baselines._kernels import curve_skeleton
 from baselines._kernels.curve_skeleton import CurveSkeleton, contraction_skeleton
 from baselines.skeleton import Skeleton, bones_of_triangles, follow_rotations
 from benchmark.api.contracts import Mesh
-from tests.baselines.deformable import (
-    capsule,
-    centre_line,
-    implicit_surface,
-    shape_of,
-    sheet,
-    straightness,
-    tube,
-)
+from tests.baselines.deformable import capsule, centre_line, implicit_surface, shape_of, sheet, straightness, tube
 
 TIPS = np.array([[-1.1, 0.0, 0.0], [0.9, 0.8, 0.0], [0.8, -0.9, 0.3]])
-
-
-@pytest.fixture(scope="module")
-def y_shape() -> Mesh:
-    """Three arms of different length that meet at the origin."""
-    return implicit_surface(lambda p: np.min([capsule(p, [0, 0, 0], tip, 0.2) for tip in TIPS], axis=0))
 
 
 def test_it_agrees_with_the_simplices_of_sumner_and_popovic():
@@ -51,7 +36,9 @@ def test_it_agrees_with_the_simplices_of_sumner_and_popovic():
     np.testing.assert_allclose(moved - moved.mean(axis=0), solution - solution.mean(axis=0), atol=1e-9)
 
 
-def test_of_a_y_has_three_branches(y_shape):
+def test_of_a_y_has_three_branches():
+    """Three arms of different length that meet at the origin."""
+    y_shape = implicit_surface(lambda p: np.min([capsule(p, [0, 0, 0], tip, 0.2) for tip in TIPS], axis=0))
     skeleton = contraction_skeleton(y_shape)
     assert sorted(skeleton.degrees[skeleton.degrees != 2].tolist()) == [1, 1, 1, 3]
     # The prepared mesh has area 1.

@@ -50,21 +50,12 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
 
 
 def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_path):
-    arguments = (
-        "-m",
-        "nearest-view[training_seed=1]",
-        *SMALL,
-        "--results",
-        tmp_path,
-        "--data-root",
-        root,
-        "-t",
-        "III-view",
-    )
-    told = call("plan", *arguments)
+    folders = ("--results", tmp_path, "--data-root", root)
+    selection = ("-t", "III-view", "-m", "nearest-view[training_seed=1]", *SMALL, *folders)
+    told = call("plan", *selection)
     assert f"unavailable  tosca view nearest-view[training_seed=1] by {SMALL_SCORER}" in told
     command = shlex.split(told.split("`")[1])
     assert command[3:7] == ["train", "nearest-view[training_seed=1]", "--table", "tosca-III"]
-    call("run", *arguments, "-j", "0", code=1)
-    call(*command[3:-2], "--results", tmp_path, "--data-root", root)
-    assert "2 of 2 jobs to run" in call("plan", *arguments)
+    call("run", *selection, "-j", "0", code=1)
+    call(*command[3:-2], *folders)
+    assert "2 of 2 jobs to run" in call("plan", *selection)

@@ -42,11 +42,8 @@ class Scene:
         body, *rest = (self._mesh(mesh, camera) for mesh in (figure(), *self.others))
         rest += [self._plane((0, 0, 1), figure().vertices[:, 2].min(), camera)] if self.floor else []
         rest += [self._plane((0, -1, 0), -self.wall, camera)] if self.wall is not None else []
-        behind = (
-            np.min([np.where(image > 0, image, np.inf) for image in rest], axis=0)
-            if rest
-            else np.full_like(body, np.inf)
-        )
+        nothing = np.full_like(body, np.inf)
+        behind = np.min([nothing, *(np.where(image > 0, image, np.inf) for image in rest)], axis=0)
         mask = (body > 0) & (body <= behind)
         return np.where(mask, body, np.where(np.isfinite(behind), behind, 0)), mask
 

@@ -75,7 +75,10 @@ def write_model(method: Any, folder: Path) -> None:
     import torch
     from safetensors.torch import save
 
-    network, card = _built(method)
+    from learned.models import CONFIGURATIONS
+
+    chosen = CONFIGURATIONS[method.configuration]
+    network, configuration = chosen.build(), msgspec.to_builtins(chosen)
     with torch.no_grad():
         for place, (name, parameter) in enumerate(network.named_parameters()):
             drawn = np.random.RandomState(place).uniform(-1, 1, tuple(parameter.shape))
@@ -94,12 +97,5 @@ def write_model(method: Any, folder: Path) -> None:
     folder.mkdir(parents=True)
     (folder / "weights.safetensors").write_bytes(content)
     facts = {"digest": hashlib.sha256(content).hexdigest(), "data": "golden", "subjects": ["a"], "identifiers": ["a"]}
-    (folder / "card.json").write_text(json.dumps({**card, **facts}))
-
-
-def _built(method: Any) -> tuple[Any, dict[str, Any]]:
-    """Return the untrained network of a learner, and the content of its card."""
-    from learned.models import CONFIGURATIONS
-
-    chosen = CONFIGURATIONS[method.configuration]
-    return chosen.build(), {"configuration": msgspec.to_builtins(chosen), "schedule": {"resolution": 128}}
+    card = {"configuration": configuration, "schedule": {"resolution": 128}, **facts}
+    (folder / "card.json").write_text(json.dumps(card))

@@ -16,11 +16,8 @@ from tests.baselines.deformable import moved_to
 from tests.geometry.surfaces import flat_grid, limbed_body, relabelled, sphere
 
 BODY = limbed_body()
-
-
-def symmetric_shapes() -> dict[str, Mesh]:
-    box = trimesh.creation.box((1.0, 1.0, 3.0))
-    return {"box": Mesh(box.vertices, box.faces), "ball": sphere(2), "sheet": flat_grid(4)}
+BOX = trimesh.creation.box((1.0, 1.0, 3.0))
+SYMMETRIC = {"box": Mesh(BOX.vertices, BOX.faces), "ball": sphere(2), "sheet": flat_grid(4)}
 
 
 def test_numbering_division_and_rigid_motion_leave_no_trace_in_the_frame() -> None:
@@ -34,9 +31,9 @@ def test_numbering_division_and_rigid_motion_leave_no_trace_in_the_frame() -> No
     assert np.abs(in_frame(moved).vertices - framed).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", symmetric_shapes())
+@pytest.mark.parametrize("name", SYMMETRIC)
 def test_a_symmetric_shape_has_a_frame_and_lies_at_the_origin(name: str) -> None:
-    framed = in_frame(symmetric_shapes()[name])
+    framed = in_frame(SYMMETRIC[name])
     assert framed.area == pytest.approx(1)
     assert framed.face_areas @ framed.vertices[framed.faces].mean(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
 

@@ -71,10 +71,9 @@ def test_a_quick_run_has_one_fold_and_few_poses():
         galleries(["IV"], quick=True)
 
 
-def test_a_folder_gets_its_own_table_with_both_inputs(tmp_path):
-    write_rods(tmp_path / "rods")
+def test_a_folder_gets_its_own_table_with_both_inputs(rods, tmp_path):
     write_rods(tmp_path / "III")
-    assert names([], [str(tmp_path / "rods")]) == [("rods", "rods", "mesh"), ("rods", "rods", "view")]
+    assert names([], [str(rods)]) == [("rods", "rods", "mesh"), ("rods", "rods", "view")]
     assert {name for name, *_ in names([], [str(tmp_path / "III")])} == {"III-folder"}
 
 
@@ -120,9 +119,8 @@ def test_a_method_that_is_named_has_a_row_everywhere():
     assert rows(quick, "mesh", "shape-dna", named=True) == ["shape-dna"]
 
 
-def test_forms_that_the_paper_does_not_compare_run_by_default_on_animals_and_own_sets_alone(tmp_path):
-    shapes = write_rods(tmp_path / "rods")
-    own = next(iter(galleries([], [str(shapes)])))
+def test_forms_that_the_paper_does_not_compare_run_by_default_on_animals_and_own_sets_alone(rods):
+    own = next(iter(galleries([], [str(rods)])))
     assert "feature-preserved" in rows(gallery("III"), "mesh") and "feature-preserved" in rows(own, "mesh")
     humans = {name for table in ("I", "II") for name in rows(gallery(table), "mesh")}
     assert not {"feature-preserved", "accelerated-mds"} & humans

@@ -60,8 +60,7 @@ def test_docstrings_comments_layout_and_other_files_do_not_matter(plugin):
 
 
 def test_a_lazy_attribute_counts(plugin):
-    imports = "from package import anything"
-    write_plugin(plugin, imports=imports)
+    write_plugin(plugin, imports="from package import anything")
     assert "package/lazy.py" in code_of(str(plugin))
 
 
