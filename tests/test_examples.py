@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from benchmark.pipeline.records import read_records
-from tests.toy import write_rods
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -47,12 +46,11 @@ def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
     ("source", "reason"),
     [("kill -SEGV $$", "graph-stress ended with exit code -11"), ("echo too flat >&2; exit 2", "too flat")],
 )
-def test_a_program_may_crash_or_refuse(far, tmp_path, source, reason):
+def test_a_program_may_crash_or_refuse(far, rods, tmp_path, source, reason):
     (tmp_path / "graph_stress").write_text(f"#!/bin/sh\n{source}")
     (tmp_path / "graph_stress").chmod(0o755)
-    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
     plugin = ("-m", "graph-stress", "--plugin", "graph_stress.py")
-    far("benchmark", "run", "-d", "rods", *plugin, "--input", "mesh", code=1)
+    far("benchmark", "run", "-d", rods, *plugin, "--input", "mesh", code=1)
     (record,) = read_records(tmp_path / "results")
     assert record.status == "failed"
     assert reason in record.reason

@@ -30,15 +30,11 @@ def rods(tmp_path):
     return write_rods(tmp_path / "rods")
 
 
-def without_faces(mesh, faces):
-    return Mesh(mesh.vertices, np.delete(mesh.faces, faces, axis=0))
-
-
 def test_the_number_of_holes_agrees_with_libigl():
     random = np.random.default_rng(0)
     compared = 0
     for _ in range(40):
-        faces = without_faces(ROD, random.choice(ROD.n_faces, 6, replace=False)).faces.astype(np.int64)
+        faces = np.delete(ROD.faces, random.choice(ROD.n_faces, 6, replace=False), axis=0).astype(np.int64)
         loops = igl.boundary_loop_all(faces)
         if min(map(len, loops)) >= 3:  # holes that touch in a vertex are cut up differently
             assert count_holes(faces) == len(loops)

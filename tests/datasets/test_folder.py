@@ -26,15 +26,12 @@ def numbered(folder):
     return folder
 
 
-def listed(folder):
-    return [(entry.identifier, entry.subject) for entry in folder_set(folder).shapes]
-
-
 @pytest.mark.parametrize(("order", "men"), [("0123", "01"), ("3021", "03")])
 def test_classes_come_from_a_cla_file_in_the_order_of_the_numbers(tmp_path, order, men):
     numbered(tmp_path)
     (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n{}\n{}\n\nwoman 0 2\n{}\n{}\n".format(*order))
-    assert listed(tmp_path) == [(number, "man" if number in men else "woman") for number in "0123"]
+    labels = {entry.identifier: entry.subject for entry in folder_set(tmp_path).shapes}
+    assert list(labels.items()) == [(number, "man" if number in men else "woman") for number in "0123"]
 
 
 @pytest.mark.parametrize(

@@ -38,11 +38,6 @@ def renumbered(mesh: Mesh, seed: int) -> Mesh:
     return Mesh(mixed.vertices, np.take_along_axis(faces, turned, axis=1))
 
 
-def balls(count: int) -> Mesh:
-    """Equal small spheres in a row, a gap of 0.1 between them."""
-    return joined(*(moved(sphere(0), 0.3 * at, 3, 0, scale=0.1) for at in range(count)))
-
-
 PIECES = joined(limbed_body(4), moved(sphere(3), 3, 0, 0, scale=0.5), moved(flat_grid(8), -4, 1, 1))
 prepared_once = cache(prepare)
 TORUS = trimesh.creation.torus(2.0, 0.7, major_sections=100, minor_sections=50)
@@ -156,24 +151,20 @@ def test_limbs_are_bridged_debris_is_dropped_and_the_report_says_so() -> None:
 
 @pytest.mark.parametrize("count", [60, 120, 1000])
 def test_equal_pieces_are_bridged_and_debris_is_a_hundredth_in_all(count: int) -> None:
-    prepared = prepare(balls(count))
+    """Small spheres in a row, a gap of 0.1 between them."""
+    prepared = prepare(joined(*(moved(sphere(0), 0.3 * at, 3, 0, scale=0.1) for at in range(count))))
     assert prepared.report["dropped_components"] == count // 100
     assert prepared.report["bridges"] == count - count // 100 - 1
     assert prepared.notes["largest_gap"] < 0.2 or count > 100
     assert_ready(prepared)
 
 
-def test_a_dirty_mesh_is_repaired_and_the_report_says_how() -> None:
+def test_triangles_that_are_stored_one_by_one_with_a_wall_become_the_surface_again() -> None:
     ball = sphere(3)
-    soup = ball.vertices[ball.faces].reshape(-1, 3)
-    n = len(soup)
-    extra = [[0, 1, n], [0, 0, 1], [2, 1, 0]]
-    dirty = Mesh([*soup, [0, 0, 1.5], [7, 7, 7]], [*np.arange(n).reshape(-1, 3), *extra])
-    prepared = prepare(dirty)
-    report = prepared.report
-    assert report["merged"] == n - ball.n_vertices
-    assert (report["degenerate_faces"], report["duplicate_faces"], report["unreferenced"]) == (1, 1, 1)
-    assert (report["non_manifold_edges"], report["boundary_edges"]) == (1, 2)
+    corners = ball.vertices[ball.faces].reshape(-1, 3)
+    faces, wall = np.arange(len(corners)).reshape(-1, 3), [0, 1, len(corners)]
+    prepared = prepare(Mesh([*corners, 0.51 * (corners[0] + corners[1])], [*faces, wall]))
+    assert prepared.mesh.n_vertices == ball.n_vertices
     assert_ready(prepared)
 
 

@@ -28,10 +28,6 @@ def rectangle(width: float, height: float, z: float = 0.0, x: float = 0.0) -> Me
     return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def ball(radius: float) -> Mesh:
-    return sphere(5).with_vertices(radius * sphere(5).vertices)
-
-
 @pytest.mark.kernels
 def test_the_nearer_triangle_wins_whatever_the_order_and_winding_and_shifts_move_pixels() -> None:
     square = np.array([[0, 0], [4, 0], [4, 4], [0, 4]])
@@ -85,7 +81,8 @@ def test_no_cracks_inside_a_triangulated_square(seed: int, snap: float) -> None:
 
 
 def test_a_sphere_has_its_analytic_depth_and_back_projection_inverts_it() -> None:
-    image = render_depth(ball(0.8), FRONT, half_width=1.0)
+    ball = sphere(5)
+    image = render_depth(ball.with_vertices(0.8 * ball.vertices), FRONT, half_width=1.0)
     y, x = np.meshgrid((np.arange(500) + 0.5) / 250 - 1, (np.arange(500) + 0.5) / 250 - 1, indexing="ij")
     inside = x**2 + y**2 < 0.7**2
     expected = (1 + np.sqrt(0.64 - x**2 - y**2, where=inside, out=np.zeros_like(x))) / 2

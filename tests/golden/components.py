@@ -54,9 +54,6 @@ GENERATED: Mapping[str, tuple[int, ...]] = {
     "animals-few": (1, 16),
 }
 
-#: Additional parts of sets: properties that two or three shapes do not show.
-WHOLE = {"humans-scanlike": "bodies", "people": "subjects"}
-
 
 class Part(NamedTuple):
     """One call: its name, function and arguments."""
@@ -134,8 +131,8 @@ def _generated(name: str) -> Iterator[Part]:
     yield Part("all", stages.entries_of, (dataset,))
     for entry in (dataset.shapes[place] for place in GENERATED[name]):
         yield Part(entry.identifier, stages.mesh_of, (dataset, entry))
-    if name in WHOLE:
-        yield Part(WHOLE[name], getattr(stages, WHOLE[name]))
+    if name == "humans-scanlike":
+        yield Part("bodies", stages.bodies)
 
 
 def _changed(name: str) -> Iterator[Part]:

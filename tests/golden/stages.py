@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import digest
 from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
 from benchmark.datasets.changes import changed as changed_set
-from benchmark.datasets.people import _SCANNED_POSES, PEOPLE
+from benchmark.datasets.people import _SCANNED_POSES
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.pipeline import preparation
@@ -145,11 +144,6 @@ def mesh_of(dataset: ShapeSet, entry: Entry, step: int = 100) -> Arrays:
     """Return some vertices, and all faces, of a shape of a data set."""
     mesh = dataset.load(entry)
     return {"vertices": mesh.vertices[::step], "faces": mesh.faces, "count": mesh.n_vertices}
-
-
-def subjects() -> Arrays:
-    """Return the phenotypes of all draws of random subjects."""
-    return {f"draw-{n}": [astuple(body) for body in drawn.values()] for n, drawn in enumerate(PEOPLE)}
 
 
 def bodies() -> Arrays:
