@@ -40,11 +40,8 @@ def test_shapes_cameras_noise_and_canonical_poses_come_back(tmp_path, changes):
     names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
     assert (sorted(written), problems) == (sorted(names), [])
     assert (back.half_width, back.stand_in_for) == (1.3, "tosca")
-    assert {subject: entry.pose for subject, entry in canonical_shapes(back).items()} == {
-        "cat": "sit",
-        "man-1": "stand",
-        "man-2": "stand",
-    }
+    canonical = {subject: entry.pose for subject, entry in canonical_shapes(back).items()}
+    assert canonical == {"cat": "sit", "man-1": "stand", "man-2": "stand"}
     exported = {(entry.subject, entry.pose): entry for entry in back.shapes}
     for before in source.shapes:
         after = exported[before.subject, before.pose]

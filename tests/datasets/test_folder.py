@@ -138,10 +138,9 @@ def test_a_link_that_leads_nowhere_costs_its_shape(rods):
 # Settings
 
 
-def settled(tmp_path, text):
-    write_rods(tmp_path / "rods")
-    (tmp_path / "rods" / "dataset.toml").write_text(text, encoding="utf-8")
-    return folder_set(tmp_path / "rods")
+def settled(folder, text):
+    (folder / "dataset.toml").write_text(text, encoding="utf-8")
+    return folder_set(folder)
 
 
 def cameras(dataset):
@@ -159,8 +158,8 @@ def cameras(dataset):
     ],
     ids=["whole set", "class"],
 )
-def test_settings_of_a_set_or_of_a_class(tmp_path, text, canonical, of_classes):
-    dataset = settled(tmp_path, 'half_width = 2\nstand_in_for = "tosca"\n' + text)
+def test_settings_of_a_set_or_of_a_class(rods, text, canonical, of_classes):
+    dataset = settled(rods, 'half_width = 2\nstand_in_for = "tosca"\n' + text)
     assert [canonical_shapes(dataset)[subject].identifier for subject in ("thick", "thin")] == canonical
     assert list(cameras(dataset).values()) == of_classes
     assert (dataset.half_width, dataset.stand_in_for) == (2.0, "tosca")
@@ -176,8 +175,8 @@ def test_settings_of_a_set_or_of_a_class(tmp_path, text, canonical, of_classes):
         ('up = "y"\ncamera = { direction = [1, 0, 0] }', Camera((1, 0, 0), (0, 1, 0))),
     ],
 )
-def test_cameras(tmp_path, text, camera):
-    assert cameras(settled(tmp_path, text)) == {"thick": camera, "thin": camera}
+def test_cameras(rods, text, camera):
+    assert cameras(settled(rods, text)) == {"thick": camera, "thin": camera}
 
 
 @pytest.mark.parametrize(
@@ -200,7 +199,7 @@ def test_cameras(tmp_path, text, camera):
         ("camera = { direction = [1" + "0" * 400 + ", 0, 0] }", "write the name of a view"),
     ],
 )
-def test_wrong_settings_are_named(tmp_path, text, message):
+def test_wrong_settings_are_named(rods, text, message):
     with pytest.raises(BenchmarkError, match=message) as caught:
-        settled(tmp_path, text)
+        settled(rods, text)
     assert re.search(r"dataset\.toml", str(caught.value))

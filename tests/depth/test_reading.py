@@ -280,9 +280,7 @@ def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(tmp_path: Pat
     assert caught.value.hint
 
 
-def test_intrinsics_of_another_size_are_refused_and_numbers_on_the_command_line_are_no_file() -> None:
-    with pytest.raises(DepthError, match="those of 1280 x 960 pixels, the image has 640 x 480"):
-        Intrinsics(1050, 1050, 640, 480, (1280, 960)).check_size(*SIZE)
+def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> None:
     with pytest.raises(DepthError, match="far from the middle"):
         Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
     Intrinsics(525, 525, 600, 100, SIZE).check_size(*SIZE)  # a part of a larger image

@@ -133,12 +133,10 @@ def test_a_checkpoint_of_another_training_is_refused_by_name(
         run(other, tmp_path)
 
 
-@pytest.mark.parametrize("content", [b"", b"noise", b"PK\x03\x04", "half"])
-def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: bytes | str) -> None:
+@pytest.mark.parametrize("content", [b"", b"noise", b"PK\x03\x04"])
+def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: bytes) -> None:
     run(pairs, tmp_path)
-    path = tmp_path / CHECKPOINT
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2] if isinstance(content, str) else content)
+    (tmp_path / CHECKPOINT).write_bytes(content)
     with pytest.raises(TrainingError, match="is damaged; delete it and train again"):
         run(pairs, tmp_path)
 
