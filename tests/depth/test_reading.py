@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import zipfile
 from pathlib import Path
 
 import cv2
@@ -33,6 +34,15 @@ def stored(values: np.ndarray, kind: str, **named: np.ndarray) -> bytes:
         np.savez_compressed(stream, **named or {"frame": values})
     else:
         Image.fromarray(values).save(stream, kind)
+    return stream.getvalue()
+
+
+def declaring(name: str, size: int) -> bytes:
+    """Return an archive with an empty member of which it says that it has this many bytes."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr(name, b"")
+        archive.filelist[0].file_size = size
     return stream.getvalue()
 
 
@@ -99,7 +109,7 @@ BAD_IMAGES: dict[str, tuple[bytes | None, str]] = {
     "channels.npy": (stored(np.zeros((30, 40, 3)), "npy"), r"shape \(30, 40, 3\) is no depth image"),
     "two.npz": (stored(FLOATS, "npz", a=FLOATS, b=FLOATS), "holds a, b; name the array of depths 'depth'"),
     "noise.npz": (b"PK\x03\x04 and more", "not a readable npz file"),
-    "large.npz": (stored(FLOATS, "npz", depth=np.zeros((1, 2**25))), "more than 4096 pixels per side"),
+    "large.npz": (declaring("depth.npy", 2**28), "more than 4096 pixels per side"),
     "short.pfm": (pfm()[:-8], "not a readable pfm file: .*truncated"),
     "short.pgm": (pgm(65535)[:-8], "not a readable pgm file"),
     "photo.jpg": (b"", r"unknown extension '\.jpg'; convert it to one of \.png"),

@@ -2,7 +2,6 @@
 
 import ctypes
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -52,11 +51,6 @@ def os_exit(shape):
 @canonical_form(name="segfault", title="Segfault")
 def segfault(shape):
     ctypes.string_at(0)
-
-
-@canonical_form(name="killed", title="Killed")
-def killed(shape):
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 @canonical_form(name="hang", title="Hang")

@@ -15,17 +15,16 @@ from tests.runs.toy import FAULTS, noted, planned, run_toy
 from tests.toy import wait_for
 
 FAULTY = (
-    "fine", "bug", "exits", "os-exit", "segfault", "killed", "hang", "memory", "nan", "short", "picky",
+    "fine", "bug", "exits", "os-exit", "segfault", "hang", "memory", "nan", "short", "picky",
     "refuses", "prints",
 )  # fmt: skip
 
 #: Status and reason of each.
 ENDINGS = {
-    "bug": ("failed", "thick0: faults.py:37: ZeroDivisionError: division by zero"),
-    "exits": ("failed", "thick0: faults.py:42: SystemExit: 3"),
+    "bug": ("failed", "thick0: faults.py:36: ZeroDivisionError: division by zero"),
+    "exits": ("failed", "thick0: faults.py:41: SystemExit: 3"),
     "os-exit": ("crashed", "thick0: the process ended with exit code 3"),
     "segfault": ("crashed", "thick0: the process ended with SIGSEGV"),
-    "killed": ("crashed", "thick0: the process ended with SIGKILL"),
     "hang": ("timeout", "thick0: stopped after 4 s; pass a longer --timeout"),
     "memory": ("memory", "thick0: out of memory; run with fewer jobs (-j 1) or on a larger machine"),
     "nan": ("failed", "thick0: faults.py: method 'nan' returned no canonical form"),
