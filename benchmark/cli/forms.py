@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -213,7 +214,7 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int) ->
     records = {record.row: record for record in read_records(options.results, published=False)}
     row = Row(shapes.name, input_, component.name, options.seed, "" if component.describes else scorer.name)
     if row not in records:
-        command = f"python -m benchmark run -m {component.name} -d {shapes.name} --input {input_}"
+        command = f"python -m benchmark run -m {component.name} -d {shlex.quote(name)} --input {input_}"
         raise ConfigurationError(f"no form of {row} is kept in {options.results}", f"run `{command}` first")
     record = records[row]
     itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]

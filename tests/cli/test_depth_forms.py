@@ -45,7 +45,7 @@ def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
     results, picture = tmp_path / "results", tmp_path / "found.png"
     small = ("--scorer", SMALL_SCORER, "--results", results)
     asked = ("retrieve", "-m", "identity", "-d", frames, *small, frames / "two" / "1.png")
-    assert "run -m identity -d" in refusal(*asked)
+    assert f"run -m identity -d {frames} --input view" in refusal(*asked)
     call("run", "-d", frames, "-m", "identity", "-m", "surface-area", *small, "-j", "0")
     first = call(*asked, "--picture", picture)
     assert first.splitlines()[0].split() == ["rank", "name", "class", "distance"]
