@@ -71,7 +71,6 @@ def tables(
     It needs no data.
     """
     from benchmark.cli.results import print_tables, recorded, selected_tables
-    from benchmark.protocols.tables import TABLES
     from benchmark.report.formats import as_json, latex, markdown
     from benchmark.report.output import FORMATS, scores_csv, table_files, write_files
     from benchmark.report.robustness import robustness_markdown
@@ -80,11 +79,9 @@ def tables(
     views = selected_tables(selection, records)
     is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
     robustness = is_whole or "robustness" in selection.tables
-    last = robustness_markdown(records) if robustness else ""
     if output is not None:
         formats = [format] if format else FORMATS
-        verdicts = is_whole and any(view.table in TABLES for view in views)
-        files = table_files(views, records, formats, verdicts=verdicts, robustness=robustness)
+        files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
         write_files(output, files, force=force)
         say(f"wrote {len(files)} files to {output}")
     elif format == "json":
@@ -93,12 +90,14 @@ def tables(
         say_lines(scores_csv(records))
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
-    elif format == "markdown" or not sys.stdout.isatty():
-        say_lines("\n".join(filter(None, [*map(markdown, views), last])))
     else:
-        print_tables(views)
-        if last:
-            say_lines("\n" + last)
+        last = robustness_markdown(records) if robustness else ""
+        if format == "markdown" or not sys.stdout.isatty():
+            say_lines("\n".join(filter(None, [*map(markdown, views), last])))
+        else:
+            print_tables(views)
+            if last:
+                say_lines("\n" + last)
 
 
 @verb(*_RECORDS, "data_root")

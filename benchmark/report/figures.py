@@ -17,7 +17,7 @@ from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import Record, read_distances
-from benchmark.protocols.tables import TITLES, Kind
+from benchmark.protocols.tables import Kind
 from benchmark.report.drawing import outwardness, shaded
 from benchmark.report.forms import StoredForms
 from benchmark.report.sheets import spread
@@ -169,16 +169,15 @@ def effect_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = (
     records = effect_records(view)
     if not records:
         raise ConfigurationError(f"no selected row of table {view.table.identifier} has forms", "select another method")
-    names = list(shapes) or some_shapes(records[0])
-    lines: list[tuple[str, list[Mesh | None]]] = [("", [forms.shape(records[0], name) for name in names])]
-    lines += [
-        (TITLES.get(record.method, record.title), [forms.form(record, name) for name in names]) for record in records
-    ]
+    first = next(iter(records.values()))
+    names = list(shapes) or some_shapes(first)
+    lines: list[tuple[str, list[Mesh | None]]] = [("", [forms.shape(first, name) for name in names])]
+    lines += [(title, [forms.form(record, name) for name in names]) for title, record in records.items()]
     lines = [(title, meshes) for title, meshes in lines if any(meshes)]
     if len(lines) < 2:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
     figure, axes = subplots(WIDTH, WIDTH / len(names) * len(lines), len(lines), len(names))
-    camera = UPRIGHT if records[0].input == "mesh" else OBLIQUE
+    camera = UPRIGHT if first.input == "mesh" else OBLIQUE
     for of_line, (title, meshes) in zip(axes, lines, strict=True):
         of_line[0].set_title(clean(title), fontsize=_SIZE, loc="left", parse_math=False)
         for place, mesh, shape in zip(of_line, meshes, lines[0][1], strict=True):
@@ -188,12 +187,13 @@ def effect_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = (
     return figure
 
 
-def effect_records(view: TableView) -> list[Record]:
-    """Return one record of the first gallery for each printed row that makes forms."""
-    title = view.columns[0].title
-    rows = [row for row in view.printed_rows if row.kind in ("form", "network") and title in row.scored]
-    every = [row.scored[title].all_records[0] for row in rows]
-    return [record for record in every if record.gallery == every[0].gallery]
+def effect_records(view: TableView) -> dict[str, Record]:
+    """Return one record of the first gallery for each printed row that makes forms, by the title of the row."""
+    column = view.columns[0].title
+    rows = [row for row in view.printed_rows if row.kind in ("form", "network") and column in row.scored]
+    every = {row.title: row.scored[column].all_records[0] for row in rows}
+    galleries = [record.gallery for record in every.values()]
+    return {title: record for title, record in every.items() if record.gallery == galleries[0]}
 
 
 def values_like(form: Mesh, shape: Mesh | None) -> NDArray[np.float64]:

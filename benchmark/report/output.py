@@ -56,7 +56,8 @@ def table_files(
         files |= {f"{view.stem}.tex": latex(view) for view in views} | {"references.bib": bibliography()}
     if "markdown" in formats:
         files |= {f"{view.stem}.md": markdown(view) for view in views}
-        files |= {"reproduction.md": verdicts_markdown(views)} if verdicts else {}
+        if verdicts and (text := verdicts_markdown(views)):
+            files["reproduction.md"] = text
         if robustness and (text := robustness_markdown(records)):
             files["robustness.md"] = text
     if "csv" in formats:

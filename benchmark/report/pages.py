@@ -29,7 +29,6 @@ from benchmark.report.drawing import PALETTE, shaded
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import blocks, hundredths
 from benchmark.report.forms import StoredForms
-from benchmark.report.frames import row_of
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
@@ -221,10 +220,9 @@ def precision_chart(curves: Iterable[tuple[Row, NDArray[np.float64]]]) -> Figure
 
 def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of forms: poses of one subject, each with its forms by several methods."""
-    records = figures.effect_records(view)[: SIDE_BY_SIDE - 1]
-    shapes = figures.some_shapes(records[0], 1, POSES) if records else []
-    titles = {row.method: row.title for row in view.rows}
-    rows = {shape: _forms_of(pages, {titles[row_of(record)]: record for record in records}, shape) for shape in shapes}
+    records = dict(islice(figures.effect_records(view).items(), SIDE_BY_SIDE - 1))
+    shapes = figures.some_shapes(next(iter(records.values())), 1, POSES) if records else []
+    rows = {shape: _forms_of(pages, records, shape) for shape in shapes}
     if not any(len(meshes) > 1 for meshes in rows.values()):
         yield f"<p>No forms of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
         return

@@ -289,17 +289,17 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
         if table.includes(base) or {base, record.method} & shown or table not in TABLES:
             rows.setdefault(row_of(record), []).append(record)
     every = [_row(method, of, galleries, labels) for method, of in rows.items()]
-    made = [row for row in every if row.scored or row.failed or row.method in printed]
+    listed = [row for row in every if row.scored or row.failed or row.method in printed]
     order = {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))}
-    made.sort(key=lambda row: (list(BLOCKS).index(row.kind), order.get(row.method, len(order)), row.title))
-    titles = Counter(row.title for row in made)
-    made = [replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row for row in made]
+    listed.sort(key=lambda row: (list(BLOCKS).index(row.kind), order.get(row.method, len(order)), row.title))
+    titles = Counter(row.title for row in listed)
+    listed = [replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row for row in listed]
     ranked = {column: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
     known = [column for column in table.columns if ranked[column]]
-    columns = tuple(column for column in known if any(column.title in row.scored for row in made)) or tuple(known[:1])
+    columns = tuple(column for column in known if any(column.title in row.scored for row in listed)) or tuple(known[:1])
     return TableView(
         table, dataset, _title(sample), quick, columns, {column.title: ranked[column] for column in known},
-        tuple(made), printed, shown, tuple(dict.fromkeys(left_out)),
+        tuple(listed), printed, shown, tuple(dict.fromkeys(left_out)),
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.protocols.tables import TITLES
+from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import CLAIMS, CLASSICAL, MEASURES, PRINTED, Claim
 from benchmark.report.formats import hundredths, markdown_table
 from benchmark.report.statistics import ALPHA, class_test, holm
@@ -129,7 +129,9 @@ def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
 
 
 def verdicts_markdown(views: Sequence[TableView]) -> str:
-    """Return verdicts and claims as Markdown."""
+    """Return verdicts and claims as Markdown; "" without a table of the suite."""
+    if not any(view.table in TABLES for view in views):
+        return ""
     assessed, lines = verdicts(views), ["**What of the paper holds up.**", ""]
     if assessed:
         counts = Counter(verdict for figures in assessed.values() for *_, verdict in figures)
