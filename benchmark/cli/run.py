@@ -100,9 +100,10 @@ def run(
     _announce(jobs, selection.data_root)
     to_run = [job for job in jobs if job.to_run]
     say(f"{len(to_run)} of {len(jobs)} jobs to run, {sum(job.state == 'finished' for job in jobs)} finished before")
-    supported = {job.record.method for job in jobs if job.state != "unsupported" or not selection.is_narrow}
+    supported = {job.record.method for job in jobs if job.state != "unsupported"}
     for job in jobs:
-        if (job.state in ("failed", "unavailable") or job.record.method not in supported) and not job.to_run:
+        is_useless = selection.is_narrow and job.record.method not in supported
+        if (job.state in ("failed", "unavailable") or is_useless) and not job.to_run:
             remedy = "; --retry runs it again" if job.state == "failed" else ""
             say(f"{job.state:<11}  {job.record.row}  {brief(job.reason)}{remedy}")
     if to_run and not any(map(compiled_kernels, suite_sources())):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,9 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     DatasetError
         If ``dataset.toml`` is unreadable or a value is invalid.
     """
-    settings = frame_settings(folder)
+    path = folder / SETTINGS_FILE
+    values = _read(path)
+    settings = _camera(values, path)
     files = {entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path}
 
     def key(entry: Entry) -> str:
@@ -52,8 +55,6 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         folder=folder,
         code=(__name__,),
     )
-    path = folder / SETTINGS_FILE
-    values = _read(path)
     if "canonical_pose" not in values:
         return shapes
     return replace(shapes, canonical_poses=canonical_poses(values["canonical_pose"], shapes, path))
@@ -62,11 +63,14 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
 def frame_settings(folder: Path) -> dict[str, Any]:
     """Return the camera in a folder's ``dataset.toml`` as keywords of ``FrameFiles``; errors as in ``depth_frames``."""
     path = folder / SETTINGS_FILE
-    values = _read(path)
+    return _camera(_read(path), path)
+
+
+def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
     scale = positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
     half_width = positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
     try:
-        intrinsics = intrinsics_of(str(values["intrinsics"]), folder) if "intrinsics" in values else None
+        intrinsics = intrinsics_of(str(values["intrinsics"]), path.parent) if "intrinsics" in values else None
         up = tuple(checked_up(values["up"]).tolist()) if "up" in values else None
     except BenchmarkError as error:
         raise DatasetError(f"{path}: {error.problem}", error.hint) from error

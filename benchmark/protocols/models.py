@@ -200,8 +200,8 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
         words += ["--plugin", str(spec.plugin)]
     hint, package, shipped = f"run `{shlex.join(words)}`", Path(__file__).parents[2], learner.shipped_models
     if shipped.is_relative_to(package) and not (shipped / _ALL_HERE).is_file():
-        place = shipped.relative_to(package)
-        hint += f", or name the folder {place} of a checkout in {MODELS_VARIABLE}: installed packages lack this model"
+        folder = shipped.relative_to(package)
+        hint += f", or name the folder {folder} of a checkout in {MODELS_VARIABLE}: installed packages lack this model"
     return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 
