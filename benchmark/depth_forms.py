@@ -16,9 +16,9 @@ from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
+from benchmark.pipeline.stages import compute_form
 from benchmark.protocols.models import with_model
 from benchmark.registry import Component, select_one
-from benchmark.registry.outputs import compute_form
 
 __all__ = ["canonical_form_of_depth", "form_of_object", "method_of_depth"]
 
@@ -137,7 +137,7 @@ def form_of_object(
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
     """Return the form of a shape with the given notes, those of the method, and those on the fit."""
-    form, notes = compute_form(maker, shape)
-    plain = {name: str(note) if note.dtype.kind == "U" else float(note) for name, note in notes.items()}
+    form = compute_form(maker, shape)
+    notes = {name: str(note) if isinstance(note, str) else float(note) for name, note in form.notes.items()}
     fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
-    return CanonicalForm(form.vertices, form.faces, {**first, **plain, **fit})
+    return CanonicalForm(form.vertices, form.faces, {**first, **notes, **fit})

@@ -15,14 +15,8 @@ from benchmark.api.datasets import ShapeSet
 from benchmark.api.parameters import checked, parameter_values
 from benchmark.check.shapes import BENDS, figure, view
 from benchmark.errors import BenchmarkError, UnsupportedShape, locate
+from benchmark.pipeline.stages import compute_descriptor, compute_distances, compute_form, compute_signature
 from benchmark.registry import Component
-from benchmark.registry.outputs import (
-    compare_signatures,
-    compute_descriptor,
-    compute_distances,
-    compute_form,
-    compute_signature,
-)
 
 
 class Failed(Exception):
@@ -117,11 +111,11 @@ class Case:
         """Return the dissimilarities of all pairs by a descriptor or a scorer."""
         created = self.create()
         answers = [self._answer(created, shape) for shape in shapes]
-        return compare_signatures(created, answers, draw) if self.is_scorer else compute_distances(created, answers)
+        return compute_distances(created, answers, draw)
 
     def _answer(self, created: Any, shape: Shape) -> Any:
         if self.is_scorer:
             return compute_signature(created, shape.mesh)
         if self.component.describes:
             return compute_descriptor(created, shape)
-        return compute_form(created, shape)[0].vertices
+        return compute_form(created, shape).vertices

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
 from benchmark.pipeline.cache import Arrays, Cache, Kind
-from benchmark.pipeline.records import Record
-from benchmark.pipeline.stages import FIRST, NOTE, REFUSED, SECONDS
-from benchmark.registry.outputs import compare_signatures, compute_distances
+from benchmark.pipeline.stages import FIRST, NOTE, REFUSED, SECONDS, compute_distances
 from retrieval.measures import score_draws
+
+if TYPE_CHECKING:
+    from benchmark.pipeline.records import Record
 
 #: Arrays of prepared shapes and forms that ranking does not read.
 _SURFACES = ("vertices", "faces", "depth")
@@ -114,7 +115,7 @@ def distances(comparing: Descriptor | Scorer, answers: Sequence[Arrays]) -> Iter
         yield compute_distances(comparing, [arrays["descriptor"] for arrays in answers])
     else:
         signatures = [{name: array for name, array in arrays.items() if name != SECONDS} for arrays in answers]
-        yield from (compare_signatures(comparing, signatures, draw) for draw in range(comparing.info.draws))
+        yield from (compute_distances(comparing, signatures, draw) for draw in range(comparing.info.draws))
 
 
 def _summarise_notes(answered: Iterable[Mapping[Kind, Arrays]]) -> dict[str, dict[str, float]]:

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmark.api.contracts import Descriptor, FloatArray, Input, Mesh, Method, Shape
+from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Input, Mesh, Method, Shape
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.api.scoring import Scorer
+from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.code_digest import code_of_modules, digest
-from benchmark.errors import InvalidForm, InvalidSignature, ShapeError, UnsupportedShape
+from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, ShapeError, UnsupportedShape, one_line
 from benchmark.pipeline.cache import Arrays, Cache
-from benchmark.registry.outputs import compute_descriptor, compute_form, compute_signature
 
-#: Module with the code of all preparations.
-CODE = "benchmark.pipeline.preparation"
+#: Module with the code of all stages.
+CODE = "benchmark.pipeline.stages"
 
 #: Prefix of the names of arrays that are notes on a shape.
 NOTE = "note:"
@@ -191,7 +194,7 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedGeode
     )
 
 
-def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedGeodesics) -> Arrays:
+def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedGeodesics) -> Arrays:
     """Compute the form or the descriptor of a shape; for a refused shape, the reason.
 
     Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is
@@ -211,7 +214,7 @@ def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedGeod
     """
     shared.used = shared.waited = 0.0
     if isinstance(method, Method):
-        arrays = timed(lambda: _form(method, shape))
+        arrays = timed(lambda: _rounded(compute_form(method, shape), shape, method))
     else:
         arrays = timed(lambda: {"descriptor": compute_descriptor(method, shape)})
     if shared.used:
@@ -219,24 +222,120 @@ def compute_answer(method: Method | Descriptor, shape: Shape, shared: SharedGeod
     return {**arrays, SECONDS: arrays[SECONDS] - shared.waited}
 
 
-def _form(method: Method, shape: Shape) -> Arrays:
-    mesh, notes = compute_form(method, shape)
+def _rounded(form: CanonicalForm, shape: Shape, method: Method) -> Arrays:
     with np.errstate(over="ignore"):
-        vertices = mesh.vertices.astype(np.float32)
-    if not (np.isfinite(vertices).all() and mesh.n_faces):
-        what = "coordinates too large for single precision" if mesh.n_faces else "a form without triangles"
-        raise InvalidForm(
-            f"method '{method.info.name}' returned {what}", "keep the scale and the triangles of the shape"
-        )
-    changed = {} if np.array_equal(mesh.faces, shape.mesh.faces) else {"faces": mesh.faces}
-    return {"vertices": vertices, **changed, **{f"{NOTE}{name}": note for name, note in notes.items()}}
+        vertices = form.vertices.astype(np.float32)
+    if not (np.isfinite(vertices).all() and len(form.faces)):
+        what = "coordinates too large for single precision" if len(form.faces) else "a form without triangles"
+        raise InvalidForm(f"{_name(method)} returned {what}", "keep the scale and the triangles of the shape")
+    changed = {} if np.array_equal(form.faces, shape.mesh.faces) else {"faces": form.faces}
+    return {"vertices": vertices, **changed, **{f"{NOTE}{name}": np.asarray(v) for name, v in form.notes.items()}}
 
 
 def mesh_of(form: Arrays, prepared: Arrays) -> Mesh:
-    """Return the form of a shape, from the arrays of :func:`compute_answer` and of the prepared shape."""
+    """Return the form of a shape, from the arrays of :func:`compute_output` and of the prepared shape."""
     return Mesh(form["vertices"], form["faces"] if "faces" in form else prepared["faces"])
 
 
 def sign(scorer: Scorer, form: Mesh) -> Arrays:
     """Compute the signature of a form; for a refused form, the reason."""
     return timed(lambda: compute_signature(scorer, form))
+
+
+# What methods, descriptors and scorers return: values are never cast if that changes them ----------------------------
+
+_FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+_MATRIX_HINT = "return the distances of all pairs as a symmetric matrix of finite numbers"
+_SIGNATURE_HINT = "return a mapping from names to arrays of finite numbers"
+
+
+def compute_form(method: Method, shape: Shape) -> CanonicalForm:
+    """Return the form of a shape by a method; its notes are numbers or text.
+
+    Raises
+    ------
+    ShapeError
+        If the method refuses the shape.
+    InvalidForm
+        If it returns anything other than a form of the shape.
+    """
+    method.info.check(shape)
+    try:
+        return _check_form(method.canonicalise(shape), method)
+    except InvalidMesh as error:  # the shape is valid, so the method made it invalid
+        raise InvalidForm(f"{_name(method)} returned no canonical form: {error.problem}", _FORM_HINT) from error
+
+
+def _check_form(form: object, method: Method) -> CanonicalForm:
+    if not isinstance(form, CanonicalForm):
+        raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm")
+    mesh = form.mesh
+    for name, value in form.notes.items():
+        if not np.isscalar(value) or np.asarray(value).dtype.kind not in "biufU":
+            problem = f"{_name(method)} returned {type(value).__name__} as note '{name}'"
+            raise InvalidForm(problem, "notes must be numbers or strings")
+    return CanonicalForm(mesh.vertices, mesh.faces, form.notes)
+
+
+def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
+    """Return the descriptor of a shape, shape (k,); raise ``ShapeError`` or ``InvalidForm`` if there is none."""
+    method.info.check(shape)
+    return _check_numbers(method.describe(shape), method, (), "return a vector of finite numbers")
+
+
+def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
+    """Return the signature of a form: named arrays.
+
+    Raises
+    ------
+    ShapeError
+        If the scorer refuses the form, for example one without extent.
+    InvalidSignature
+        If it returns anything but named arrays of finite numbers.
+    """
+    return _check_signature(scorer.signature(form), _name(scorer))
+
+
+def _check_signature(signature: object, who: str) -> SignatureArrays:
+    if not isinstance(signature, Mapping) or not signature:
+        raise InvalidSignature(f"{who} returned {type(signature).__name__}, not named arrays", _SIGNATURE_HINT)
+    for name, value in signature.items():
+        if not (isinstance(name, str) and name.isidentifier()):
+            raise InvalidSignature(f"{who} returned an array called {name!r:.80}", "name it like a variable")
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or not np.isfinite(value).all():
+            raise InvalidSignature(f"{who} returned '{name}', not an array of finite numbers", _SIGNATURE_HINT)
+    return dict(signature)
+
+
+def compute_distances(comparing: Descriptor | Scorer, outputs: Sequence[Any], draw: int = 0) -> FloatArray:
+    """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw of their scorer.
+
+    Raises
+    ------
+    InvalidForm
+        If they are anything but a square matrix of finite real numbers, shape (N, N).
+    """
+    matrix = comparing.compare(outputs, draw) if isinstance(comparing, Scorer) else comparing.distances(outputs)
+    return _check_numbers(matrix, comparing, (len(outputs),) * 2, _MATRIX_HINT)
+
+
+def _check_numbers(output: object, component: object, shape: tuple[int, ...], hint: str) -> FloatArray:
+    """Return an output as an array of finite real numbers of a shape; () stands for a vector that is not empty."""
+    who = f"{_name(component)} returned"
+    try:
+        array: NDArray[Any] = np.asarray(output)
+    except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
+        raise InvalidForm(f"{who} no array ({one_line(error)})", hint) from error
+    fits = array.shape == shape if shape else array.ndim == 1 and array.size
+    if not fits or array.dtype.kind not in "iuf":
+        raise InvalidForm(f"{who} an array of shape {array.shape} and type {array.dtype}", hint)
+    if not np.isfinite(array).all():
+        raise InvalidForm(f"{who} an array with NaN or infinite numbers", hint)
+    return array.astype(np.float64)
+
+
+def _name(component: Any) -> str:
+    """Return file and name of a method or scorer, for messages."""
+    file = getattr(sys.modules.get(type(component).__module__), "__file__", None)
+    kind = "scorer" if isinstance(component, Scorer) else "method"
+    return f"{Path(file).name}: {kind} '{component.info.name}'" if file else f"{kind} '{component.info.name}'"

@@ -26,8 +26,8 @@ from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select_one
 from benchmark.runs.tasks import Job, Step
 
-#: Module with the code of all measures.
-MEASURES = "retrieval.measures"
+#: Module with the code that ranks and measures.
+RANKING = "benchmark.pipeline.ranking"
 
 State = Literal["finished", "failed", "missing", "stale", "unavailable", "unsupported"]
 
@@ -123,7 +123,7 @@ class _Planning:
 
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
-        self._measures = code_of_modules([MEASURES])
+        self._ranking = code_of_modules([RANKING])
         self._records = {record.row: record for record in read_records(self.results, published=False)}
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
@@ -147,7 +147,7 @@ class _Planning:
             if state is None:
                 code = digest([self._key(method), self._key(self.scorer)])
                 files = self._files(prepared, method, scorer, models)
-                key = digest([row, facts["gallery_digest"], [*zip(*files.values(), strict=True)], self._measures])
+                key = digest([row, facts["gallery_digest"], [*zip(*files.values(), strict=True)], self._ranking])
                 parts = self._parts(preparation, method, scorer, models) | {"the data": facts["gallery_digest"]}
                 state, reason = _state(before, key, parts)
             content = facts | {
@@ -191,7 +191,7 @@ class _Planning:
         self, preparation: Preparation, method: Component, scorer: Component | None, models: Models
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
-        parts = preparation.code | self._code(method) | self._measures | (self._code(scorer) if scorer else {})
+        parts = preparation.code | self._code(method) | self._ranking | (self._code(scorer) if scorer else {})
         parts["the camera"] = preparation.camera_key
         for name, component in (("its", method), ("the scorer's", self.scorer)):
             parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)

@@ -214,7 +214,7 @@ class Work:
         def answer() -> Arrays:
             is_first = (job.method, input_) not in _used
             _used.add((job.method, input_))
-            arrays = stages.compute_answer(method, shape, shared)
+            arrays = stages.compute_output(method, shape, shared)
             return {**arrays, stages.FIRST: np.asarray(True)} if is_first else arrays
 
         form = stages.require_result(cache_.get("forms", step.keys["forms"], answer))

@@ -21,9 +21,9 @@ from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, write_record
+from benchmark.pipeline.stages import compute_distances, compute_signature
 from benchmark.protocols.galleries import Gallery
 from benchmark.registry import Component
-from benchmark.registry.outputs import compare_signatures, compute_signature
 from benchmark.runs.planning import gallery_facts
 from benchmark.scoring.evaluation import Evaluation
 from retrieval.measures import score_draws
@@ -151,7 +151,7 @@ def score_forms(
             refused[name] = error.problem
     if not signatures:
         raise ConfigurationError(f"no form in {folder} is usable: {next(iter(refused.values()))}", "correct the meshes")
-    matrices = [compare_signatures(created, [*signatures.values()], draw) for draw in range(scorer.info.draws)]
+    matrices = [compute_distances(created, [*signatures.values()], draw) for draw in range(scorer.info.draws)]
     answered = [number for number, name in enumerate(facts["shapes"]) if name in signatures]
     scores = score_draws(matrices, facts["labels"], answered)
     by = {"scorer": scorer.name, "scorer_title": scorer.title, "unsupported": [*refused.items()]}

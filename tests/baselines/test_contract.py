@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
+from benchmark.pipeline.stages import compute_descriptor, compute_form
 from benchmark.registry import by_name, select_one
 from benchmark.registry.known import BUILT_IN
-from benchmark.registry.outputs import compute_descriptor, compute_form
 from tests.baselines.deformable import centre_line, moved_to, shape_of, straightness, tube
 from tests.baselines.embedding import RowsOnly, brute_force_stress, limbed, moved, sphere
 from tests.geometry.surfaces import joined, relabelled
@@ -30,7 +30,7 @@ TWO_BALLS = joined(BALL, BALL.with_vertices(BALL.vertices + 3))
 
 
 def answer(method: Any, shape: Shape) -> np.ndarray:
-    return compute_form(method, shape)[0].vertices if isinstance(method, Method) else compute_descriptor(method, shape)
+    return compute_form(method, shape).vertices if isinstance(method, Method) else compute_descriptor(method, shape)
 
 
 def assert_same(answered: np.ndarray, expected: np.ndarray, tolerance: float) -> None:

@@ -23,9 +23,15 @@ from benchmark.pipeline import preparation
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
-from benchmark.pipeline.stages import SECONDS, SharedGeodesics, compute_answer, require_result
+from benchmark.pipeline.stages import (
+    SECONDS,
+    SharedGeodesics,
+    compute_distances,
+    compute_output,
+    compute_signature,
+    require_result,
+)
 from benchmark.registry import select_one
-from benchmark.registry.outputs import compare_signatures, compute_distances, compute_signature
 from tests.golden import inputs
 
 Arrays = Mapping[str, Any]
@@ -48,7 +54,7 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 
 def _answer(method: Any, shape: Shape) -> Arrays:
     """Return a form or a descriptor without its times; raise the reason of a refusal."""
-    answer = require_result(compute_answer(method, shape, SharedGeodesics()))
+    answer = require_result(compute_output(method, shape, SharedGeodesics()))
     return {name: array for name, array in answer.items() if not name.startswith(SECONDS)}
 
 
@@ -77,7 +83,7 @@ def compared(name: str, forms: Sequence[str]) -> Arrays:
     """Return the distances between committed signatures for each draw."""
     scorer = select_one(name, kind="scorer").create()
     signatures = [_committed(name.partition("[")[0], form) for form in forms]
-    return {f"draw-{n}": compare_signatures(scorer, signatures, n) for n in range(scorer.info.draws)}
+    return {f"draw-{n}": compute_distances(scorer, signatures, n) for n in range(scorer.info.draws)}
 
 
 def _committed(scorer: str, form: str) -> Arrays:
