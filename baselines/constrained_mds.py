@@ -29,8 +29,8 @@ class ConstrainedMDS(CheckedParameters):
     with the lower energy :math:`E` is kept.
 
     Sahillioğlu deforms the enclosed solid; the surface energy used here also handles open surfaces. The abstract of the
-    source speaks of "its MDS pose" and of no stopping rule; :math:`m` is the form of
-    :class:`baselines.smacof.LeastSquaresMDS` with its defaults, which stop before it has converged.
+    source speaks of "its MDS pose": a minimiser, not a step on the way to it. :math:`m` is the form of
+    :class:`baselines.smacof.LeastSquaresMDS` with its defaults.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class ConstrainedMDS(CheckedParameters):
         departs=(
             "An as-rigid-as-possible energy of the surface replaces the source's deformation of a solid, and nothing "
             "is registered. Of the two mirror images, the one with lower energy is kept. The MDS pose is the form of "
-            "Least Square MDS, which stops before a minimum; when that of the source stops is not known."
+            "Least Square MDS, a local minimum of the stress; the source does not say which MDS it uses."
         ),
         needs=("pairs",),
     )

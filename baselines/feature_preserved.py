@@ -57,7 +57,8 @@ class FeaturePreserved(CheckedParameters):
         summary="near-rigid parts moved rigidly onto the least-squares form, seams smoothed",
         departs=(
             "Parts grow around evenly spread seeds; the source cuts a closed surface at its protrusions. Of the two "
-            "mirror images, the one that the parts fit better is kept."
+            "mirror images, the one that the parts fit better is kept. The MDS form is that of Least Square MDS, a "
+            "local minimum of the stress."
         ),
         needs=("pairs",),
     )

@@ -25,8 +25,8 @@ class ScaleInvariantHKS(CheckedParameters):
     At times :math:`t = 2^\tau`, scaling a surface shifts its signature in :math:`\tau` and multiplies it by a factor.
     The derivative of its logarithm with respect to :math:`\tau` removes the factor, and the moduli of its Fourier
     transform remove the shift; the lowest frequencies describe a vertex. The words are the k-means centres of all
-    vertices of the gallery. With :math:`\sigma^2` twice the median distance between two words, vertex p has the weight
-    :math:`e^{-\|p - w\|^2 / 2 \sigma^2}` for word w, normalised over the words. The bag of features of a shape is the
+    vertices of the gallery. With :math:`\sigma` twice the median distance of a vertex to its nearest word, vertex p has
+    the weight :math:`e^{-\|p - w\|^2 / 2 \sigma^2}` for word w, normalised over the words. The bag of features is the
     area-weighted mean over its vertices. Shapes are compared by the sum of absolute differences. A control without a
     canonical form. Bronstein and Kokkinos (2010), "Scale-invariant heat kernel signatures for non-rigid shape
     recognition"; for the words Bronstein, Bronstein, Guibas and Ovsjanikov (2011), "Shape Google".
@@ -49,7 +49,9 @@ class ScaleInvariantHKS(CheckedParameters):
         summary="bag of features of the scale-invariant heat kernel signature",
         departs=(
             "The words come from the gallery itself. Diffusion times cover the spectrum of a surface of unit area; in "
-            "the source they depend on the unit of the file."
+            "the source they depend on the unit of the file. Sigma is that of code released for the same experiments: "
+            "twice the median distance of a vertex to its nearest word. That code also scales each signature to unit "
+            "length."
         ),
         scale="invariant",
         needs=("connected",),

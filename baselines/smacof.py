@@ -43,7 +43,11 @@ class LeastSquaresMDS(CheckedParameters):
         cite="elad2003bending",
         family="paper",
         summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
-        departs="Uses the geodesic distances of Classic MDS and the stopping rule of Pickup et al. (2016).",
+        departs=(
+            "Uses the geodesic distances of Classic MDS. No source states when to stop on a surface: this row ends in "
+            "a local minimum, where a step lowers the stress by at most 1e-6 of itself. Earlier versions stopped at "
+            "1e-3 or after 100 steps, the rule of Pickup et al. (2016) for the joints of a skeleton."
+        ),
         needs=("pairs",),
     )
 
@@ -89,7 +93,9 @@ class NonMetricMDS(CheckedParameters):
         summary="scaling of the rank order of the geodesic distances",
         departs=(
             "Minimises the stress by majorisation, from Classic MDS; the source follows the gradient of stress-1. "
-            "Pairs at equal distance are ordered by vertex number, unlike in both of Kruskal's approaches to ties."
+            "Distances are rounded to 65 536 levels, whose ties follow Kruskal's secondary approach. Stops where a "
+            "step lowers the stress by at most 1e-3 of itself; on ten TOSCA shapes, stress-1 is then .2 to 3.1 % above "
+            "that at 1e-5."
         ),
         needs=("pairs",),
     )
