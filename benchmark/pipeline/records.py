@@ -38,13 +38,14 @@ EXTERNAL = "external"
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The data set of a job: ``source`` is what the command line calls it."""
+    """The data set of a job: ``source`` is what the command line calls it; 0 shapes are an unknown number."""
 
     name: Name
     title: Name
     source: Name
     stand_in_for: Name = ""
     quick: bool = False
+    n_shapes: int = 0
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

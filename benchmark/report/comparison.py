@@ -9,17 +9,19 @@ import numpy as np
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
 from benchmark.reference.paper import MEASURES
-from benchmark.report.statistics import ALPHA, bootstrap_intervals, class_test, query_test
-from benchmark.report.tables import query_measures, ranked_classes
+from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, bootstrap_intervals, least_p, tukey_test
+from benchmark.report.tables import query_measures, ranked_classes, seen_classes
 
 LEGEND = (
-    "In brackets: 95 % intervals of the differences over resampled classes. p over classes: does the difference hold "
-    "for other subjects? p over queries: for other poses of these subjects?"
+    "In brackets: 95 % intervals of the differences over resampled classes. p: randomised Tukey test of all measures, "
+    "over whole classes; does the difference hold for other subjects?"
 )
 
 
 def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
-    """Return the comparison of two methods as lines of text: differences, intervals and tests by gallery and measure.
+    """Return the comparison of two methods as lines of text: differences, intervals and a test by gallery and measure.
+
+    Compared are the queries of classes on which neither was trained.
 
     Parameters
     ----------
@@ -54,26 +56,35 @@ def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
             problems.append(_difference(*pair))
     if not lines:
         raise ConfigurationError(problems[0], "run both again on the same data")
-    return [f"{first} -> {second}", *lines, *(f"not compared: {problem}" for problem in problems), LEGEND]
+    return [f"{first} - {second}", *lines, *(f"not compared: {problem}" for problem in problems), LEGEND]
 
 
 def _lines(first: Record, second: Record) -> list[str]:
     """Return a heading, and a line for each measure."""
-    gains, labels = query_measures([second]) - query_measures([first]), ranked_classes(first.labels)
-    changed = np.count_nonzero(np.abs(gains).max(axis=1) > 5e-7)
-    lines = [f"{first.gallery}, {first.input}: {changed} of {len(gains)} queries differ"]
-    tests = bootstrap_intervals(gains, labels, 0.95), class_test(gains, labels), query_test(gains)
-    for name, (low, high), classes, queries in zip(MEASURES, *tests, strict=True):
-        scores = first.scores[name], second.scores[name]
-        better = (second if scores[1] > scores[0] else first).method
-        verdict = f"  {better} is better for other subjects" if classes < ALPHA else ""
-        change = f"{scores[1] - scores[0]:+.3f}  ({low:+.3f} to {high:+.3f})"
-        tested = f"p over classes {classes:.4f}, over queries {queries:.4f}{verdict}"
-        lines.append(f"  {name:<3}  {scores[0]:.3f} -> {scores[1]:.3f}  {change}  {tested}")
+    every, seen = ranked_classes(first.labels), seen_classes(first) | seen_classes(second)
+    judged = [place for place, label in enumerate(every) if label not in seen]
+    values = np.array([query_measures([record])[judged] for record in (first, second)])
+    labels, gains = [every[place] for place in judged], values[0] - values[1]
+    differing = np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > 5e-7)
+    data, of = first.data, f" of {first.data.n_shapes}" if first.data.n_shapes else ""
+    head = f"{first.gallery}, {first.input}: {differing} of {len(judged)} queries differ"
+    head += f"; quick: {len(first.shapes)}{of} shapes" * data.quick
+    head += f"; {len(every) - len(judged)} queries are of classes seen in training" * bool(seen)
     n_classes = len(set(labels))
-    if 2.0 ** (1 - n_classes) >= ALPHA:
-        lines.append(f"  with {n_classes} classes, no p over classes is below {2.0 ** (1 - n_classes):.2f}")
-    return lines
+    if n_classes < FEWEST_CLASSES:
+        note = f"  not decidable: {n_classes} classes, of at least {FEWEST_CLASSES}"
+    else:
+        note = f"  with {n_classes} classes, no p is below {least_p(n_classes):.4f}"
+    if not judged:
+        return [head, note]
+    lines, p_values = [head], tukey_test(values, labels)[0, 1]
+    ends = bootstrap_intervals(gains, labels, 0.95)
+    for name, (one, two), (low, high), p in zip(MEASURES, values.mean(axis=1).T, ends, p_values, strict=True):
+        better = (first if one > two else second).method
+        verdict = f"  {better} is better for other subjects" if p < ALPHA and not data.quick else ""
+        tested = "" if np.isnan(p) else f"  ({low:+.3f} to {high:+.3f})  p {p:.4f}{verdict}"
+        lines.append(f"  {name:<3}  {one:.3f} - {two:.3f} = {one - two:+.3f}{tested}")
+    return [*lines, note]
 
 
 def _difference(first: Record, second: Record) -> str:

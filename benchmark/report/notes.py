@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
 from benchmark.reference.paper import MEASURES
-from benchmark.report.tables import Row, TableView
+from benchmark.report.statistics import ALPHA
+from benchmark.report.tables import BLOCKS, Row, TableView
 from benchmark.text import brief
 
 #: Note on bold and italic.
 MARKS = (
-    "Bold: the best of its block. Italic: not significantly different from it (paired bootstrap of classes, 90 %). "
-    "Rows with missing results or with shapes seen in training have neither."
+    "Bold: the best of its block. Italic: not certainly worse (randomised Tukey test over whole classes; 5 % if all "
+    "rows are equal). Rows with missing results or with shapes seen in training have neither."
 )
 
 #: Names in a list before the rest is only counted.
@@ -25,6 +28,7 @@ def table_notes(view: TableView) -> list[str]:
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
     facts = {
         "{}": " ".join(_columns(view)),
+        "No difference is certain: {}.": _listed(_undecided(view)),
         "No result: {}.": _listed(_failed(rows)),
         "Cannot be read or prepared, and counts 0 in every row: {}.": _listed(unreadable),
         "Refused shapes, which count 0: {}.": _listed(_refused(rows), "; "),
@@ -49,6 +53,18 @@ def _columns(view: TableView) -> Iterator[str]:
             scores = [[records[0].scores[name] for records in of] for of in of_rows for name in MEASURES]
             apart = f"{max(max(of) - min(of) for of in scores):.2f}".removeprefix("0")
             yield f"{column.title}: mean of {len(draws)} draws, whose scores are at most {apart} apart."
+
+
+def _undecided(view: TableView) -> Iterable[str]:
+    """Name the blocks in which no difference is certain, and the columns with too few classes to tell."""
+    found: dict[str, None] = {}
+    for (title, kind), (rivals, p_values) in view.tests.items():
+        if np.isnan(p_values).any():
+            n_classes = len(set(next(iter(rivals.values())).labels))
+            found[f"{title} (not decidable: {n_classes} classes)"] = None
+        elif np.all(p_values >= ALPHA):
+            found[f"{BLOCKS[kind]} ({title})"] = None
+    return found
 
 
 def _failed(rows: Iterable[Row]) -> list[str]:

@@ -1,15 +1,13 @@
-"""Intervals of means over queries, and tests of differences between two rows.
+"""Intervals of means over queries, and a test of all differences between rows.
 
-Queries of one class are dependent. Intervals therefore resample whole classes, and the test over classes exchanges two
-rows for whole classes: both speak of other subjects. With few classes, intervals are rather too narrow, and no p-value
-is below 2 / 2^classes. The test over queries speaks only of other poses of the same subjects.
+Queries of one class are dependent. Intervals therefore resample whole classes, and the test permutes rows within whole
+classes: both speak of other subjects. With few classes, intervals are rather too narrow, and nothing is tested.
 
 References
 ----------
 Efron & Tibshirani, "An Introduction to the Bootstrap", 1993, ch. 8 and 13.
-Smucker, Allan, Carterette, "A comparison of statistical significance tests for information retrieval evaluation",
-CIKM 2007 (Fisher's randomisation test on the difference of means).
-Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6, 1979.
+Carterette, "Multiple testing in statistical analysis of systems-based information retrieval experiments", ACM
+Transactions on Information Systems 30, 2012.
 """
 
 from __future__ import annotations
@@ -20,11 +18,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-#: Number of bootstrap samples, and of random exchanges.
+#: Number of bootstrap samples, and of permutations.
 DRAWS = 9999
 
-#: Significance level of the tests.
+#: Significance level of the test.
 ALPHA = 0.05
+
+#: Fewest classes from which a difference is tested.
+FEWEST_CLASSES = 8
 
 #: Values have six decimals. Sums of whole millionths do not depend on their order.
 _MILLION = 1e6
@@ -80,38 +81,40 @@ def _times_drawn(n_classes: int) -> NDArray[np.float64]:
     return np.random.default_rng(0).multinomial(n_classes, equal, DRAWS).astype(np.float64)
 
 
-def exchange_test(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return two-sided p-values of sums of differences, by exchanges of the two rows for each unit.
+def tukey_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
+    """Return p-values of the differences between all rows: the randomisedTukey test over whole classes.
 
-    All exchanges are tried if there are few units, otherwise :data:`DRAWS` random ones in addition to the observed one.
+    In each of :data:`DRAWS` permutations, the rows are permuted within every class, in the same way for all measures.
+    The largest difference between two totals, in units of its mean over the permutations and largest over the measures,
+    is what a difference must reach. If all rows are equal, the probability that any p is below 0.05 is at most 0.05.
 
     Parameters
     ----------
-    sums
-        Differences of the units (queries or classes) in whole millionths, shape (units, M).
+    values
+        Measures of the queries of each row, shape (rows, N, M).
+    labels
+        Class of each query.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (rows, rows, M). With two rows, no value is below :func:`least_p`. NaN if there are fewer than
+        :data:`FEWEST_CLASSES` classes.
     """
-    measured = np.abs(sums.sum(axis=0))
-    if 2 ** len(sums) <= DRAWS + 1:
-        signs = 1.0 - 2.0 * (np.arange(2 ** len(sums))[:, None] >> np.arange(len(sums)) & 1)
-        return np.asarray((np.abs(signs @ sums) >= measured).mean(axis=0))
-    signs = 2.0 * np.random.default_rng(0).integers(0, 2, (DRAWS, len(sums))) - 1.0
-    return np.asarray((np.count_nonzero(np.abs(signs @ sums) >= measured, axis=0) + 1) / (DRAWS + 1))
+    sums = class_sums(np.moveaxis(np.asarray(values, dtype=np.float64), 1, 0), labels)[0]
+    if len(sums) < FEWEST_CLASSES:
+        return np.full((sums.shape[1], *sums.shape[1:]), np.nan)
+    generator = np.random.default_rng(0)
+    permuted = np.zeros((DRAWS, *sums.shape[1:]))
+    for of_class in sums:
+        permuted += of_class[generator.random((DRAWS, len(of_class))).argsort(axis=1)]
+    ranges, totals = np.ptp(permuted, axis=1), sums.sum(axis=0)
+    unit = np.maximum(ranges.mean(axis=0), np.finfo(np.float64).tiny)  # all rows may be equal in a measure
+    largest = np.sort((ranges / unit).max(axis=1))
+    differences = np.abs(totals[:, None] - totals) / unit
+    return np.asarray((DRAWS - np.searchsorted(largest, differences) + 1) / (DRAWS + 1))
 
 
-def class_test(differences: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
-    """Return p-values of mean differences for other subjects: two rows are exchanged for whole classes."""
-    return exchange_test(class_sums(differences, labels)[0])
-
-
-def query_test(differences: ArrayLike) -> NDArray[np.float64]:
-    """Return p-values of mean differences for other poses of the same subjects: rows are exchanged query by query."""
-    return exchange_test(np.rint(np.asarray(differences, dtype=np.float64) * _MILLION))
-
-
-def holm(probabilities: ArrayLike) -> NDArray[np.float64]:
-    """Return p-values adjusted for multiple tests, in the given order; see Holm 1979."""
-    given = np.asarray(probabilities, dtype=np.float64)
-    order = np.argsort(given, kind="stable")
-    adjusted = np.empty_like(given)
-    adjusted[order] = np.minimum(np.maximum.accumulate(given[order] * np.arange(len(given), 0, -1)), 1)
-    return adjusted
+def least_p(n_classes: int) -> float:
+    """Return the smallest p-value of two rows: of all exchanges, that of no class and that of all are as large."""
+    return max(2.0 ** (1 - n_classes), 1 / (DRAWS + 1))

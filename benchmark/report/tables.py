@@ -17,7 +17,7 @@ from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.report.frames import by_gallery, changed, fold_of, kind_of, row_of, seconds_of, tables_of
-from benchmark.report.statistics import bootstrap_intervals
+from benchmark.report.statistics import ALPHA, bootstrap_intervals, tukey_test
 from benchmark.text import brief
 from retrieval.measures import chance_levels
 
@@ -26,9 +26,6 @@ PAPER = "paper"
 BLOCKS: Mapping[Kind, str] = {
     "form": "Canonical forms", "network": "Networks", "descriptor": "Descriptors", "external": "Other programs",
 }  # fmt: skip
-
-#: Confidence level of the difference to the best row within which a row cannot be separated from it.
-SEPARATED = 0.9
 
 #: Differences below half a unit of the last decimal of records are none.
 _SAME = 5e-7
@@ -87,7 +84,13 @@ class Scored:
     @property
     def is_rival(self) -> bool:
         """Whether it may be the best row: it is complete, and no model was trained on shapes of the gallery."""
-        return self.is_complete and not any(record.seen for record in self.all_records)
+        return self.is_complete and not self.seen_classes
+
+    @cached_property
+    def seen_classes(self) -> frozenset[str]:
+        """Classes of which a model was trained on a shape, with their gallery."""
+        records = self.all_records
+        return frozenset(f"{record.gallery} {label}" for record in records for label in seen_classes(record))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,14 +209,25 @@ class TableView:
         return row.scored[group].means if group in row.scored else {}
 
     @cached_property
+    def tests(self) -> dict[tuple[str, Kind], tuple[dict[str, Scored], NDArray[np.float64]]]:
+        """By column and block, its rivals by method if there are several, and the p-values of their differences."""
+        tests = {}
+        for column, kind in product(self.columns, BLOCKS):
+            of_block = {row.method: row.scored.get(column.title) for row in self.rows if row.kind == kind}
+            rivals = {name: one for name, one in of_block.items() if one and one.is_rival}
+            if len(rivals) > 1:
+                labels = next(iter(rivals.values())).labels
+                tests[column.title, kind] = rivals, tukey_test([one.values for one in rivals.values()], labels)
+        return tests
+
+    @cached_property
     def marks(self) -> dict[tuple[str, str], list[str]]:
         """Marks of the scores of rivals by method and column: bold for the best of a block; see :func:`_marks`."""
         marks: dict[tuple[str, str], list[str]] = {}
-        for column, kind in product(self.columns, BLOCKS):
-            of_block = {row.method: row.scored.get(column.title) for row in self.rows if row.kind == kind}
-            rivals = {(name, column.title): one for name, one in of_block.items() if one and one.is_rival}
-            if len(rivals) > 1:
-                marks |= dict(zip(rivals, _marks([*rivals.values()]).tolist(), strict=True))
+        for (title, _), (rivals, p_values) in self.tests.items():
+            if not np.isnan(p_values).any():
+                each = zip(rivals, _marks([*rivals.values()], p_values).tolist(), strict=True)
+                marks |= {(name, title): of_row for name, of_row in each}
         return marks
 
 
@@ -250,19 +264,17 @@ def table_views(
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
 
-def _marks(rivals: Sequence[Scored]) -> NDArray[np.str_]:
+def _marks(rivals: Sequence[Scored], p_values: NDArray[np.float64]) -> NDArray[np.str_]:
     """Return the marks of the rows of a block in one column, shape (rows, measures).
 
-    ``"bold"`` for the best, ``"italic"`` where it cannot be separated from a row, else ``""``.
+    ``"bold"`` for the best; ``"italic"`` where it is not certainly better than a row, if any difference is certain.
     """
     means = np.array([[one.means[name] for name in MEASURES] for one in rivals])
-    values = np.stack([one.values for one in rivals])
     is_best = means >= means.max(axis=0) - _SAME
     marks = np.where(is_best, "bold", "").astype("U6")
-    for place, best in enumerate(is_best.argmax(axis=0)):
-        leads = (values[best] - values)[:, :, place]
-        lowest = bootstrap_intervals(leads.T, rivals[best].labels, SEPARATED)[:, 0]
-        marks[~is_best[:, place] & (lowest <= 0), place] = "italic"
+    if np.any(p_values < ALPHA):
+        to_best = np.take_along_axis(p_values, is_best.argmax(axis=0)[None, None], axis=0)[0]
+        marks[~is_best & (to_best >= ALPHA)] = "italic"
     return marks
 
 
@@ -346,6 +358,12 @@ def _input(column: Column, kind: Kind, available: set[str]) -> str:
         return column.input
     preferred, other = ("view", "mesh") if kind == "network" else ("mesh", "view")
     return other if kind in ("network", "external") and available == {other} else preferred
+
+
+def seen_classes(record: Record) -> set[str]:
+    """Return the classes of which a model of a record was trained on a shape."""
+    seen = frozenset(record.seen)
+    return {label for shape, label in zip(record.shapes, record.labels, strict=True) if shape in seen}
 
 
 def ranked_classes(labels: Sequence[str]) -> list[str]:

@@ -212,6 +212,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
             "source": gallery.source,
             "stand_in_for": shapes.stand_in_for,
             "quick": gallery.quick,
+            "n_shapes": len(shapes.shapes),
         },
         "shapes": [entry.identifier for entry in gallery.entries],
         "labels": [entry.subject for entry in gallery.entries],

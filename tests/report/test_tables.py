@@ -12,7 +12,7 @@ from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
-from tests.report.records import LABELS, by_class, failed, record
+from tests.report.records import LABELS, failed, record
 
 HUMANS = {"dataset": SYNTHETIC_HUMANS[0], "stand_in_for": "shrec14-synthetic"}
 
@@ -50,7 +50,8 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
     (table,) = (each for each in table_views([*forms, *networks], ["I"]) if each.table.identifier == "I")
     assert cell(table, "gps", "15 subjects") == pytest.approx(sum(draws.values()) / len(draws))
     assert cell(table, "learned", "15 subjects") == 0.8
-    assert marks(table, "15 subjects")["gps"] == marks(table, "15 subjects")["learned"] == "bold"
+    assert marks(table, "15 subjects")["gps"] == "bold"  # nine classes; the network's three are too few
+    assert marks(table, "15 subjects")["learned"] == ""
     apart = f"at most .{len(draws) - 1}0 apart"
     assert any(apart in note for note in table_notes(table)) == (len(draws) > 1)
 
@@ -79,32 +80,48 @@ def test_networks_see_a_view_and_all_others_complete_surfaces():
     assert cell(table, "gps", "paper") == PRINTED["III"]["gps"]["NN"]
 
 
-def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_clearly_beat_are_italic():
+def eight(method, *values, **more):
+    """Record of eight classes of two shapes, in the order of the values."""
+    labels = [name for name in "abcdefgh" for _ in range(2)]
+    return record(method, [value for value in values for _ in range(2)], labels=labels, **more)
+
+
+def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat_are_italic():
+    descriptor = {"scorer": "", "scorer_title": ""}
     rows = [
-        record("best", by_class({"cat": 0.9, "dog": 0.9, "owl": 0.9})),
-        record("near", by_class({"cat": 1.0, "dog": 0.6, "owl": 0.9})),  # better on cats
-        record("far", by_class({"cat": 0.2, "dog": 0.2, "owl": 0.2})),
-        record("dna", by_class({"cat": 0.1, "dog": 0.1, "owl": 0.1}), scorer="", scorer_title=""),
-        record("area", by_class({"cat": 0.0, "dog": 0.0, "owl": 0.0}), scorer="", scorer_title=""),
+        eight("best", *[0.9] * 8),
+        eight("near", *[1.0] * 4, *[0.6] * 4),
+        eight("far", *[0.2] * 8),
+        eight("dna", *[0.4] * 8, **descriptor),
+        eight("area", *[0.5] * 4, *[0.2] * 4, **descriptor),
     ]
-    assert marks(view(*rows)) == {"best": "bold", "near": "italic", "far": "", "dna": "bold", "area": ""}
+    table = view(*rows)
+    assert marks(table) == {"best": "bold", "near": "italic", "far": "", "dna": "bold", "area": ""}
+    assert "No difference is certain: Descriptors (mesh)." in table_notes(table)
+    assert "bold" in table.marks["area", "mesh"]
+
+
+def test_below_eight_classes_nothing_is_marked():
+    table = view(record("best", 0.9), record("far", 0.1))
+    assert table.marks == {}
+    assert table_notes(table)[0] == "No difference is certain: mesh (not decidable: 3 classes)."
 
 
 @pytest.mark.parametrize(
     "spoiled",
-    [{"seen": ["cat0"]}, {"unsupported": [("cat0", "too thin")]}],
+    [{"seen": ["a0"]}, {"unsupported": [("a0", "too thin")]}],
     ids=["seen in training", "a shape refused"],
 )
 def test_rows_that_are_incomplete_or_saw_shapes_in_training_have_no_mark(spoiled):
-    table = view(record("best", 0.99, **spoiled), record("other", 0.5), record("third", 0.4))
+    table = view(eight("best", *[0.99] * 8, **spoiled), eight("other", *[0.5] * 8), eight("third", *[0.4] * 8))
     assert marks(table) == {"best": "", "other": "bold", "third": ""}
 
 
 def test_marks_do_not_change_with_the_methods_that_are_shown():
-    rows = [record("best", 0.9), record("near", by_class({"cat": 1.0, "dog": 0.7, "owl": 0.9})), record("far", 0.1)]
+    rows = [eight("best", *[0.9] * 8), eight("near", *[1.0, 0.7] * 4), eight("far", *[0.1] * 8)]
     few = view(*rows, methods=["far"])
     assert [row.method for row in few.printed_rows] == ["far"]
-    assert few.marks == view(*rows).marks
+    assert few.marks == view(*rows).marks != {}
 
 
 def test_rows_on_another_version_of_the_data_are_left_out_and_named():

@@ -32,7 +32,6 @@ def test_verdicts_are_for_tosca_alone_and_come_from_all_rows():
     assert {name: nn[-1] for name, (nn, *_) in verdicts(rows).items()} == dict.fromkeys(CLASSICAL, "reproduced")
     on_stand_in = [record(name, 0.5, dataset="animals", stand_in_for="tosca") for name in CLASSICAL]
     assert not verdicts(table_views(on_stand_in))
-    assert "8 of 32" not in verdicts_markdown(rows)
     assert "Table III" not in verdicts_markdown(table_views(on_stand_in))
 
 
@@ -60,9 +59,26 @@ def test_a_claim_needs_other_classes_to_hold():
     assert judged(claim_on("high", "none"), high, low).decision == "not comparable"
 
 
-def test_with_few_classes_no_lead_is_certain():
-    one = judged(claim_on("gps", "skeleton"), record("gps", 1.0), record("skeleton", 0.0))
-    assert (one.decision, one.leads, one.certain) == ("undecided", 1, 0)
+def test_queries_of_classes_that_a_row_has_seen_decide_nothing():
+    """A lead on training shapes is none: every other class is behind."""
+    labels = [name for name in "abcdefghi" for _ in range(2)]
+    seen = record("net", [1.0, 1.0, *[0.2] * 16], labels=labels, seen=["a0"])
+    rows = [seen, record("gps", 0.3, labels=labels)]
+    one = judged(claim_on("net", "gps"), *rows)
+    assert (one.decision, one.queries, one.n_queries, one.leads) == ("contradicted", 16, 18, 0)
+    assert judged(claim_on("gps", "net"), *rows).decision == "supported"
+    few = judged(claim_on("net", "gps"), record("net", 1.0, seen=["cat1"]), record("gps", 0.5))
+    assert (few.decision, few.n_classes, few.queries, few.leads) == ("not decidable", 2, 8, 1)
+    none = judged(claim_on("net", "gps"), record("net", seen=["cat0", "dog4", "owl8"]), record("gps"))
+    assert (none.decision, none.queries, none.n_queries) == ("not comparable", 0, 12)
+
+
+def test_claims_say_how_many_queries_decide():
+    labels = [name for name in "abcdefghi" for _ in range(2)]
+    rows = [record(name, 0.1, dataset="tosca", input_="view", labels=labels) for name in CLASSICAL]
+    rows.append(record("learned", 0.9, dataset="tosca", input_="view", labels=labels, models=[], seen=["a0", "b3"]))
+    text = verdicts_markdown(table_views(rows))
+    assert "|Depth network, 128 px|III|not decidable: 7 classes|14 of 18|8 of 24||" in text
 
 
 def test_of_several_trainings_each_must_lead():
