@@ -1,7 +1,7 @@
 """Digests of the code that makes a result: sources, compiled extensions and versions of packages; nothing is imported.
 
-The code of a module is its source and that of everything that it imports from the suite, from its own package, or from
-the folder of a plugin file, directly or not: imports inside functions count, and so do lazy attributes of packages.
+The code of a module is its source and that of everything that it imports, directly or not, except installed packages,
+whose versions count, and errors and messages: imports inside functions count, and so do lazy attributes of packages.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import importlib.util
 import json
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -24,6 +25,10 @@ FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
 #: Folder that holds the packages of the suite.
 ROOT = Path(__file__).parents[1]
+
+#: Modules of words, which determine no result, and fields of the ``info`` of a method or scorer that hold words.
+_WORDS = ("benchmark.errors", "benchmark.text")
+_WORDS_OF_INFO = ("name", "title", "summary")
 
 
 def code_digest(target: str, files: Iterable[str] = ()) -> str:
@@ -88,7 +93,8 @@ def sources_of(target: str) -> list[Path]:
 
 def modules_beside(path: Path) -> dict[str, Path]:
     """Return the modules and packages beside a plugin file that it imports, directly or not, by name."""
-    helpers = (source.relative_to(base) for source, base in _closure(str(path))[0].items() if base != ROOT)
+    folder = path.resolve().parent
+    helpers = (source.relative_to(base) for source, base in _closure(str(path))[0].items() if base == folder)
     names = {helper.parts[0].partition(".")[0] for helper in helpers} - {path.stem}
     return {name: found for name in sorted(names) if (found := _locate(path.parent, (name,)))}
 
@@ -111,53 +117,60 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     """Return the sources of a module, itself first, each with the folder that holds its package; and other packages."""
     path = plugin_file(target)
     name = path.stem if path else target.partition(":")[0]
-    base = path.resolve().parent if path else _base_of(name)
-    start = path.resolve() if path else _locate(base, tuple(name.split(".")))
-    if start is None or not start.is_file():
-        raise ConfigurationError(f"there is no module {path or name}", "correct the name")
-    own = {name.partition(".")[0], *FIRST_PARTY}
+    base = path.resolve().parent if path else _folder_of(name.partition(".")[0])
+    start = path.resolve() if path else base and _locate(base, tuple(name.split(".")))
+    if base is None or start is None or not start.is_file():
+        raise ConfigurationError(f"there is no module {path or name}", "correct the name, or install its package")
+    own = "" if path else name.partition(".")[0]
     sources, packages, pending = {start: base}, set[str](), [start]
     while pending:
         source = pending.pop()
         for parts in _imported(source, source.relative_to(sources[source]).parent.parts):
-            if parts[0] in sys.stdlib_module_names:
+            top = parts[0]
+            if top in sys.stdlib_module_names or ".".join(parts[:2]) in _WORDS:
                 continue
-            where = ROOT if parts[0] in FIRST_PARTY else base
-            is_local = path is not None or parts[0] in own  # beside a plugin file, any module counts
-            if not (is_local and _locate(where, parts[:1])):
-                packages.add(parts[0])
-            new = [found for found in (_modules(where, parts) if is_local else ()) if found not in sources]
+            is_near = top == own or (path is not None and top not in FIRST_PARTY and _locate(base, parts[:1]))
+            has_sources = is_near or top in FIRST_PARTY or not _versions(top)
+            where = base if is_near else _folder_of(top) if has_sources else None
+            if where is None:
+                packages.add(top)
+                continue
+            new = [found for found in _modules(where, parts) if found not in sources]
             sources |= dict.fromkeys(new, where)
             pending += new
     return sources, packages
 
 
-def _base_of(name: str) -> Path:
-    """Return the folder that holds a top-level package."""
-    top = name.partition(".")[0]
+def _folder_of(top: str) -> Path | None:
+    """Return the folder that holds a top-level package; None if there is none."""
     if top in FIRST_PARTY:
         return ROOT
-    spec = importlib.util.find_spec(top)
-    if spec is None or spec.origin is None:
-        raise ConfigurationError(f"there is no module {name}", "install its package")
-    return Path(spec.origin).parents[1 if spec.submodule_search_locations else 0]
+    with suppress(ImportError, ValueError):  # it is being imported, or is no module
+        spec = importlib.util.find_spec(top)
+        if spec is not None and spec.origin is not None:
+            return Path(spec.origin).parents[1 if spec.submodule_search_locations else 0]
+    return None
 
 
 def _imported(source: Path, package: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     """Yield the full names of all modules that a module of a package may import, packages around them included."""
     for level, module, attribute in _parsed(source).imports:
         around = package[: len(package) - level + 1] if level else ()
-        full = (*around, *module.split("."), attribute) if module else (*around, attribute)
-        yield from (full[:count] for count in range(1, len(full) + 1) if full[count - 1])
+        full = (*around, *filter(None, [*module.split("."), attribute]))
+        yield from (full[:count] for count in range(1, len(full) + 1))
+        yield (*full, "*")  # a package that is imported as a whole offers all its names
 
 
 def _modules(base: Path, parts: tuple[str, ...]) -> list[Path]:
-    """Return the file of a module; for a lazy attribute of a package, those of the whole package."""
+    """Return the file of a module; for a lazy attribute of a package, those that may define it."""
     if found := _locate(base, parts):
         return [found]
     package = _locate(base, parts[:-1]) if len(parts) > 1 else None
-    is_lazy = package is not None and package.name == "__init__.py" and _parsed(package).is_lazy
-    return sorted(package.parent.rglob("*.py")) if package and is_lazy and not parts[-1].startswith("_") else []
+    if not package or package.name != "__init__.py" or not _parsed(package).is_lazy or parts[-1].startswith("_"):
+        return []
+    modules = sorted(package.parent.rglob("*.py"))
+    exporting = [path for path in modules if parts[-1] in _parsed(path).exports] if package == _API else []
+    return exporting[:1] or modules
 
 
 @cache
@@ -168,11 +181,16 @@ def _locate(base: Path, parts: tuple[str, ...]) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
+#: A package that offers names of its modules: importing one depends on the first module that exports it.
+_API = ROOT / "benchmark" / "api" / "__init__.py"
+
+
 class _Module(NamedTuple):
-    """Digest of a source file, its imports (level, module, attribute), and whether it has lazy attributes."""
+    """Digest of a source file, its imports (level, module, attribute), ``__all__``, and whether its names are lazy."""
 
     digest: str
     imports: tuple[tuple[int, str, str], ...] = ()
+    exports: tuple[str, ...] = ()
     is_lazy: bool = False
 
 
@@ -204,11 +222,32 @@ def _parsed_once(path: Path, _: int, __: int) -> _Module:
         elif isinstance(node, ast.AST):
             imports |= dict.fromkeys(_imports(node))
             pending += [getattr(node, name, None) for name in node._fields]
+            if isinstance(node, ast.Call) and _makes_info(node):
+                pending[-1] = [keyword for keyword in node.keywords if keyword.arg not in _WORDS_OF_INFO]
             parts.append(type(node).__name__)
         else:
             parts.append(node)
+    code = digest_of_bytes(repr(parts).encode())
+    if path == _API:
+        return _Module(code, is_lazy=True)
     is_lazy = any(isinstance(node, ast.FunctionDef) and node.name == "__getattr__" for node in tree.body)
-    return _Module(digest_of_bytes(repr(parts).encode()), tuple(imports), is_lazy)
+    return _Module(code, tuple(imports), _exports(tree), is_lazy)
+
+
+def _makes_info(call: ast.Call) -> bool:
+    """Return whether a call makes the ``info`` of a method or scorer, or changes one."""
+    name = _name(call.func)
+    is_change = name == "replace" and bool(call.args) and _name(call.args[0]) == "info"
+    return is_change or name in ("MethodInfo", "ScorerInfo", "canonical_form")
+
+
+def _exports(tree: ast.Module) -> tuple[str, ...]:
+    """Return the names in ``__all__``, if it is a list of texts."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and _name(node.targets[0]) == "__all__":
+            with suppress(ValueError):
+                return tuple(ast.literal_eval(node.value))
+    return ()
 
 
 def _imports(node: ast.AST) -> list[tuple[int, str, str]]:
@@ -232,9 +271,22 @@ def _is_text(node: ast.AST) -> bool:
 
 @cache
 def _versions(top: str) -> dict[str, str]:
-    """Return the version of each distribution of a package, without its build tag; empty if it is not installed."""
-    own = [found for found, files in _distributions() if any(f"\n{top}{end}" in files for end in ("/", ".", "\n"))]
-    return {found.name.lower(): found.version.partition("+")[0] for found in own}
+    """Return the versions of the distributions whose package Python imports, without build tags; empty if none has it.
+
+    A package that is installed to be edited, or lies on the path, has sources instead.
+    """
+    with suppress(ImportError, ValueError):
+        spec = importlib.util.find_spec(top)
+        found = [*(spec.submodule_search_locations or [spec.origin or ""])] if spec else []
+        folders = {Path(place).resolve().parent for place in found}
+        own = [
+            distribution
+            for distribution, files in _distributions()
+            if any(f"\n{top}{end}" in files for end in ("/", ".", "\n"))
+            and Path(str(distribution.locate_file(""))).resolve() in folders
+        ]
+        return {each.name.lower(): each.version.partition("+")[0] for each in reversed(own)}  # Python takes the first
+    return {}
 
 
 @cache

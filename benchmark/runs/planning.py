@@ -147,7 +147,10 @@ class _Planning:
             if state is None:
                 code = digest([self._key(method), self._key(self.scorer)])
                 files = self._files(prepared, method, scorer, models)
-                key = digest([row, facts["gallery_digest"], [*zip(*files.values(), strict=True)], self._ranking])
+                titles = [method.title, scorer.title if scorer else ""]
+                key = digest(
+                    [row, titles, facts["gallery_digest"], [*zip(*files.values(), strict=True)], self._ranking]
+                )
                 parts = self._parts(preparation, method, scorer, models) | {"the data": facts["gallery_digest"]}
                 state, reason = _state(before, key, parts)
             content = facts | {
@@ -194,6 +197,7 @@ class _Planning:
         parts = preparation.code | self._code(method) | self._ranking | (self._code(scorer) if scorer else {})
         parts["the camera"] = preparation.camera_key
         for name, component in (("its", method), ("the scorer's", self.scorer)):
+            parts[f"{name} title"] = component.info.title
             parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
         return parts | {f"the model {model.training}": model.digest for model in models if model}
 

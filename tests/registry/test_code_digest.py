@@ -64,6 +64,60 @@ def test_a_lazy_attribute_counts(plugin):
     assert "package/lazy.py" in code_of(str(plugin))
 
 
+@pytest.mark.parametrize("imports", ["import package", "from package import *", "from package import late, inner"])
+def test_a_lazy_package_that_is_imported_as_a_whole_counts_with_what_is_used(plugin, imports):
+    write_plugin(plugin, imports=imports)
+    assert ("package/lazy.py" in code_of(str(plugin))) == ("late" not in imports)
+
+
+@pytest.mark.parametrize(
+    ("names", "defined_in"),
+    [
+        ("Mesh, CanonicalForm, UnsupportedShape", {"contracts"}),
+        ("Scorer", {"contracts", "scoring"}),
+        ("Card", {"contracts", "learning"}),
+        ("ShapeSet, Camera", {"contracts", "datasets"}),
+        ("*", {"contracts", "datasets", "learning", "scoring"}),
+    ],
+)
+def test_a_name_of_the_api_counts_with_the_module_that_defines_it(tmp_path, names, defined_in):
+    (tmp_path / "own.py").write_text(f"from benchmark.api import {names}\n")
+    modules = {path.removesuffix(".py") for path in code_of(str(tmp_path / "own.py")) if "benchmark/api/" in path}
+    assert modules == {f"benchmark/api/{name}" for name in {*defined_in, "__init__", "parameters"}}
+
+
+def test_the_code_of_a_method_is_small():
+    code = code_of("baselines.identity")
+    sources = {name for name in code if "/" in name}
+    assert len(sources) <= 12
+    assert len(code) - len(sources) <= 6
+    assert not {f"benchmark/{name}.py" for name in ("errors", "text", "files", "geometry/io", "api/datasets")} & sources
+
+
+def test_a_version_is_that_of_the_package_that_python_imports(tmp_path):
+    for folder, version in (("first", "2.0"), ("second", "1.0")):
+        for path in (tmp_path / folder / "known", tmp_path / folder / f"known-{version}.dist-info"):
+            path.mkdir(parents=True)
+        (path / "METADATA").write_text(f"Metadata-Version: 2.1\nName: known\nVersion: {version}\n")
+        (path / "RECORD").write_text("known/__init__.py,,\n")
+        (tmp_path / folder / "known" / "__init__.py").write_text("VALUE = 1\n")
+    (tmp_path / "beside").mkdir()
+    (tmp_path / "plugin.py").write_text("import known\n")
+    program = f"from benchmark.code_digest import code_of; print(code_of({str(tmp_path / 'plugin.py')!r}))"
+
+    def code(*folders):
+        path = os.pathsep.join(str(tmp_path / folder) for folder in folders)
+        run = subprocess.run(
+            [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": path}, capture_output=True
+        )
+        return {name: part for name, part in eval(run.stdout).items() if name != "plugin.py"}  # noqa: S307
+
+    assert code("first", "second") == {"known": "2.0"}
+    assert code("second", "first") == {"known": "1.0"}
+    (tmp_path / "beside" / "known.py").write_text("VALUE = 2\n")  # no distribution, so its source counts
+    assert [*code("beside", "first")] == ["known.py"]
+
+
 def test_a_compiled_extension_counts_by_its_content(plugin):
     extension = plugin.with_name("fast.abi3.so")
     extension.write_bytes(b"\x7fELF 1")
