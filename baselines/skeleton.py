@@ -97,7 +97,7 @@ class Skeleton(CheckedParameters):
             )
         paths = skeleton.path_lengths()
         joints, _ = majorise(
-            lambda points: guttman_transform(points, paths),
+            lambda points: guttman_transform(points, paths)[:2],
             skeleton.joints,
             max_iterations=self.max_iterations,
             rtol=self.rtol,

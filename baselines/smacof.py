@@ -9,11 +9,19 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
 
 from baselines.classic_mds import ClassicMDS
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
-Indices = NDArray[np.int32]
+Transform = Callable[[FloatArray], tuple[FloatArray, float]]
+"""Returns the transform of positions, shape (n, 3), and the stress of the given ones."""
+
+LEVELS = 2**16
+"""Number of levels of the distances in non-metric MDS: 1.5e-5 of the largest, finer than any solver is accurate."""
+
+COINCIDENT = np.float32(1e-18)
+"""Distance below which points neither pull nor push."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,10 +29,11 @@ class LeastSquaresMDS(CheckedParameters):
     r"""Least-squares MDS of the geodesic distances.
 
     Minimises the stress :math:`\sum_{i<j} (\|x_i - x_j\| - \delta_{ij})^2` of the form with respect to the geodesic
-    distances :math:`\delta` by Guttman transforms :math:`X \leftarrow B(X) X / n`, which never raise it. Elad and
-    Kimmel (2003), "On bending invariant signatures for surfaces"; de Leeuw (1977), "Applications of convex analysis to
-    multidimensional scaling"; Borg and Groenen (2005), chapter 8. The stopping rule is that of the released code of
-    Pickup et al. (2016).
+    distances :math:`\delta`. A Guttman transform :math:`G(X) = B(X) X / n` never raises it, nor does a relaxed step
+    :math:`X \leftarrow 2 G(X) - X` at the best scale, which halves the number of steps or better. The result is a plain
+    transform, whose scale is right. Elad and Kimmel (2003), "On bending invariant signatures for surfaces"; de Leeuw
+    (1977), "Applications of convex analysis to multidimensional scaling"; de Leeuw and Heiser (1980), "Multidimensional
+    scaling with restrictions on the configuration"; Borg and Groenen (2005), chapter 8.
 
     Parameters
     ----------
@@ -32,9 +41,9 @@ class LeastSquaresMDS(CheckedParameters):
         ``"mesh"`` starts from the surface itself, so that limbs unfold from their position and the form keeps some of
         the pose and the orientation of the input; ``"classic"`` starts from classic MDS, which ignores the pose.
     max_iterations
-        Maximum number of Guttman transforms, each of which is one pass over all pairs.
+        Maximum number of relaxed steps, each of which is one pass over all pairs.
     rtol
-        Stop when a transform lowers the stress by less than this fraction.
+        Stop when a step lowers the stress by at most this fraction.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -52,19 +61,26 @@ class LeastSquaresMDS(CheckedParameters):
     )
 
     start: Literal["mesh", "classic"] = "mesh"
-    max_iterations: Annotated[int, Interval(1)] = 100
-    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
+    max_iterations: Annotated[int, Interval(1)] = 5000
+    rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-6
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the least-squares MDS of the distances, centred at the origin, with its normalised stress."""
-        distances = shape.geodesics()
+        distances = shape.geodesics()  # outside: not charged to those who use the form
+        form: CanonicalForm = shape.compute_once(self, lambda: self._fit(shape, distances))
+        return form
+
+    def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
         start = shape.mesh.vertices if self.start == "mesh" else ClassicMDS().canonicalise(shape).vertices
-        targets = np.asarray(distances, dtype=np.float32)  # half the memory to read
-        points, course = majorise(
-            lambda points: guttman_transform(points, targets), start, max_iterations=self.max_iterations, rtol=self.rtol
-        )
+        targets = distances.astype(np.float32)  # moves a form by less than the tolerance, in a third of the time
+
+        def transform(points: FloatArray) -> tuple[FloatArray, float]:
+            moved, stress, product, squares = guttman_transform(points, targets)
+            return moved, stress - product**2 / squares
+
+        points, stresses = majorise(transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol)
         total = float(np.vdot(distances, distances)) / 2
-        return shape.form(points, stress=course[-1] / total, iterations=len(course) - 1)
+        return shape.form(points, stress=stresses[-1] / total, iterations=len(stresses) - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +98,7 @@ class NonMetricMDS(CheckedParameters):
     max_iterations
         Maximum number of regressions with a Guttman transform, each of which is one pass over all pairs.
     rtol
-        Stop when an iteration lowers the stress by less than this fraction.
+        Stop when an iteration lowers the stress by at most this fraction.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -108,166 +124,142 @@ class NonMetricMDS(CheckedParameters):
         distances = shape.geodesics()
         transform, norm = non_metric_transform(distances)
         start = ClassicMDS().canonicalise(shape).vertices
-        points, course = majorise(transform, start, max_iterations=self.max_iterations, rtol=self.rtol)
-        return shape.form(points, stress_1=course[-1] ** 0.5 / norm, iterations=len(course) - 1)
+        points, stresses = majorise(transform, start, max_iterations=self.max_iterations, rtol=self.rtol)
+        return shape.form(points, stress_1=stresses[-1] ** 0.5 / norm, iterations=len(stresses) - 1)
 
 
 def majorise(
-    transform: Callable[[FloatArray], tuple[FloatArray, float]],
-    start: FloatArray,
-    *,
-    max_iterations: int = 100,
-    rtol: float = 1e-3,
+    transform: Transform, start: FloatArray, *, relaxed: bool = False, max_iterations: int = 100, rtol: float = 1e-3
 ) -> tuple[FloatArray, list[float]]:
     """Repeat a transform that never raises the stress [de Leeuw 1977].
 
     Parameters
     ----------
     transform
-        Returns the transform of positions, shape (n, 3), and the raw stress of the given ones.
+        Returns the transform of positions, shape (n, 3), and the stress of the given ones: at the best scale, if steps
+        are relaxed, because they change the scale to and fro.
     start
         First positions, shape (n, 3).
+    relaxed
+        Whether to go twice as far as the transform [de Leeuw and Heiser 1980]; the last step is a plain one.
     max_iterations
-        Maximum number of transforms.
+        Maximum number of steps.
     rtol
-        Stop when a transform lowers the stress by less than this fraction.
+        Stop when a step lowers the stress by at most this fraction.
 
     Returns
     -------
     points : numpy.ndarray
         Centred positions, shape (n, 3).
-    course : list of float
-        Raw stress of the start and after each transform; the last entry is that of ``points``.
+    stresses : list of float
+        Stress of the start and after each step; the last entry is that of ``points``, or before the last plain step.
     """
-    points = np.ascontiguousarray(start - start.mean(axis=0))
-    moved, stress = transform(points)
-    course = [stress]
-    while len(course) <= max_iterations:
-        points = moved
+    points, stresses = np.ascontiguousarray(start - start.mean(axis=0)), list[float]()
+    while True:
         moved, stress = transform(points)
-        course.append(stress)
-        if course[-2] - course[-1] <= rtol * course[-2]:
-            break
-    return points, course
+        stresses.append(stress)
+        settled = len(stresses) > 1 and stresses[-2] - stress <= rtol * stresses[-2]
+        if settled or len(stresses) > max_iterations:
+            return moved if relaxed else points, stresses
+        points = 2 * moved - points if relaxed else moved
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def guttman_transform(points: FloatArray, targets: FloatArray) -> tuple[FloatArray, float]:
-    """Return the Guttman transform of the points [Borg & Groenen 2005, 8.6], and their raw stress.
+def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float, float, float]:
+    """Return the Guttman transform of the points [Borg & Groenen 2005, 8.6], and sums over pairs.
 
     Parameters
     ----------
     points
         Positions, shape (n, 3).
     targets
-        Distances that they should have, symmetric, shape (n, n); coincident points neither pull nor push.
+        Distances that they should have, symmetric, shape (n, n), in the precision of the computation; coincident points
+        neither pull nor push.
+
+    Returns
+    -------
+    moved : numpy.ndarray
+        Positions, shape (n, 3).
+    stress, product, squares : float
+        Sums of squared misses, of products of distance and miss, and of squared distances. At the best scale, the
+        stress is ``stress - product**2 / squares``, without cancellation.
     """
-    x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
-    n, moved, stress = len(points), np.empty_like(points), 0.0
-    for i in range(n):
-        target, sum_x, sum_y, sum_z, row = targets[i], 0.0, 0.0, 0.0, 0.0
-        for j in range(n):  # each pair twice: without writes, this loop vectorises
-            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
-            squared = dx * dx + dy * dy + dz * dz
-            # A root in single precision and one step of Newton's method: all digits in less time.
-            guess = np.float64(np.float32(1.0) / np.sqrt(np.float32(squared))) if squared > 1e-30 else 0.0
-            inverse = guess * (1.5 - 0.5 * squared * guess * guess)
-            ratio = target[j] * inverse
-            sum_x, sum_y, sum_z = sum_x + ratio * dx, sum_y + ratio * dy, sum_z + ratio * dz
-            row += (squared * inverse - target[j]) ** 2
-        moved[i, 0], moved[i, 1], moved[i, 2] = sum_x / n, sum_y / n, sum_z / n
-        stress += row
-    return moved, 0.5 * stress
+    x, y, z = points[:, 0].astype(targets.dtype), points[:, 1].astype(targets.dtype), points[:, 2].astype(targets.dtype)
+    moved, stress, product, squares = np.empty_like(points), 0.0, 0.0, 0.0
+    for i in range(len(points)):
+        moved[i, 0], moved[i, 1], moved[i, 2], miss, cross, square = _pull(i, x, y, z, targets[i])
+        stress, product, squares = stress + miss, product + cross, squares + square
+    return moved / len(points), stress / 2, product / 2, squares / 2
 
 
-def non_metric_transform(
-    dissimilarities: FloatArray,
-) -> tuple[Callable[[FloatArray], tuple[FloatArray, float]], float]:
+@njit(inline="always")
+def _pull(i, x, y, z, target):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the sum of the pulls of all points on point i, and the sums of its pairs; each pair counts twice."""
+    # Without writes, the loop vectorises.
+    pull_x = pull_y = pull_z = stress = product = squares = np.float32(0)
+    for j in range(len(x)):
+        dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+        squared = dx * dx + dy * dy + dz * dz
+        distance = np.sqrt(squared)
+        ratio, miss = target[j] / max(distance, COINCIDENT), distance - target[j]
+        pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
+        stress, product, squares = stress + miss * miss, product + distance * miss, squares + squared
+    return pull_x, pull_y, pull_z, stress, product, squares
+
+
+def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
     """Return the Guttman transform towards disparities, and the root of the sum of their squares.
+
+    Dissimilarities are rounded to :data:`LEVELS` levels. Pairs of one level are tied, and have one disparity (Kruskal's
+    secondary approach), so that a regression has at most as many places as there are levels, not pairs.
 
     Parameters
     ----------
     dissimilarities
         Symmetric, shape (n, n); only their order and the sum of their squares matter.
     """
-    first, second = (ends.astype(np.int32) for ends in np.triu_indices(len(dissimilarities), 1))
-    given = dissimilarities[first, second]
-    # The bits of non-negative floats rise with them: a stable sort by both halves takes a sixth of the time.
-    halves = given.astype("<f4").view("<u2").reshape(-1, 2)
-    order = np.lexsort((halves[:, 0], halves[:, 1]))
-    first, second, norm = first[order], second[order], float(np.linalg.norm(given))
-
-    distances = np.empty(len(first))  # reused by every transform
+    levels = np.rint(dissimilarities * ((LEVELS - 1) / dissimilarities.max())).astype(np.uint16)
+    counts = np.bincount(levels.ravel(), minlength=LEVELS)
+    counts[0] -= len(levels)  # the diagonal
+    used = counts > 0
+    levels, pairs = (np.cumsum(used, dtype=np.uint16) - used)[levels], counts[used] / 2
+    norm, sums = float(np.linalg.norm(dissimilarities)) / 2**0.5, np.empty(len(pairs))
 
     def transform(points: FloatArray) -> tuple[FloatArray, float]:
-        pair_distances(points, first, second, distances)
-        disparities = isotonic_regression(distances)
-        scale = norm / float(np.linalg.norm(disparities))
-        moved, stress = pair_transform(points, first, second, distances, disparities, scale)
+        sum_distances(points, levels, sums)
+        disparities = isotonic_regression(sums / pairs, weights=pairs).x
+        disparities *= norm / np.sqrt(pairs @ disparities**2)
+        moved, stress = level_transform(points, levels, disparities.astype(np.float32))
         return moved, stress
 
     return transform, norm
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def isotonic_regression(values: FloatArray) -> FloatArray:
-    """Return the non-decreasing sequence nearest to the values: pool adjacent violators [Kruskal 1964].
-
-    Its blocks end where the cumulative sum touches its greatest convex minorant, which lies nowhere above that of every
-    64th place alone. Most places lie above the latter, and none of them can end a block: with these left out, a
-    regression takes a sixth of the time of scipy's.
-    """
-    starts = range(0, len(values), 64)
-    sums, sizes, blocks = np.empty(len(starts)), np.empty(len(starts)), 0
-    for start in starts:
-        chunk = values[start : start + 64]
-        blocks = _append_block(sums, sizes, blocks, chunk.sum(), float(len(chunk)))
-    fine_sums, fine_sizes, fine_blocks, end = np.empty_like(values), np.empty_like(values), 0, 0
-    for mean, count in zip(sums[:blocks] / sizes[:blocks], sizes[:blocks]):  # noqa: B905 (numba knows no strict)
-        excess, total, size, begin, end = 0.0, 0.0, 0.0, end, end + int(count)
-        for place in range(begin, end):
-            total, size, excess = total + values[place], size + 1.0, excess + values[place] - mean
-            if excess <= 0.0 or place == end - 1:
-                fine_blocks = _append_block(fine_sums, fine_sizes, fine_blocks, total, size)
-                total, size = 0.0, 0.0
-    fitted, end = np.empty_like(values), 0
-    for block in range(fine_blocks):
-        begin, end = end, end + int(fine_sizes[block])
-        fitted[begin:end] = fine_sums[block] / fine_sizes[block]
-    return fitted
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _append_block(sums: FloatArray, sizes: FloatArray, blocks: int, total: float, size: float) -> int:
-    """Append a block, pooled with those before it whose mean is not lower, and return the number of blocks."""
-    while blocks > 0 and sums[blocks - 1] * size >= total * sizes[blocks - 1]:
-        blocks -= 1
-        total, size = total + sums[blocks], size + sizes[blocks]
-    sums[blocks], sizes[blocks] = total, size
-    return blocks + 1
-
-
 @njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
-def pair_distances(points: FloatArray, first: Indices, second: Indices, distances: FloatArray) -> None:
-    """Write the distance of each pair of points."""
-    for pair in range(len(first)):
-        i, j = first[pair], second[pair]
-        dx, dy, dz = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
-        distances[pair] = np.sqrt(dx * dx + dy * dy + dz * dz)
+def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
+    """Write the sum of the distances of the pairs of each level, in double precision."""
+    x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
+    distances = np.empty(len(points), np.float32)
+    sums[:] = 0.0
+    for i in range(len(points)):
+        for j in range(i):
+            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+            distances[j] = np.sqrt(dx * dx + dy * dy + dz * dz)
+        for j in range(i):
+            sums[levels[i, j]] += distances[j]
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def pair_transform(
-    points: FloatArray, first: Indices, second: Indices, distances: FloatArray, targets: FloatArray, scale: float
+def level_transform(
+    points: FloatArray, levels: NDArray[np.uint16], disparities: NDArray[np.float32]
 ) -> tuple[FloatArray, float]:
-    """Return the Guttman transform towards scaled targets of the pairs, and the raw stress of the points."""
-    moved, stress = np.zeros_like(points), 0.0
-    for pair in range(len(first)):
-        i, j, distance, target = first[pair], second[pair], distances[pair], scale * targets[pair]
-        ratio = target / distance if distance > 0.0 else 0.0
-        stress += (target - distance) ** 2
-        for axis in range(3):
-            pull = ratio * (points[i, axis] - points[j, axis])
-            moved[i, axis] += pull
-            moved[j, axis] -= pull
-    return moved / len(points), stress
+    """Return the Guttman transform towards the disparities of the levels, and the raw stress of the points."""
+    x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
+    moved, stress, target = np.empty_like(points), 0.0, np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        for j in range(len(points)):
+            target[j] = disparities[levels[i, j]]
+        target[i] = 0.0
+        moved[i, 0], moved[i, 1], moved[i, 2], miss, _, _ = _pull(i, x, y, z, target)
+        stress += miss
+    return moved / len(points), stress / 2

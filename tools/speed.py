@@ -120,10 +120,10 @@ def of_forms(steps: int = 10) -> Iterator[Row]:
     ours, theirs = (partial(scaling, distances) for scaling in (classic_scaling, arpack_scaling))
     yield Row("classic-mds, given the geodesics", ours, "double centring + scipy eigsh", theirs, detail)
 
-    # scikit-learn starts at the same vertices and takes as many steps.
+    # scikit-learn starts at the same vertices and stops by the same rule.
     start = shape.mesh.vertices - shape.mesh.vertices.mean(axis=0)
-    ours = partial(select_one("least-squares-mds").create().canonicalise, shape)
-    theirs = partial(sklearn_scaling, distances, start, ours().notes["iterations"])
+    ours = partial(form_of_distances, "least-squares-mds", shape)
+    theirs = partial(sklearn_scaling, distances, start, 5000, eps=1e-6)
     detail = f"stress {ours().notes['stress']:.5f} (peer {stress_of(theirs(), distances):.5f})"
     yield Row("least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail)
 
@@ -159,8 +159,21 @@ def arpack_scaling(distances: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, ::-1] * np.sqrt(values[::-1]))
 
 
-def sklearn_scaling(distances: FloatArray, start: FloatArray, steps: int, *, metric: bool = True) -> FloatArray:
-    options = {"n_components": 3, "n_init": 1, "max_iter": steps, "eps": 0}
+def form_of_distances(name: str, shape: Shape) -> Any:
+    """Return the form of a new shape with the same geodesics, for which no other form is kept."""
+    distances = shape.geodesics()
+    fresh = Shape(
+        identifier=shape.identifier,
+        mesh=shape.mesh,
+        cache=lambda key, compute: distances if isinstance(key, str) else compute(),
+    )
+    return select_one(name).create().canonicalise(fresh)
+
+
+def sklearn_scaling(
+    distances: FloatArray, start: FloatArray, steps: int, *, metric: bool = True, eps: float = 0.0
+) -> FloatArray:
+    options = {"n_components": 3, "n_init": 1, "max_iter": steps, "eps": eps}
     return np.asarray(sklearn_smacof(distances, metric=metric, init=start, **options)[0])
 
 

@@ -8,7 +8,7 @@ has no canonical form: it describes each shape by a vector and compares the vect
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, runtime_checkable
 
@@ -155,8 +155,8 @@ class CanonicalForm:
         return Mesh(self.vertices, self.faces)
 
 
-GeodesicsCache = Callable[[str, Callable[[], FloatArray]], FloatArray]
-"""Returns the geodesic distances of a solver; calls the function, which computes them, if they are missing."""
+ResultCache = Callable[[Hashable, Callable[[], Any]], Any]
+"""Returns the result under a key; calls the function, which computes it, if it is missing."""
 
 
 @dataclass(eq=False, kw_only=True, repr=False)
@@ -177,7 +177,8 @@ class Shape:
     seed
         Seed of all random choices for this shape.
     cache
-        Cache for geodesic distances; None caches them in this object.
+        Cache for results that methods share, by key: geodesic distances by the name of their solver, a form by its
+        method; None caches them in this object.
     """
 
     identifier: str
@@ -185,8 +186,8 @@ class Shape:
     depth: NDArray[np.float32] | None = None
     source_area: float | None = None
     seed: int = 0
-    cache: GeodesicsCache | None = None
-    _geodesics: dict[str, FloatArray] = field(default_factory=dict, init=False)
+    cache: ResultCache | None = None
+    _results: dict[Hashable, Any] = field(default_factory=dict, init=False)
     _laplacian: Laplacian | None = field(default=None, init=False)
 
     @classmethod
@@ -245,11 +246,24 @@ class Shape:
             matrix.flags.writeable = False
             return matrix
 
+        matrix: FloatArray = self.compute_once(name, compute)
+        return matrix
+
+    def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return a result that several methods use, such as a form that others deform; computed when first needed.
+
+        Parameters
+        ----------
+        key
+            What the result is: the method with its parameters. A run charges the seconds to each method that uses it.
+        compute
+            Computes the result, which must be read-only.
+        """
         if self.cache is not None:
-            return self.cache(name, compute)
-        if name not in self._geodesics:
-            self._geodesics[name] = compute()
-        return self._geodesics[name]
+            return self.cache(key, compute)
+        if key not in self._results:
+            self._results[key] = compute()
+        return self._results[key]
 
     def geodesics_from(self, sources: ArrayLike, solver: str = "default") -> FloatArray:
         """Return geodesic distances from a few vertices to all vertices, without computing all pairs.

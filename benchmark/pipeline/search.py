@@ -15,7 +15,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Cache, Kind
 from benchmark.pipeline.ranking import distances
 from benchmark.pipeline.records import Record
-from benchmark.pipeline.stages import SharedGeodesics, compute_output, mesh_of, require_result, sign
+from benchmark.pipeline.stages import SharedResults, compute_output, mesh_of, require_result, sign
 
 
 class Hit(NamedTuple):
@@ -68,7 +68,7 @@ def search(
     ShapeError
         If the query is refused.
     """
-    answer = require_result(compute_output(method, query, SharedGeodesics()))
+    answer = require_result(compute_output(method, query, SharedResults()))
     kind: Kind = "forms"
     form = None
     if isinstance(method, Method):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
@@ -145,44 +145,50 @@ def require_result(arrays: Arrays, error: type[UnsupportedShape] = UnsupportedSh
 # Forms, descriptors and signatures -----------------------------------------------------------------------------------
 
 
-class SharedGeodesics:
-    """Geodesic distances of a shape, which several methods use; each matrix is computed once.
+class SharedResults:
+    """Geodesic distances of a shape, by solver, and forms that other methods deform, by method; each computed once.
 
     Parameters
     ----------
     aside
-        Told about the work, which is not charged to a method.
+        Told about work that is not charged to a method: geodesics. A form is charged to each method that uses it.
     """
 
     def __init__(self, aside: Aside = lambda _: nullcontext()) -> None:
         self._aside = aside
-        self._results: dict[str, tuple[FloatArray, float]] = {}
-        #: Seconds of the matrix that the current method used, and those that passed while it waited for it.
+        self._results: dict[Hashable, tuple[Any, float]] = {}
+        #: Seconds of the matrix that the current method used, and those that passed and are not its own.
         self.used = 0.0
         self.waited = 0.0
 
-    def get_or_compute(self, solver: str, compute: Callable[[], FloatArray]) -> FloatArray:
-        """Return the distances of a solver; compute them if they are missing.
+    def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return the distances of a solver, or the form of a method; compute them if they are missing.
 
         Raises
         ------
         Unprepared
-            If there is no memory for them; the method is not to blame.
+            If there is no memory for distances; the method is not to blame.
         """
-        if solver not in self._results:
-            start = time.perf_counter()
+        known, is_solver, start = key in self._results, isinstance(key, str), time.perf_counter()
+        if not known:
             try:
-                with self._aside("geodesics"):
-                    matrix = compute()
+                with self._aside("geodesics") if is_solver else nullcontext():
+                    result = compute()
             except MemoryError as error:
-                raise Unprepared("no memory for its geodesics", _SMALLER) from error
-            self._results[solver] = matrix, time.perf_counter() - start
-            self.waited += self._results[solver][1]
-        matrix, self.used = self._results[solver]
-        return matrix
+                if is_solver:
+                    raise Unprepared("no memory for its geodesics", _SMALLER) from error
+                raise
+            self._results[key] = result, time.perf_counter() - start
+        result, seconds = self._results[key]
+        if is_solver:
+            self.used = seconds
+            self.waited += 0.0 if known else seconds
+        elif known:
+            self.waited -= seconds
+        return result
 
 
-def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedGeodesics | None = None) -> Shape:
+def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedResults | None = None) -> Shape:
     """Return the shape passed to methods, from its prepared arrays."""
     return Shape(
         identifier=identifier,
@@ -194,7 +200,7 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedGeode
     )
 
 
-def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedGeodesics) -> Arrays:
+def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedResults) -> Arrays:
     """Compute the form or the descriptor of a shape; for a refused shape, the reason.
 
     Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is

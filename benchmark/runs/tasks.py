@@ -162,7 +162,7 @@ class Work:
 
     def __init__(self, task: Task, aside: stages.Aside = lambda _: nullcontext()) -> None:
         self.task, self._aside = task, aside
-        self._surfaces: dict[str, tuple[Arrays, Shape, stages.SharedGeodesics]] = {}
+        self._surfaces: dict[str, tuple[Arrays, Shape, stages.SharedResults]] = {}
 
     def outcome(self, step: Step) -> Outcome:
         """Do a step; what goes wrong in it becomes its outcome.
@@ -207,7 +207,7 @@ class Work:
                 preparation = _preparation(job.source, job.data_root, input_, job.results)
                 entry = next(entry for entry in preparation.shapes.shapes if entry.identifier == step.shape)
                 prepared = preparation.arrays(entry)
-            shared = stages.SharedGeodesics(self._aside)
+            shared = stages.SharedResults(self._aside)
             self._surfaces[input_] = prepared, stages.shape_of(prepared, step.shape, job.row.seed, shared), shared
         prepared, shape, shared = self._surfaces[input_]
 

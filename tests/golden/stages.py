@@ -25,7 +25,7 @@ from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
 from benchmark.pipeline.stages import (
     SECONDS,
-    SharedGeodesics,
+    SharedResults,
     compute_distances,
     compute_output,
     compute_signature,
@@ -54,7 +54,7 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 
 def _answer(method: Any, shape: Shape) -> Arrays:
     """Return a form or a descriptor without its times; raise the reason of a refusal."""
-    answer = require_result(compute_output(method, shape, SharedGeodesics()))
+    answer = require_result(compute_output(method, shape, SharedResults()))
     return {name: array for name, array in answer.items() if not name.startswith(SECONDS)}
 
 
