@@ -22,7 +22,7 @@ from learned.methods import TRAINABLE_AT
 from learned.models import CONFIGURATIONS, Configuration, hardware, load, save
 from learned.pairs import Pairs, gather
 from learned.paper_network import RESOLUTIONS
-from learned.training import CHECKPOINT, Device, Schedule, device_named, fit, measures, resolved
+from learned.training import CHECKPOINT, Device, Schedule, device_named, differences, fit, measures, resolved
 
 SAMPLES = 60
 """Pairs of each kind that are predicted for pictures and measures at the end."""
@@ -54,23 +54,26 @@ def train(
         hint = f"pass -o resolution=N, {RESOLUTIONS[0]} to {RESOLUTIONS[-1]}"
         raise ConfigurationError(f"the network has no resolution {schedule.resolution}", hint)
     words = schedule.in_words() + (f", from {machine.init}" if machine.init else "")
-    if (folder / CARD).is_file():
-        _check_finished(folder, schedule, data, words)
-        say(f"{folder} holds this model already")
-        return
+    network, init = _initial(configuration, seed, machine.init)
+    recipe = asdict(schedule) | {"seed": seed, "init": init, "shapes": list(data.identifiers)}
+    _check_finished(folder, recipe)
     torch.set_num_threads(machine.threads or available_cores())
     say(f"training '{name}', seed {seed}: {words}; {data.title}")
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
+    recipe["images"] = pairs.digest()
+    if _check_finished(folder, recipe):
+        say(f"{folder} holds this model already")
+        return
     unseen = gather(data.validation(), data.n_validation, schedule.resolution, configuration.crop)
-    network, init = _initial(configuration, seed, machine.init)
     folder.mkdir(parents=True, exist_ok=True)
     history = fit(network, pairs, unseen, schedule, folder, seed=seed, init=init, device=device, log=say)
     network = network.cpu().eval()
     title = f"{name}, seed {seed}, {data.name}"
     facts = {
         "seed": seed,
+        "init": init,
+        "data_digest": recipe["images"],
         "schedule_in_words": f"{words}, {hardware(device)}",
-        "data_digest": pairs.digest(),
         "training_measures": _sampled(network, pairs, folder / "samples-training.png", f"{title}: training pairs"),
         "validation_measures": _sampled(network, unseen, folder / "samples-validation.png", f"{title}: validation"),
     }
@@ -97,15 +100,19 @@ def _initial(configuration: Configuration, seed: int, folder: str) -> tuple[nn.M
     return network, card.digest
 
 
-def _check_finished(folder: Path, schedule: Schedule, data: TrainingData, words: str) -> None:
-    """Raise ``ConfigurationError`` unless the finished model in a folder is that of this schedule and data."""
-    card = json.loads((folder / CARD).read_bytes())
-    if card.get("schedule") != asdict(schedule) or card.get("identifiers") != list(data.identifiers):
+def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
+    """Return whether a folder holds a finished model; raise ``ConfigurationError`` if it is of another recipe."""
+    if not (folder / CARD).is_file():
+        return False
+    card = {"init": ""} | json.loads((folder / CARD).read_bytes())
+    facts = {"seed": "seed", "init": "init", "shapes": "identifiers", "images": "data_digest"}
+    known = {name: card.get(fact) for name, fact in facts.items() if name in recipe}
+    if changed := differences((card.get("schedule") or {}) | known, recipe):
         raise ConfigurationError(
-            f"{folder} holds a finished model of another training ({card.get('schedule_in_words', 'unknown')}), not of "
-            f"{words}",
+            f"{folder} holds a finished model of another training, with another {changed}",
             "delete the folder to train anew, or name other --results",
         )
+    return True
 
 
 @torch.inference_mode()

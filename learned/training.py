@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import math
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -50,10 +49,6 @@ class Schedule:
         Pairs per step.
     learning_rate
         Step size of Adam.
-    cosine
-        Whether the step size falls to zero along half a cosine.
-    masked_depth
-        Whether the depth loss is the mean over the pixels of the target's mask, not over all pixels as printed.
     precision
         Arithmetic of the network: ``"auto"`` takes bfloat16 if the hardware supports it.
     """
@@ -64,19 +59,12 @@ class Schedule:
     early_depth_weight: Annotated[float, Interval(0)] = 0.01
     batch: Annotated[int, Interval(1)] = 8
     learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-3
-    cosine: bool = False
-    masked_depth: bool = False
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
 
     def depth_weight(self, epoch: int) -> float:
         """Return the weight of the depth loss in an epoch, counted from 0."""
         early = round(self.epochs / 5) if self.early_epochs is None else self.early_epochs
         return self.early_depth_weight if epoch < early else 1.0
-
-    def step_size(self, epoch: int) -> float:
-        """Return the step size of Adam in an epoch, counted from 0."""
-        share = 0.5 * (1 + math.cos(math.pi * epoch / self.epochs)) if self.cosine else 1.0
-        return self.learning_rate * share
 
     def in_words(self) -> str:
         """Describe the schedule in one clause, with what differs from the paper's."""
@@ -86,11 +74,16 @@ class Schedule:
         return ", ".join([text, *changed])
 
 
-def losses(prediction: Tensor, target: Tensor, masked_depth: bool = False) -> tuple[Tensor, Tensor]:
+def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Name what differs between two trainings, with values that are short; an absent option is False."""
+    names = sorted(name for name in {*before, *now} if before.get(name, False) != now.get(name, False))
+    values = {name: f" ({before.get(name)}, not {now.get(name)})" for name in names}
+    return ", ".join(name + values[name] * (len(values[name]) < 40) for name in names)
+
+
+def losses(prediction: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
     """Return the mean squared errors of depth and mask, both of shape (n, 2, h, w)."""
     depth, mask = (prediction - target).square().unbind(1)
-    if masked_depth:
-        return (depth * target[:, 1]).sum() / target[:, 1].sum().clamp(min=1), mask.mean()
     return depth.mean(), mask.mean()
 
 
@@ -204,12 +197,10 @@ def fit(
 def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epoch: int, began: float) -> None:
     network, optimizer = state.network.train(), state.optimizer
     device = pairs.images.device
-    for group in optimizer.param_groups:
-        group["lr"] = schedule.step_size(epoch)
     order = torch.from_numpy(np.random.default_rng([seed, epoch]).permutation(len(pairs)))
     for rows in order.split(schedule.batch)[state.step :]:
         image, target = pairs[rows.to(device)]
-        depth, mask = losses(_predicted(network, image, schedule), target, schedule.masked_depth)
+        depth, mask = losses(_predicted(network, image, schedule), target)
         optimizer.zero_grad()
         (schedule.depth_weight(epoch) * depth + mask).backward()
         optimizer.step()
@@ -258,11 +249,9 @@ class _State:
             return
         try:
             state = torch.load(self.path, map_location="cpu", weights_only=True)
-            before = state["recipe"]
-            changed = sorted(name for name in {*before, *recipe} if before.get(name) != recipe.get(name))
-            if changed:
+            if changed := differences(state["recipe"], recipe):
                 raise TrainingError(
-                    f"{self.path} was made with another {', '.join(changed)}",
+                    f"{self.path} was made with another {changed}",
                     "train with the same options, or delete the folder to begin anew",
                 )
             self.network.load_state_dict(state["network"])

@@ -6,21 +6,22 @@ import csv
 import json
 import math
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load as tensors_in
 from safetensors.torch import save
 
-from benchmark.api.learning import CARD, WEIGHTS, digest_of
+from benchmark.api.learning import CARD, WEIGHTS, TrainingPair, digest_of
 from benchmark.errors import ConfigurationError, TrainingError
 from learned.fitting import train
 from learned.models import HISTORY, load
-from tests.learned.toy import OPTIONS, TINY, edit_card, files, quiet, replace_weights, toy_data
+from tests.learned.toy import BUILDS, OPTIONS, TINY, edit_card, files, quiet, replace_weights, toy_data, toy_pairs
 
 IMAGE = torch.linspace(0, 1, 32 * 32, dtype=torch.float64).reshape(1, 1, 32, 32)
 
@@ -122,14 +123,45 @@ def test_weights_that_are_none_are_refused(copied: Path) -> None:
         load(copied)
 
 
-def test_a_finished_model_is_left_alone(trained: Path) -> None:
+def darker() -> Iterator[TrainingPair]:
+    """The pairs of the toy data, with other depths."""
+    return (replace(pair, image=pair.image * np.float32(0.9)) for pair in toy_pairs(BUILDS))
+
+
+def test_a_finished_model_is_left_alone(trained: Path, copied: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in trained.iterdir()}
     # Where it is computed is not part of what determines the model.
-    assert again(trained, {**OPTIONS, "threads": 2}) == [f"{trained} holds this model already"]
-    for changes in ({"epochs": 31}, {"learning_rate": "1e-3"}, {"masked_depth": "true"}):
-        with pytest.raises(ConfigurationError, match="holds a finished model of another training .*delete the folder"):
-            again(trained, {**OPTIONS, **changes})
+    assert again(trained, {**OPTIONS, "threads": 2})[-1] == f"{trained} holds this model already"
     assert {path: path.stat().st_mtime_ns for path in trained.iterdir()} == before
+    edit_card(copied, lambda card: card["schedule"].update(cosine=False))  # as cards had it until 0.3
+    assert again(copied)[-1] == f"{copied} holds this model already"
+
+
+@pytest.mark.parametrize(
+    ("options", "changes", "named"),
+    [
+        ({"epochs": 31}, {}, r"epochs \(30, not 31\)"),
+        ({"precision": "bfloat16"}, {}, r"precision \(float32, not bfloat16\)"),
+        ({"init": "itself"}, {}, "init"),
+        ({}, {"identifiers": ("slim-0.0",)}, "shapes"),
+        ({}, {"pairs": darker}, "images"),
+    ],
+)
+def test_a_finished_model_of_another_training_is_refused_with_what_differs(
+    trained: Path, options: dict[str, Any], changes: dict[str, Any], named: str
+) -> None:
+    options = {name: str(trained) if value == "itself" else value for name, value in options.items()}
+    message = f"holds a finished model of another training, with another {named}; delete the folder to train anew"
+    with pytest.raises(ConfigurationError, match=message):
+        again(trained, {**OPTIONS, **options}, **changes)
+
+
+def test_a_finished_model_of_another_seed_or_of_what_no_option_names_is_refused(copied: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"another seed \(0, not 1\)"):
+        train(TINY.name, 1, toy_data(), copied, OPTIONS, quiet)
+    edit_card(copied, lambda card: card["schedule"].update(cosine=True))
+    with pytest.raises(ConfigurationError, match=r"another cosine \(True, not None\)"):
+        again(copied)
 
 
 @pytest.mark.parametrize(

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 import torch
 
 from benchmark.errors import ConfigurationError, TrainingError
-from learned import training
+from learned import fitting, training
 from learned.pairs import Pairs, gather
 from learned.training import CHECKPOINT, History, Schedule, device_named, fit, losses, measures, resolved
-from tests.learned.toy import BUILDS, TINY, quiet, toy_pairs
+from tests.learned.toy import BUILDS, TINY, quiet, toy_data, toy_pairs
 
 CPU = torch.device("cpu")
 PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, precision="float32")
@@ -44,12 +45,81 @@ def test_the_defaults_are_the_papers_and_its_share_of_early_epochs_is_kept(epoch
     assert weights == [0.01] * early + [1.0] * (epochs - early)
     assert Schedule(epochs=epochs, early_epochs=0).depth_weight(0) == 1
     assert paper.in_words() == "500 x 500 pixels, 500 epochs"
-    assert replace(paper, cosine=True, early_epochs=0).in_words().endswith("epochs, early_epochs 0, cosine True")
+    assert replace(paper, batch=4, early_epochs=0).in_words().endswith("epochs, early_epochs 0, batch 4")
 
 
-def test_the_step_size_is_constant_or_falls_along_a_cosine() -> None:
-    assert {Schedule().step_size(epoch) for epoch in (0, 250, 499)} == {1e-3}
-    assert [Schedule(cosine=True).step_size(epoch) for epoch in (0, 250)] == pytest.approx([1e-3, 5e-4])
+class OneWeight(torch.nn.Module):
+    """Depth and mask are the image times one weight; ``seen`` has the first pixel of each image."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.weight, self.seen = torch.nn.Parameter(torch.ones(())), list[float]()
+
+    def forward(self, image: torch.Tensor) -> torch.Tensor:
+        self.seen += image[:, 0, 0, 0].tolist()
+        self.is_halved = torch.is_autocast_enabled("cpu")
+        return (self.weight * image).expand(-1, 2, -1, -1)
+
+
+def one_weight(folder: Path, plan: Schedule, images: torch.Tensor, seed: int = 0) -> tuple[OneWeight, History]:
+    """Train one weight on images whose true depth is -1 and true mask 2."""
+    target = torch.tensor([-1.0, 2.0])[None, :, None, None].expand(1, 2, 2, 2).contiguous()
+    pairs = Pairs(tuple("abcdef"[: len(images)]), images, target, torch.zeros(len(images), dtype=torch.long))
+    network = OneWeight()
+    folder.mkdir()
+    return network, fit(network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet)
+
+
+@pytest.mark.parametrize(("early", "expected"), [(1, 1.003), (0, 0.997)], ids=["early", "late"])
+def test_a_step_goes_where_the_weighted_losses_fall_by_hand(tmp_path: Path, early: int, expected: float) -> None:
+    """The slope is alpha * 4 - 2, of depth (w + 1)^2 and mask (w - 2)^2 at w = 1; Adam first steps by its rate."""
+    plan = replace(PLAN, epochs=1, early_epochs=early)
+    network, (row,) = one_weight(tmp_path / "model", plan, torch.ones(1, 1, 2, 2))
+    assert float(network.weight.detach()) == pytest.approx(expected, abs=1e-6)
+    assert (row["depth loss"], row["mask loss"]) == (4, 1)
+
+
+def test_the_weight_of_the_depth_grows_after_the_early_epochs(tmp_path: Path) -> None:
+    """Two epochs of each kind, after Adam's rule."""
+    network, _ = one_weight(tmp_path / "model", replace(PLAN, early_epochs=2), torch.ones(1, 1, 2, 2))
+    weight, first, second = 1.0, 0.0, 0.0
+    for step, alpha in enumerate((0.01, 0.01, 1.0, 1.0), start=1):
+        slope = alpha * 2 * (weight + 1) + 2 * (weight - 2)
+        first, second = 0.9 * first + 0.1 * slope, 0.999 * second + 0.001 * slope**2
+        weight -= 3e-3 * first / (1 - 0.9**step) / ((second / (1 - 0.999**step)) ** 0.5 + 1e-8)
+    assert float(network.weight.detach()) == pytest.approx(weight, abs=1e-6)
+
+
+def test_the_order_of_pairs_differs_between_epochs_and_repeats_with_the_seed(tmp_path: Path) -> None:
+    images = torch.arange(6.0)[:, None, None, None].expand(6, 1, 2, 2).contiguous()
+    seen = [one_weight(tmp_path / str(k), PLAN, images, seed)[0].seen for k, seed in enumerate((0, 0, 1))]
+    epochs = [seen[0][k : k + 6] for k in range(0, 24, 6)]
+    assert all(sorted(epoch) == [*range(6)] for epoch in epochs)
+    assert len({*map(tuple, epochs)}) == 4
+    assert seen[0] == seen[1] != seen[2]
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_the_network_computes_in_the_precision_of_the_schedule(
+    tmp_path: Path, precision: Literal["float32", "bfloat16"]
+) -> None:
+    plan = replace(PLAN, epochs=1, precision=precision)
+    assert one_weight(tmp_path / "model", plan, torch.ones(1, 1, 2, 2))[0].is_halved == (precision == "bfloat16")
+
+
+@pytest.mark.parametrize(("name", "early"), [("literal", None), ("without_weighting", 0)])
+def test_the_ablation_of_the_weighting_has_no_early_epochs(
+    name: str, early: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plans: list[Schedule] = []
+    monkeypatch.setattr(fitting, "fit", lambda *given, **_: plans.append(given[3]) or [{}])
+    monkeypatch.setattr(fitting, "save", lambda *_: None)
+    monkeypatch.setattr(fitting, "load", lambda _: None)
+    monkeypatch.setattr(fitting.pictures, "draw_history", lambda *_: None)
+    monkeypatch.setattr(fitting, "_sampled", lambda *_: {})
+    options = {"resolution": 32, "device": "cpu", "threads": 1}
+    fitting.train(name, 0, toy_data(), tmp_path, options, quiet)
+    assert plans[0].early_epochs == early
 
 
 def test_the_time_left_is_that_of_the_epochs_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,18 +132,9 @@ def test_the_time_left_is_that_of_the_epochs_so_far(monkeypatch: pytest.MonkeyPa
     assert lines == [f"{bar}  loss 0.50000  {left} s left" for bar, left in zip(bars, (40, 27), strict=True)]
 
 
-@pytest.mark.parametrize(
-    ("target", "masked", "of_depth", "of_mask"),
-    [
-        (TARGET, False, (0.25 + 0 + 0 + 1) / 4, (0 + 0.25 + 0 + 0.25) / 4),
-        (TARGET, True, (0.25 + 0) / 2, (0 + 0.25 + 0 + 0.25) / 4),
-        (torch.zeros(2, 2, 2), True, 0, (1 + 0.25 + 0.25) / 4),
-    ],
-    ids=["all pixels", "inside the mask", "an empty mask"],
-)
-def test_losses_by_hand(target: torch.Tensor, masked: bool, of_depth: float, of_mask: float) -> None:
-    depth, mask = losses(PREDICTED[None], target[None], masked)
-    assert (float(depth), float(mask)) == (of_depth, of_mask)
+def test_losses_by_hand() -> None:
+    depth, mask = losses(PREDICTED[None], TARGET[None])
+    assert (float(depth), float(mask)) == ((0.25 + 0 + 0 + 1) / 4, (0 + 0.25 + 0 + 0.25) / 4)
 
 
 def test_measures_by_hand() -> None:
@@ -95,10 +156,12 @@ def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
     assert row["depth loss"] == row["mask loss"] == pytest.approx((4 * 1 + 2 * 4) / 6)
 
 
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
-    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, precision: Literal["float32", "bfloat16"]
 ) -> None:
-    expected, history = run(pairs, tmp_path / "undisturbed")
+    plan = replace(PLAN, precision=precision)
+    expected, history = run(pairs, tmp_path / "undisturbed", plan)
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     inner, calls = training.losses, 0
 
@@ -112,15 +175,19 @@ def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
     monkeypatch.setattr(training, "losses", interrupted)
     for _ in range(3):
         with pytest.raises(KeyboardInterrupt):
-            run(pairs, tmp_path / "stopped", seed=0)
-    network, again = run(pairs, tmp_path / "stopped", seed=0)
+            run(pairs, tmp_path / "stopped", plan)
+    network, again = run(pairs, tmp_path / "stopped", plan)
     assert equal(network, expected)
     assert again == history
 
 
 @pytest.mark.parametrize(
     ("changes", "seed", "named"),
-    [({"learning_rate": 1e-3}, 0, "learning_rate"), ({"precision": "bfloat16"}, 0, "precision"), ({}, 1, "seed")],
+    [
+        ({"learning_rate": 1e-3}, 0, r"learning_rate \(0.003, not 0.001\)"),
+        ({"precision": "bfloat16"}, 0, r"precision \(float32, not bfloat16\)"),
+        ({}, 1, r"seed \(0, not 1\)"),
+    ],
 )
 def test_a_checkpoint_of_another_training_is_refused_by_name(
     pairs: Pairs, tmp_path: Path, changes: dict[str, float], seed: int, named: str
