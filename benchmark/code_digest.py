@@ -91,6 +91,12 @@ def sources_of(target: str) -> list[Path]:
     return list(_closure(target)[0])
 
 
+def is_installed(module: str) -> bool:
+    """Return whether a module is of the suite, of Python, or of an installed package: no code that a user edits."""
+    top = module.partition(".")[0]
+    return top in FIRST_PARTY or top in sys.stdlib_module_names or bool(_versions(top))
+
+
 def modules_beside(path: Path) -> dict[str, Path]:
     """Return the modules and packages beside a plugin file that it imports, directly or not, by name."""
     folder = path.resolve().parent

@@ -130,7 +130,7 @@ class Gallery:
         is_papers = method.base_name == NETWORK
         if not method.learns or is_papers or is_wanted or self._has_models(method, trained_here):
             yield method
-        if not method.learns or method.parameters or self.quick:
+        if not method.learns or method.parameters or self.quick or method.given is not None:
             return
         seeds = SEEDS if hasattr(method.load(), "training_seed") else ()
         variants: list[dict[str, object]] = [{"training_seed": seed} for seed in seeds]

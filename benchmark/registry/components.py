@@ -16,10 +16,11 @@ from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_fo
 from benchmark.api.datasets import ShapeSet
 from benchmark.api.parameters import format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
-from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, plugin_file
+from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, digest, plugin_file
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.registry.modules import load_module
 from benchmark.registry.names import quoted
+from benchmark.registry.state import state_of
 
 Kind = Literal["method", "scorer", "data set"]
 
@@ -45,8 +46,8 @@ class Component:
     parameters
         Parameters as text or values; only values other than the defaults are stored, normalised and in the order of the
         fields, so that equal components are equal objects however they are written.
-    given
-        The object itself, if a Python program passed one.
+    given, state
+        The object itself, if a Python program passed one, and the digest of the code and constants that it reads.
 
     Raises
     ------
@@ -59,6 +60,7 @@ class Component:
     target: str
     parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
     given: Any = field(default=None, compare=False, repr=False)
+    state: str = ""
 
     def __post_init__(self) -> None:
         if self.parameters and self.given is None:
@@ -162,34 +164,30 @@ class Component:
         return tuple(name for name in requires if importlib.util.find_spec(name) is None)
 
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
-        """Return the same component with additional parameters, as text or values."""
+        """Return the same component with additional parameters, as text or values; raise for a given object."""
+        if self.given is not None:
+            raise ConfigurationError(f"'{self.name}' is an object with parameters of its own", "create another one")
         return replace(self, parameters={**self.parameters, **parameters})
 
     def code(self) -> dict[str, str]:
-        """Return the parts of its code, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
-        return {"": self._unknown_code} if self._unknown_code else code_of(self.target, self.info.files)
+        """Return what its code consists of, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
+        return {"its code": self.state} | (code_of(self.target, self.info.files) if self._has_file else {})
 
     def key(self) -> dict[str, Any]:
         """Return what determines its results; the path of a plugin file does not count."""
         module, _, attribute = self.target.rpartition(":")
-        code = self._unknown_code or code_digest(self.target, self.info.files)
         return {
             "target": attribute if self.plugin else f"{module}:{attribute}",
             "parameters": dict(self.parameters),
-            "code": code,
+            "code": code_digest(self.target, self.info.files) if self._has_file else "",
+            "state": self.state,
         }
 
     @property
-    def _unknown_code(self) -> str:
-        """A text of its own for an object whose code is in no file, for example in a notebook; else ""."""
+    def _has_file(self) -> bool:
+        """Whether its code is in a file, unlike that of a notebook."""
         module = sys.modules.get(self.target.partition(":")[0])
-        if self.given is None or self.plugin is not None or getattr(module, "__file__", None):
-            return ""
-        return _TOKENS.setdefault(id(self.given), (self.given, secrets.token_hex(8)))[1]
-
-
-#: Objects whose code is in no file, so that no other object gets their identity, with a text for each.
-_TOKENS: dict[int, tuple[Any, str]] = {}
+        return self.given is None or self.plugin is not None or bool(getattr(module, "__file__", None))
 
 
 def component_of(value: Any) -> Component:
@@ -202,19 +200,24 @@ def component_of(value: Any) -> Component:
     """
     if isinstance(value, ShapeSet):
         return Component("data set", value.name, f"{value.name}:", given=value)
-    if isinstance(value, FunctionType):
+    if isinstance(value, FunctionType) and value.__name__ != "<lambda>":
         title = value.__name__.replace("_", " ").strip()
         value = canonical_form(name=title.replace(" ", "-").lower(), title=title.capitalize())(value)
-    value = value() if isinstance(value, type) else value
+    try:
+        value = value() if isinstance(value, type) else value
+    except Exception as error:
+        raise ConfigurationError(f"{value} cannot be created: {locate(error)}", "pass an object of it") from error
     info, cls = getattr(value, "info", None), type(value)
     kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
     info_type, contract, lacking = _CONTRACTS[kind]
     if not (isinstance(value, contract) and isinstance(info, info_type)):
-        problem = f"{value!r:.80} is no method, scorer or data set: it has {lacking}, or no info"
-        raise ConfigurationError(problem, "see docs/reference/plugins.md")
+        problem = f"an object of type {cls.__name__} is no method, scorer or data set: it has {lacking}, or no info"
+        raise ConfigurationError(problem, "pass a function or a dataclass: see docs/reference/plugins.md")
     module = cls.__module__ or ""
     file = getattr(sys.modules.get(module), "__file__", None)
     if file and file.endswith(".py") and module.partition(".")[0] not in FIRST_PARTY:
         module = str(Path(file).resolve())
+    read = state_of(value)
     chosen = non_default_values(cls, parameter_values(value))
-    return Component(kind, str(info.name), f"{module}:{cls.__qualname__}", chosen, given=value)
+    state = (digest(read) if read else "") if file else secrets.token_hex(8)  # without a file, it is never known again
+    return Component(kind, str(info.name), f"{module}:{cls.__qualname__}", chosen, value, state)

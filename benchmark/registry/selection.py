@@ -28,20 +28,26 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     Raises
     ------
     ConfigurationError
-        If a name or a parameter is unknown, or a value is invalid.
+        If a name or a parameter is unknown, a value is invalid, or two methods have one name.
     """
     known = by_name("method", plugins)
     chosen: list[Component] = []
     for name in names:
         if not isinstance(name, str):
             chosen.append(component_of(name))
+            if (base := chosen[-1].base_name) in known and known[base].load() is not chosen[-1].load():
+                raise ConfigurationError(f"there is another method '{base}', {known[base].target}", "rename yours")
         else:
             chosen += known.values() if name.strip() == EVERY else variants(name, known)
     named = {component.plugin for component in chosen}
     chosen += [component for component in known.values() if component.plugin and component.plugin not in named]
     order = list(known)
     chosen.sort(key=lambda component: order.index(component.base_name) if component.base_name in known else len(order))
-    return list({component.name: component for component in chosen or known.values()}.values())
+    selected: dict[str, Component] = {}
+    for component in chosen or known.values():
+        if selected.setdefault(component.name, component) != component:
+            raise ConfigurationError(f"two methods are called '{component.name}'", "rename one")
+    return [*selected.values()]
 
 
 def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -> Component:
