@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,16 @@ from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.api.learning import MeasuresFit
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scaled
 from benchmark.depth.intrinsics import Intrinsics, camera_of
-from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
 from benchmark.pipeline.stages import compute_form
-from benchmark.protocols.models import with_model
+from benchmark.protocols.models import people_training, with_model
 from benchmark.registry import Component, select_one
+
+#: Size in metres below which an object is hardly a person.
+_SMALLEST_PERSON = 1.0
 
 __all__ = ["canonical_form_of_depth", "form_of_object", "method_of_depth"]
 
@@ -78,7 +81,7 @@ def canonical_form_of_depth(
     if not isinstance(intrinsics, Intrinsics):
         intrinsics = camera_of(np.asarray(intrinsics, dtype=np.float64).ravel().tolist())
     mask = None if mask is None else np.asarray(mask)
-    observed = observe(in_metres(np.asarray(depth), scale), intrinsics, mask, up, half_width)
+    observed = observe(scaled(np.asarray(depth), intrinsics, mask, scale), intrinsics, mask, up, half_width)
     return form_of_object(observed, maker, half_width=half_width, seed=seed)
 
 
@@ -132,7 +135,11 @@ def form_of_object(
     area = view.surface.area
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
-    return form_with_fit(maker, shape, observed.notes)
+    form = form_with_fit(maker, shape, observed.notes)
+    if people_training(maker) and float(size := observed.notes["size"]) < _SMALLEST_PERSON:
+        doubts = [f"{size} m is small for a person, so the depth scale may be wrong", form.notes.get("doubt")]
+        return replace(form, notes={**form.notes, "doubt": "; ".join(str(doubt) for doubt in doubts if doubt)})
+    return form
 
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:

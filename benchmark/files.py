@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import functools
 import hashlib
@@ -80,6 +81,15 @@ def is_alive(process: int) -> bool:
     except OSError:
         return True  # it belongs to another user
     return True
+
+
+def decode(content: bytes) -> str:
+    """Return text in UTF-8, or in the encoding of its byte-order mark; raise ``UnicodeError`` if it is binary."""
+    marks = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+    text = content.decode(next((name for mark, name in marks if content.startswith(mark)), "utf-8-sig"))
+    if "\0" in text:
+        raise UnicodeError("it is binary, or in UTF-16 without a byte-order mark")
+    return text
 
 
 def file_digest(path: Path) -> str:

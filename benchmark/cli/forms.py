@@ -78,7 +78,8 @@ def _check_target(path: Path) -> None:
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
-    values = {name: f"{note:.4g}" if isinstance(note, float) else note for name, note in notes.items()}
+    unit = dict.fromkeys(("distance", "size"), " m")
+    values = {n: f"{note:.4g}{unit.get(n, '')}" if isinstance(note, float) else note for n, note in notes.items()}
     return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
 
 
@@ -149,7 +150,7 @@ def _frames_under(source: Path, options: Selection) -> list[FrameFiles]:
 def _with_camera(frame: FrameFiles, options: Selection) -> FrameFiles:
     return replace(
         frame,
-        intrinsics=intrinsics_of(options.intrinsics) if options.intrinsics else frame.intrinsics,
+        intrinsics=intrinsics_of(options.intrinsics, image=frame.image) if options.intrinsics else frame.intrinsics,
         mask=options.mask or frame.mask,
         scale=frame.scale if options.depth_scale is None else options.depth_scale,
     )

@@ -15,9 +15,8 @@ from benchmark.api.parameters import format_value
 from benchmark.cli.options import Selection
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import ConfigurationError
-from benchmark.protocols.models import MODELS_VARIABLE, model_places
+from benchmark.protocols.models import MODELS_VARIABLE, model_places, people_training
 from benchmark.protocols.tables import TABLES
-from benchmark.protocols.trainings import TRAININGS
 from benchmark.reference.paper import source_of
 from benchmark.registry import Component, by_name, select_one
 from benchmark.registry.names import described
@@ -27,9 +26,6 @@ Rows = list[dict[str, str]]
 
 #: Columns of ``list datasets``, which fit 80 characters; the JSON has all.
 _COLUMNS = ("name", "state", "shapes", "classes", "source")
-
-#: Sets whose trainings contain people only.
-_PEOPLE = ("people", "shrec14-synthetic")
 
 _FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
@@ -123,11 +119,9 @@ def _model(folder: Path) -> dict[str, str]:
 
 def trained_on_people(component: Component) -> str:
     """Return a warning if a model was trained on people only; "" otherwise, or if the table determines the model."""
-    folder = None if component.missing_packages() else getattr(component.create(), "model_folder", None)
-    training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
-    if training is None or training.dataset.partition("[")[0] not in _PEOPLE:
-        return ""
-    return f"its model of training '{training.name}' was shown people alone: it turns any other shape into a person"
+    training = "" if component.missing_packages() else people_training(component.create())
+    shown = f"its model of training '{training}' was shown people alone: it turns any other shape into a person"
+    return training and shown
 
 
 def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:

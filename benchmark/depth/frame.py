@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
-from benchmark.depth.reading import FEWEST_SEEN, Depths, Mask, checked_mask, find_mask, read_depth, read_mask
+from benchmark.depth.reading import (
+    DEFAULT_SCALE,
+    FEWEST_SEEN,
+    Depths,
+    Mask,
+    checked_mask,
+    find_mask,
+    in_metres,
+    read_mask,
+    read_values,
+    readings,
+)  # fmt: skip
 from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
 from benchmark.errors import DepthError
 from benchmark.geometry.camera import Camera
+from benchmark.geometry.io import named_errors
 from benchmark.geometry.mesh import Mesh, Points
 
 HALF_WIDTH = 1.285
@@ -28,6 +41,9 @@ IMAGE_UP = np.array([0.0, -1.0, 0.0])
 
 MOST_TILTED = np.cos(np.radians(75))
 """Minimum cosine of the angle between a given up direction and the image plane."""
+
+_DISTANCES, _SIZES = (0.1, 20.0), (0.05, 5.0)
+"""Bounds of the distance and the size of an object, in metres, among which a depth scale must have one reading."""
 
 _PLANE_STEP = 2
 """Pixel stride of the subsampled image in which planes are detected."""
@@ -112,6 +128,53 @@ def observe(
     return ObservedObject(depths, kept, surface, notes)
 
 
+def scaled(
+    values: NDArray[Any], intrinsics: Intrinsics, mask: NDArray[Any] | None = None, scale: float | None = None
+) -> Depths:
+    """Return a depth image in metres, see :func:`benchmark.depth.reading.in_metres`.
+
+    Without a scale, that in the file of the camera is used: the only reading that puts the object at a plausible
+    distance and, with a mask, gives it a plausible size. Floats may be metres whatever the file says.
+
+    Parameters
+    ----------
+    values
+        Shape (h, w), in units of the image.
+    intrinsics, mask
+        As for :func:`observe`.
+    scale
+        Units per metre.
+
+    Raises
+    ------
+    DepthError
+        If no reading is plausible, or several are; or as in ``in_metres``.
+    """
+    if scale is not None or not intrinsics.scales:
+        return in_metres(values, scale)
+    raw, is_float = readings(values), np.asarray(values).dtype.kind == "f"
+    width, height = raw.shape[::-1]
+    intrinsics.check_size(width, height)
+    shown = raw > 0 if mask is None else checked_mask(mask, raw > 0)
+    default = 1.0 if is_float else DEFAULT_SCALE
+    units = {reading or default for reading in intrinsics.scales} | ({1.0} if is_float else set())
+    points = unprojected(raw, intrinsics.rays(width, height))[shown]
+    distance = float(np.median(points[:, 2])) if len(points) else 0.0
+    size = float(np.ptp(points[:, :2], axis=0).max()) if len(points) and mask is not None else 0.0
+    limits = [(distance, _DISTANCES), *([(size, _SIZES)] if size else [])]
+    plausible = [unit for unit in units if all(low <= length / unit <= high for length, (low, high) in limits)]
+    if len(units) > 1 and len(plausible) != 1:
+        shown_readings = " or ".join(
+            f"{unit:g} units per metre, {distance / unit:.3g} m away{f' and {size / unit:.3g} m large' if size else ''}"
+            for unit in sorted(plausible or units)
+        )
+        raise DepthError(
+            f"the depth scale of the camera file has {len(plausible)} plausible readings: {shown_readings}",
+            "pass --depth-scale with the units per metre",
+        )
+    return in_metres(values, *(plausible or units))
+
+
 def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float64], str]:
     """Return the up direction in the camera's frame and its source."""
     floors = [plane for plane in planes if plane.is_floor]
@@ -129,7 +192,7 @@ def checked_up(direction: Up) -> NDArray[np.float64]:
     length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
         raise DepthError(
-            f"{direction} is up in no image",
+            f"not a usable up direction: {direction}",
             "write [right, down, forward] of the camera, such as [0, -1, 0]; cameras that look straight down have none",
         )
     return up / length
@@ -279,16 +342,26 @@ class FrameFiles:
 
     @property
     def intrinsics_file(self) -> Path | None:
-        """Path of the intrinsics; None if they are passed directly or missing."""
-        return None if self.intrinsics else find_intrinsics(self.image)
+        """Path of the file that holds intrinsics or depth scale; None if both are passed directly, or it is missing."""
+        return None if self.intrinsics and self.scale else find_intrinsics(self.image)
 
     def observe(self) -> ObservedObject:
         """Read the frame and return its object; raises ``DepthError``, which names the faulty file."""
-        depths, mask, camera = read_depth(self.image, self.scale), self.mask_file, self.intrinsics_file
-        if not self.intrinsics and not camera:
+        values, mask_file, camera = read_values(self.image), self.mask_file, self._camera()
+        mask = read_mask(mask_file) if mask_file else None
+        with named_errors(self.image, "depth image", DepthError, "export the image again"):
+            depths = scaled(values, camera, mask, self.scale)
+        return observe(depths, camera, mask, self.up, self.half_width)
+
+    def _camera(self) -> Intrinsics:
+        file = self.intrinsics_file
+        if self.intrinsics is None and file is None:
             raise DepthError(
                 f"there are no intrinsics for {self.image}",
                 "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy",
             )
-        intrinsics = self.intrinsics or read_intrinsics(camera or self.image)
-        return observe(depths, intrinsics, read_mask(mask) if mask else None, self.up, self.half_width)
+        if self.intrinsics is None or self.intrinsics.scales or file is None:
+            return self.intrinsics or read_intrinsics(file or self.image, self.image)
+        with suppress(DepthError):  # a file that is not used for its intrinsics may hold anything
+            return replace(self.intrinsics, scales=read_intrinsics(file, self.image).scales)
+        return self.intrinsics

@@ -1,4 +1,4 @@
-"""Intrinsics of a pinhole camera, from text, Open3D, ROS, OpenCV or four numbers, and the rays of its pixels."""
+"""Intrinsics of a pinhole camera, from text, Open3D, ROS, OpenCV, BOP, NeRF or four numbers; the rays of its pixels."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import yaml
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
+from benchmark.files import decode
 from benchmark.geometry.io import named_errors
 
 Rays = NDArray[np.float64]
@@ -26,6 +27,7 @@ NAMES = (
     "intrinsics.txt", "intrinsics.json", "intrinsics.yaml", "intrinsic.txt", "intrinsic.json",
     "depthIntrinsics.txt", "depth_intrinsics.txt", "depth_intrinsics.json", "intrinsics_depth.txt",
     "intrinsic_depth.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "camera_intrinsic.json", "K.txt",
+    "scene_camera.json", "transforms.json",
 )  # fmt: skip
 
 CENTRAL = (0.25, 0.75)
@@ -38,8 +40,35 @@ _BROWN_NAMES = ("", "plumb_bob", "rational_polynomial", "brown_conrady", "brown"
 #: Models other than a pinhole camera, rejected with any coefficients; other unknown models may have zero coefficients.
 _BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|unified|panoram"
 
-#: Keys of lists of coefficients.
-_COEFFICIENTS = ("distortion_coefficients", "distortion_coeffs", "distortion", "dist_coeffs", "coeffs", "D", "d")
+#: Keys by meaning, without their separators. A depth scale is in units per metre, in metres per unit (RealSense) or in
+#: millimetres per unit (BOP); what a vague key scales is unknown, too.
+_KEYS = {
+    "matrix": "k cameramatrix camk intrinsics intrinsic",
+    "columns": "intrinsicmatrix",  # Open3D
+    "width": "width imagewidth w",
+    "height": "height imageheight h",
+    **{"fx": "fx flx", "fy": "fy fly", "cx": "cx ppx", "cy": "cy ppy"},
+    "coefficients": "distortioncoefficients distortioncoeffs distortion distcoeffs coeffs d",
+    "model": "distortionmodel model cameramodel cameratype lensmodel lenstype projection",
+    **{name: name for name in _BROWN},
+    "scale": "depthscale pngdepthscale integerdepthscale depthunits depthunit depthfactor depthmapfactor"
+    " depthscalefactor depthunitscalefactor depthscalingfactor",
+    "vague scale": "scale scalefactor factor units unit",
+}
+_MEANINGS = {key: meaning for meaning, keys in _KEYS.items() for key in keys.split()}
+
+#: Words in keys that change neither where a pixel looks nor what its depth means; ``camera_angle_x`` repeats ``fl_x``.
+_IRRELEVANT = re.compile(
+    r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|comment|description|notes?|"
+    r"serial|number|fps|rate|path|file|url|frames|rows|cols|dt|extrinsics?|pose|rotation|translation|transform|[rpt]|"
+    r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|angle)(?![a-z])"
+)
+
+#: Units per metre.
+_UNITS = {"m": 1.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "meter": 1.0, "centimeter": 100.0, "millimeter": 1e3}
+
+#: Largest skew of a camera matrix that is rounding, in pixels.
+_LARGEST_SKEW = 1e-6
 
 _LARGEST_FILE = 100_000
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
@@ -63,6 +92,9 @@ class Intrinsics:
     distortion
         Coefficients k1, k2, p1, p2, k3, k4, k5, k6 of Brown's model with its rational extension, in OpenCV's order;
         empty for no distortion.
+    scales
+        Units of a depth image per metre, in all readings of a depth scale in the file of the camera; see
+        :func:`benchmark.depth.frame.scaled`.
     """
 
     fx: float
@@ -71,12 +103,13 @@ class Intrinsics:
     cy: float
     size: tuple[int, int] | None = None
     distortion: tuple[float, ...] = ()
+    scales: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if not (all(map(math.isfinite, values)) and self.fx > 0 and self.fy > 0):
             raise DepthError(
-                f"focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g} are those of no camera",
+                f"invalid focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g}",
                 "pass positive focal lengths in pixels",
             )
 
@@ -86,6 +119,11 @@ class Intrinsics:
             raise DepthError(
                 f"the intrinsics are those of {self.size[0]} x {self.size[1]} pixels, the image has {width} x {height}",
                 "pass those of the depth image, not of the colour image or of another resolution",
+            )
+        if not all(0.1 < length / side < 20 for length, side in ((self.fx, width), (self.fy, height))):
+            raise DepthError(
+                f"the focal lengths {self.fx:g}, {self.fy:g} are implausible for {width} x {height} pixels",
+                "pass them in pixels of this image",
             )
         low, high = (0.0, 1.0) if self.size else CENTRAL
         if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
@@ -131,33 +169,53 @@ def parse_intrinsics(text: str) -> Intrinsics:
     return camera_of(numbers)
 
 
-def intrinsics_of(value: str, folder: Path = Path()) -> Intrinsics:
+def intrinsics_of(value: str, folder: Path = Path(), image: Path | None = None) -> Intrinsics:
     """Return the intrinsics given as ``fx,fy,cx,cy`` or as a file in a folder, see :func:`read_intrinsics`."""
     if "," in value and not (folder / value).exists():
         return parse_intrinsics(value)
-    return read_intrinsics(folder / value)
+    return read_intrinsics(folder / value, image)
 
 
-def read_intrinsics(path: Path) -> Intrinsics:
+def read_intrinsics(path: Path, image: Path | None = None) -> Intrinsics:
     """Read intrinsics.
 
     Parameters
     ----------
     path
         Text with the numbers of a 3 x 3 or 4 x 4 matrix, or fx, fy, cx and cy; ``camera.json`` of Open3D;
-        ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; or a mapping with ``fx``, ``fy``, ``cx``, ``cy``.
+        ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; ``scene_camera.json`` of BOP; ``transforms.json``
+        of NeRF; or a mapping with ``fx``, ``fy``, ``cx``, ``cy``.
+    image
+        Depth image, which chooses among the entries of a file with one for each image.
 
     Raises
     ------
     DepthError
-        If the file is missing, holds no intrinsics, or those of a lens that is not a pinhole with Brown's distortion.
+        If the file is missing, holds no intrinsics, those of a lens that is not a pinhole with Brown's distortion, or
+        something else that may change where pixels look or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
-        if path.stat().st_size > _LARGEST_FILE:
+        if path.stat().st_size > _LARGEST_FILE * (100 if path.suffix == ".json" else 1):
             raise DepthError("it is too large for intrinsics", _HINT)
-        text = path.read_bytes().decode("utf-8-sig")
-        content = _parsed(text)
-        return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
+        content = _parsed(text := decode(path.read_bytes()))
+        return _of_mapping(_of_image(content, image)) if isinstance(content, Mapping) else parse_intrinsics(text)
+
+
+def _of_image(content: Mapping[str, Any], image: Path | None) -> dict[str, Any]:
+    """Return the content of a file, with the entry of an image in place of one for each image."""
+    frames = content.get("frames") or []  # of NeRF
+    entries = {Path(str(frame.get("depth_file_path", frame.get("file_path")))).stem: frame for frame in frames}
+    entries = entries or {key: entry for key, entry in content.items() if str(key).isdecimal()}  # of BOP
+    name = image.stem if image else ""
+    own = entries.get(name, entries.get(name.lstrip("0") or "0"))
+    if own is None and {"fx", "matrix"} & {_meaning(key) for entry in entries.values() for key in entry}:
+        problem = f"it has {len(entries)} entries, none of them for {name or 'all images'}"
+        raise DepthError(problem, "put it beside the images, with an entry named like each")
+    return {**{key: value for key, value in content.items() if key not in (*entries, "frames")}, **(own or {})}
+
+
+def _meaning(key: object) -> str:
+    return _MEANINGS.get(re.sub(r"[\W_]+", "", str(key).lower()), "")
 
 
 def _parsed(text: str) -> Any:
@@ -180,37 +238,88 @@ def find_intrinsics(image: Path) -> Path | None:
 
 
 def camera_of(
-    numbers: Sequence[float], size: tuple[int, int] | None = None, distortion: Sequence[float] = ()
+    numbers: Sequence[float],
+    size: tuple[int, int] | None = None,
+    distortion: Sequence[float] = (),
+    scales: Sequence[float] = (),
 ) -> Intrinsics:
     """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix; raises ``DepthError`` for others."""
     if len(numbers) == 4:
         fx, fy, cx, cy = numbers
-        return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
+        return Intrinsics(fx, fy, cx, cy, size, tuple(distortion), tuple(scales))
     if len(numbers) not in (9, 16):
         shown = " ".join(f"{number:g}" for number in numbers)
-        raise DepthError(f"'{shown:.60}' are {len(numbers)} numbers", _HINT)
-    matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)[:3, :3]
-    if not np.isfinite(matrix).all() or (matrix[2] != (0, 0, 1)).any() or matrix[1, 0]:
+        raise DepthError(f"expected 4, 9 or 16 numbers, found {len(numbers)}: '{shown:.60}'", _HINT)
+    matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)
+    fx, skew, cx, fy, cy = (float(matrix[place]) for place in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2)))
+    expected = np.eye(len(matrix))
+    expected[:2, :3], expected[3:, 3:] = ((fx, skew, cx), (0, fy, cy)), matrix[3:, 3:]
+    if not np.array_equal(matrix, expected):
         rows = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
-        raise DepthError(f"the matrix {rows} is that of no camera", "write fx 0 cx / 0 fy cy / 0 0 1")
-    fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    return Intrinsics(fx, fy, cx, cy, size, tuple(distortion))
+        raise DepthError(f"{rows} is not a camera matrix", "write fx 0 cx / 0 fy cy / 0 0 1")
+    if abs(skew) > _LARGEST_SKEW:
+        raise DepthError(f"the camera matrix has a skew of {skew:g}", "rectify the image: pixels must be rectangles")
+    return Intrinsics(fx, fy, cx, cy, size, tuple(distortion), tuple(scales))
 
 
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     """Read parsed JSON or YAML: ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths."""
-    inner = content.get("intrinsic", {})
-    values = {**content, **(inner if isinstance(inner, Mapping) else {"K": inner})}
-    size, distortion = _size(values), _distortion(values)
-    if "intrinsic_matrix" in values:  # Open3D, column-major
-        return camera_of(np.array(_flat(values["intrinsic_matrix"])).reshape(3, 3).T.ravel().tolist(), size, distortion)
-    for key in ("K", "k", "camera_matrix", "Camera_Matrix"):
-        if key in values:
-            return camera_of(_flat(values[key]), size, distortion)
-    cx, cy = (values.get(f"c{axis}", values.get(f"pp{axis}")) for axis in "xy")
-    if cx is None or cy is None:
-        raise DepthError(f"keys {', '.join(map(str, values)):.200} name no principal point", _HINT)
-    return camera_of(_flat([values["fx"], values["fy"], cx, cy]), size, distortion)
+    values = _by_meaning(content)
+    width, height = (int(values.get(side, 0)) for side in ("width", "height"))
+    facts = (width, height) if width > 0 and height > 0 else None, _distortion(values), _scales(values)
+    if "columns" in values:
+        return camera_of(np.array(_flat(values["columns"])).reshape(3, 3).T.ravel().tolist(), *facts)
+    if "matrix" in values:
+        return camera_of(_flat(values["matrix"]), *facts)
+    if missing := [name for name in ("fx", "fy", "cx", "cy") if name not in values]:
+        raise DepthError(f"keys {', '.join(map(str, content)):.200} name no {' and no '.join(missing)}", _HINT)
+    return camera_of([float(values[name]) for name in ("fx", "fy", "cx", "cy")], *facts)
+
+
+def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of all keys that are understood; raise ``DepthError`` if two contradict each other."""
+    values: dict[str, Any] = {}
+    for key, value in content.items():
+        meaning = _meaning(key)
+        if meaning == "matrix" and isinstance(value, Mapping) and "data" not in value:
+            found = _by_meaning(value)
+        elif meaning == "model" or (meaning == "coefficients" and isinstance(value, str)):
+            found = {f"model {key}": value}  # of lens and of distortion
+        else:
+            found = {meaning: value}
+        if not meaning:
+            _check_irrelevant(str(key), value)
+        elif other := [name for name, each in found.items() if values.get(name, each) != each]:
+            raise DepthError(f"key '{key}' contradicts another one of {other[0]}", "keep the right one")
+        else:
+            values.update((name, each) for name, each in found.items() if each is not None)
+    return values
+
+
+def _check_irrelevant(key: str, value: Any) -> None:
+    """Raise ``DepthError`` if a key may change where a pixel looks or what its depth means, and is not neutral."""
+    neutral = (None, "", 0, 1) if re.search("binning|aspect", key) else (None, "", 0)
+    leaves = value.values() if isinstance(value, Mapping) else np.ravel(value).tolist()
+    words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
+    if not (_IRRELEVANT.search(words) or all(leaf in neutral for leaf in leaves)):
+        hint = "remove it if it changes neither where pixels look nor what depths mean, or apply it to the image"
+        raise DepthError(f"key '{key}' is not understood: {value!s:.40}", hint)
+
+
+def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return the units per metre of each reading of a depth scale, 0 for the default; empty if there is no scale."""
+    value = values.get("scale", values.get("vague scale"))
+    unit = str(value).strip().lower().replace("metre", "meter").removesuffix("s")
+    unknown = () if "scale" in values else (0.0,)
+    if value is None or unit in _UNITS:
+        return () if value is None else (_UNITS[unit], *unknown)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise DepthError(f"invalid depth scale {value!r:.40}", "write units per metre, or mm")
+    return number, 1 / number, 1000 / number, *unknown
 
 
 def _flat(values: Any) -> list[float]:
@@ -226,24 +335,17 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
     DepthError
         If the distortion model is another one, or the number of coefficients does not match Brown's model.
     """
-    named = next((str(values[key]) for key in ("distortion_model", "model", "camera_model") if key in values), "")
-    model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
-    lists = (_flat(values[key]) for key in _COEFFICIENTS if not isinstance(values.get(key), str | None))
-    coefficients = next(lists, [float(values.get(name) or 0) for name in _BROWN])
-    if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and any(coefficients)):
-        raise DepthError(
-            f"the distortion model is '{named:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
-        )
-    if not any(coefficients):
+    lists = [_flat(values["coefficients"])] if "coefficients" in values else []
+    given = [row for row in (*lists, [float(values.get(name, 0)) for name in _BROWN]) if any(row)]
+    for named in (str(value) for key, value in values.items() if key.startswith("model")):
+        model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
+        if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and given):
+            raise DepthError(
+                f"the distortion model is '{named:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
+            )
+    if not given:
         return []
-    if len(coefficients) not in (4, 5, 8):
-        raise DepthError(f"{len(coefficients)} coefficients of distortion", "pass 4, 5 or 8 of Brown's model")
-    return coefficients
-
-
-def _size(values: Mapping[str, Any]) -> tuple[int, int] | None:
-    for prefix in ("", "image_"):
-        if f"{prefix}width" in values and f"{prefix}height" in values:
-            width, height = int(values[f"{prefix}width"]), int(values[f"{prefix}height"])
-            return (width, height) if width > 0 and height > 0 else None
-    return None
+    if len(given) > 1 or len(given[0]) not in (4, 5, 8) or (values.get("k4") and "k6" not in values):
+        counts = " and ".join(str(len(row)) for row in given)
+        raise DepthError(f"{counts} coefficients of distortion", "pass 4, 5 or 8 of Brown's model, once")
+    return given[0]

@@ -16,11 +16,14 @@ from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_
 from benchmark.datasets.people import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
-from benchmark.protocols.trainings import find_training, set_of_subjects, trainings_by_shape
+from benchmark.protocols.trainings import TRAININGS, find_training, set_of_subjects, trainings_by_shape
 from benchmark.registry import Component
 
 #: Environment variable of a folder of models with the layout of the repository, for installations without all models.
 MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
+
+#: Sets whose trainings contain people only.
+_PEOPLE = ("people", "shrec14-synthetic")
 
 #: File next to the models in the repository; wheels, which are too small for all models, omit it.
 _ALL_HERE = "README.md"
@@ -168,6 +171,13 @@ def with_model(spec: Component) -> Any:
     if folder is None:
         raise _missing(spec, method, [training])
     return method.load(folder)
+
+
+def people_training(method: object) -> str:
+    """Return the training of a method's default model if it shows people alone; else ""."""
+    folder = getattr(method, "model_folder", None)
+    training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
+    return training.name if training and training.dataset.partition("[")[0] in _PEOPLE else ""
 
 
 def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:

@@ -35,7 +35,7 @@ def test_the_method_is_by_default_the_network_that_a_loop_loads_once():
 @pytest.mark.parametrize(
     ("camera", "method", "message"),
     [
-        (CAMERA[:2], "identity", "are 6 numbers"),
+        (CAMERA[:2], "identity", "expected 4, 9 or 16 numbers, found 6"),
         (CAMERA, "learnt", "unknown method"),
         (CAMERA, "shape-dna", "method 'shape-dna' computes no forms"),
     ],

@@ -96,7 +96,7 @@ def test_settings_are_applied(tmp_path):
     assert dataset.load(dataset.shapes[0]).n_vertices > 1000
     for text, said in (
         ("scale = 5", "unknown key .*, in a folder of depth images 'scale'; did you mean depth_scale"),
-        ("up = [0, 0, 1]", "is up in no image"),
+        ("up = [0, 0, 1]", "not a usable up direction"),
         ('up = "y"', "write .right, down, forward."),
         ("depth_scale = -1", "depth_scale is -1; write a positive number"),
         ('intrinsics = "absent.json"', "No such file"),
@@ -114,7 +114,7 @@ def test_each_bad_image_costs_one_shape(tmp_path):
     preparation = Preparation(open_dataset(str(folder), None), "view", Cache(tmp_path))
     good, cut, wrong, twin = preparation.shapes.shapes
     assert preparation.arrays(good)
-    camera = "are those of no camera"
+    camera = "invalid focal lengths 0, 0"
     for entry, message in ((cut, "1.png: not a readable png file"), (wrong, camera), (twin, camera)):
         with pytest.raises(UnsupportedShape, match=message):
             preparation.arrays(entry)

@@ -58,7 +58,7 @@ def test_without_a_floor_what_is_said_is_up_else_that_of_the_image() -> None:
     with_up = observe(depths, KINECT, mask, tuple(tilted.rotation @ [0, 0, 1.0]))
     assert (with_up.notes["up"], observe(depths, KINECT, mask).notes["up"]) == ("sidecar", "image")
     assert np.ptp(with_up.surface.vertices[:, 1]) == pytest.approx(TALL, abs=0.03)
-    with pytest.raises(DepthError, match="is up in no image; write .right, down, forward."):
+    with pytest.raises(DepthError, match="not a usable up direction: .*; write .right, down, forward."):
         observe(depths, KINECT, mask, (0, 0, 1))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import cv2
@@ -12,15 +13,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmark.depth.frame import FrameFiles
+from benchmark.depth.frame import FrameFiles, scaled
 from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, intrinsics_of, read_intrinsics
-from benchmark.depth.reading import find_mask, in_metres, is_depth_file, read_depth, read_mask
+from benchmark.depth.reading import find_mask, in_metres, is_depth_file, read_mask, read_values
 from benchmark.errors import DepthError
 
 INPUTS = Path(__file__).with_name("inputs")
 DEPTHS = np.linspace(0.5, 4.0, 120 * 160).reshape(120, 160).round(3)
 DEPTHS[0, :5] = 0
 FLOATS, MILLIMETRES = DEPTHS.astype(np.float32), np.round(1000 * DEPTHS).astype(np.uint16)
+
+OBJECT = np.zeros((120, 160), dtype=bool)
+OBJECT[30:90, 50:110] = True
 
 
 # --- images ------------------------------------------------------------------------------------------------------
@@ -76,7 +80,7 @@ IMAGES = {
 @pytest.mark.parametrize("name", IMAGES)
 def test_all_kinds_of_images_say_the_same(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(IMAGES[name])
-    np.testing.assert_allclose(read_depth(tmp_path / name), DEPTHS, atol=1e-6)
+    np.testing.assert_allclose(in_metres(read_values(tmp_path / name)), DEPTHS, atol=1e-6)
     assert is_depth_file(tmp_path / name)
 
 
@@ -87,9 +91,18 @@ def test_no_positive_number_and_the_largest_of_a_type_are_no_reading(dtype: type
     depth = in_metres(values, 100)
     assert not depth[1, :2].any()
     assert depth.max() == 0.89
-    floats = DEPTHS.copy()
-    floats[1, :4] = np.nan, np.inf, -np.inf, -2
-    assert not in_metres(floats)[1, :4].any()
+
+
+NOTHING = [np.nan, np.inf, -np.inf, -2, 1e10, np.finfo(np.float32).max, 65535, 65.535, 10000, 1000]
+
+
+@pytest.mark.parametrize("nothing", NOTHING)
+def test_a_background_is_no_reading(nothing: float) -> None:
+    for kind in ("f4", "f8", *(("i4", "u2") if 9999 < nothing < 2**16 else ("f2",) if nothing == 1000 else ())):
+        values = (DEPTHS if kind[0] == "f" else 1000 * DEPTHS).astype(kind)
+        expected = np.where(OBJECT, in_metres(values), 0)
+        values[~OBJECT] = nothing
+        np.testing.assert_array_equal(in_metres(values), expected)
 
 
 def test_an_object_before_pixels_without_a_reading_stands_where_it_is() -> None:
@@ -99,14 +112,20 @@ def test_an_object_before_pixels_without_a_reading_stands_where_it_is() -> None:
 
 
 BAD_IMAGES: dict[str, tuple[bytes | None, str]] = {
-    "truncated.png": (PNG[:-200], "not a readable png file: .*truncated|broken"),
+    "truncated.png": (PNG[:-200], "not a readable png file: Truncated"),
     "empty.png": (b"", "not a readable png file: cannot identify"),
     "eight-bits.png": (stored(np.full((30, 40), 9, np.uint8), "png"), "holds 8 bits, no depth; export depth with 16"),
     "colours.png": (stored(np.zeros((30, 40, 3), np.uint8), "png"), r"holds colours \(RGB\)"),
     "large.png": (stored(np.zeros((8, 4097), np.uint16), "png"), "4097 x 8 pixels are more than 4096 per side"),
     "short.npy": (stored(FLOATS, "npy")[:-8], "not a readable npy file"),
     "pickled.npy": (stored(np.array([{}]), "npy"), "Python objects"),
-    "channels.npy": (stored(np.zeros((30, 40, 3)), "npy"), r"shape \(30, 40, 3\) is no depth image"),
+    "end.png": (PNG[:-3], "the file is truncated"),
+    "checksum.png": (PNG[:-20] + bytes([PNG[-20] ^ 1]) + PNG[-19:], "broken PNG file .bad header checksum"),
+    "palette.png": (stored(np.full((30, 40), 9, np.uint8), "gif"), "holds 8 bits, no depth"),
+    "disp0.png": (PNG, "'disp0' names disparities"),
+    "inverse.npz": (stored(FLOATS, "npz", inverse_depth=FLOATS), "'inverse_depth' names disparities or inverse depths"),
+    "scaled.npz": (stored(FLOATS, "npz", depth=FLOATS, depth_scale=np.array(1e-3)), "'depth_scale' of the .* not read"),
+    "factor.pfm": (pfm().replace(b"-1.0", b"-0.5"), "scale factor is 0.5, not 1"),
     "two.npz": (stored(FLOATS, "npz", a=FLOATS, b=FLOATS), "holds a, b; name the array of depths 'depth'"),
     "noise.npz": (b"PK\x03\x04 and more", "not a readable npz file"),
     "large.npz": (declaring("depth.npy", 2**28), "more than 4096 pixels per side"),
@@ -123,7 +142,7 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(tmp_path: Path,
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(DepthError, match=said) as caught:
-        read_depth(tmp_path / name)
+        in_metres(read_values(tmp_path / name))
     assert str(caught.value).startswith(f"{tmp_path / name}: ")
     assert "\n" not in str(caught.value)
     assert caught.value.hint
@@ -132,7 +151,10 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(tmp_path: Path,
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        (np.ones((2, 2)), "4 of 4 pixels have a depth, fewer than 200"),
+        (np.ones((2, 2)), "too few pixels have a depth: 4 of 4, fewer than 200"),
+        (np.zeros((30, 40, 3)), r"shape \(30, 40, 3\) is no depth image"),
+        (DEPTHS / DEPTHS.max(), "the depths end at 1, as if"),
+        (np.round(255 * DEPTHS / DEPTHS.max()).astype(np.uint16), "the depths end at 255, as if .* --depth-scale 1000"),
         (np.full((30, 40), 1500, np.uint16), "all 1200 pixels lie at 1.5 m"),
         (1000 * DEPTHS, "the median depth is 2.* m with 1 units per metre; pass the camera's --depth-scale"),
         (np.round(DEPTHS).astype(np.uint16), "the median depth is 0.002 m with 1000 units"),
@@ -142,7 +164,7 @@ def test_each_fault_of_depths_is_named(values: np.ndarray, said: str) -> None:
     with pytest.raises(DepthError, match=said):
         in_metres(values)
     for scale in (0, -1, np.nan):
-        with pytest.raises(DepthError, match="depth scale of"):
+        with pytest.raises(DepthError, match="invalid depth scale"):
             in_metres(MILLIMETRES, scale)
 
 
@@ -227,6 +249,12 @@ WRITTEN: dict[str, tuple[str | dict[str, object], bool, bool]] = {
     "open3d, distorted": (OPEN3D | {"distortion": [[value] for value in LENS]}, True, True),
     "realsense": (REALSENSE | {"model": "distortion.brown_conrady", "coeffs": LENS}, True, True),
     "by name": (REALSENSE | dict(zip(("k1", "k2", "p1", "p2", "k3"), LENS, strict=True)), True, True),
+    "irrelevant": (
+        REALSENSE | {"skew": 0, "serialNumber": 1, "binning_x": 1, "roi": {"x": 0}, "R": K},
+        True,
+        False,
+    ),
+    "twice": (REALSENSE | {"D": [0] * 5, "k1": 0.1, "k2": -0.25, "p1": 0.001, "p2": -0.002}, True, True),
     "another model of zeros": (REALSENSE | {"model": "thin_prism", "coeffs": [0] * 5}, True, False),
     "camera_info": ({"K": K, "height": 480, "width": 640, "distortion_model": "plumb_bob", "D": LENS}, True, True),
     "nested": (INTRINSIC, True, True),
@@ -267,9 +295,24 @@ BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
     "straight fisheye": (json.dumps(REALSENSE | {"model": "distortion.ftheta", "coeffs": [0] * 5}), "is .*ftheta"),
     "unknown lens": (json.dumps(REALSENSE | {"model": "thin_prism", "coeffs": LENS}), "model is 'thin_prism'"),
     "three coefficients": (ECHOED.replace(str(list(LENS)), "[1, 2, 3]"), "3 coefficients of distortion; pass 4"),
-    "singular": ("0 0 319.5\n0 525 239.5\n0 0 1", "focal lengths 0, 525 .* are those of no camera"),
-    "no centre": ('{"width": 640}', "keys width name no principal point"),
-    "no lengths": ('{"cx": 1, "cy": 2}', "not a readable file of intrinsics: KeyError 'fx'"),
+    "skew": ("525 3 319.5\n0 525 239.5\n0 0 1", "the camera matrix has a skew of 3"),
+    "shifted": ("525 0 319.5 40\n0 525 239.5 0\n0 0 1 0\n0 0 0 1", "is not a camera matrix"),
+    **{
+        f"{key} {value}": (json.dumps(REALSENSE | {key: value}), said)
+        for key, value, said in (
+            *((key, 1, f"key '{key}' is not understood: 1") for key in ("skew", "s1", "xi", "lens", "depth_max")),
+            ("roi", {"x_offset": 4}, "key 'roi' is not understood"),
+            ("binning_x", 2, "key 'binning_x' is not understood"),
+            ("distortion", "fisheye", "the distortion model is 'fisheye'"),
+            ("lens_model", "FISHEYE624", "the distortion model is 'FISHEYE624'"),
+            ("fl_x", 500, "key 'fl_x' contradicts another one of fx"),
+            ("k4", 0.1, "coefficients of distortion"),
+            *(("depth_scale", value, f"invalid depth scale {value!r}") for value in (0, -1, "inches")),
+        )
+    },
+    "singular": ("0 0 319.5\n0 525 239.5\n0 0 1", "invalid focal lengths 0, 525 with centre"),
+    "no centre": ('{"width": 640}', "keys width name no fx and no fy and no cx"),
+    "no lengths": ('{"cx": 1, "cy": 2}', "keys cx, cy name no fx and no fy"),
     "cut": (json.dumps(REALSENSE)[:30], "not a readable file of intrinsics: Expecting property name"),
     "bad yaml": ("K: [1, 2\nD: }", "not a readable file of intrinsics: ParserError"),
     "aliases": ("a: &a [1, 1]\nK: [*a, *a]\n", "it has aliases"),
@@ -288,6 +331,68 @@ def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(tmp_path: Pat
     assert str(path) in caught.value.problem
     assert "\n" not in str(caught.value)
     assert caught.value.hint
+
+
+NERF = {"fl_x": 525, "fl_y": 526, "cx": 319.5, "cy": 239.5, "w": 640, "h": 480}
+ENTRIES = [{"file_path": f"rgb/{name}.png", "transform_matrix": []} for name in ("0007", "0008")]
+BOP = {"cam_K": K, "depth_scale": 1.0, "cam_R_w2c": K, "cam_t_w2c": [1, 2, 3]}
+PER_IMAGE = {
+    "transforms.json": NERF | {"camera_model": "OPENCV", "k1": 0, "camera_angle_x": 1.1, "frames": ENTRIES},
+    "frames.json": {"frames": [ENTRIES[0] | NERF, ENTRIES[1] | NERF | {"fl_x": 1}]},
+    "scene_camera.json": {"7": BOP, "8": BOP | {"depth_scale": 2}},
+}
+
+
+@pytest.mark.parametrize("name", PER_IMAGE)
+def test_a_file_with_entries_for_all_images_is_read_for_one(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(json.dumps(PER_IMAGE[name]))
+    read = read_intrinsics(tmp_path / name, tmp_path / "0007.png")
+    assert (read.fx, read.fy, read.cx, read.cy) == (525, 526, 319.5, 239.5)
+    assert read.scales == ((1.0, 1.0, 1000.0) if name.startswith("scene") else ())
+    if name != "transforms.json":
+        for image in (None, Path("0009.png")):
+            with pytest.raises(DepthError, match="it has 2 entries, none of them for"):
+                read_intrinsics(tmp_path / name, image)
+
+
+CAMERA = REALSENSE | {"fx": 130, "fy": 130, "ppx": 79.5, "ppy": 59.5, "width": 160, "height": 120}
+THERE = np.where(OBJECT, np.linspace(1.9, 2.3, 160), 0)
+
+
+@pytest.mark.parametrize(
+    ("factor", "kind", "stated"),
+    [
+        *((1000, "i4", {"depth_scale": value}) for value in (1000, 0.001, 1.0, "mm", "millimetres")),
+        *((1000, "i4", {key: value}) for key, value in (("depthUnits", 0.001), ("units", "m"), ("scale", 1))),
+        *((5000, "u2", {key: 5000}) for key in ("depth_scale", "png_depth_scale", "depth_factor")),
+        (5000, "u2", {"depth_unit_scale_factor": 0.0002}),
+        (10000, "u2", {"depth_scale": 0.1}),
+        *((1, "f4", {"depth_scale": value}) for value in (1000, 0.001, 1)),
+        *((1000, "f4", {"depth_scale": value}) for value in (1000, 0.001, 1)),
+    ],
+)  # fmt: skip
+def test_a_depth_scale_of_a_camera_file_has_its_only_plausible_meaning(tmp_path: Path, factor, kind, stated) -> None:
+    (tmp_path / "camera.json").write_text(json.dumps(CAMERA | stated))
+    values = np.round(factor * THERE, 3).astype(kind)
+    for mask in (OBJECT, None):
+        depths = scaled(values, read_intrinsics(tmp_path / "camera.json"), mask)
+        np.testing.assert_allclose(depths[OBJECT], THERE[OBJECT], atol=1e-3)
+
+
+def test_a_depth_scale_with_two_meanings_or_none_is_refused_unless_the_units_are_passed(tmp_path: Path) -> None:
+    file, image = tmp_path / "camera.json", tmp_path / "depth.npy"
+    np.save(image, THERE)
+    for stated, said in ((2, "3 plausible readings: 0.5 units per metre, 4.2 m away"), (1e-9, "")):
+        file.write_text(json.dumps(CAMERA | {"depth_scale": stated}))
+        with pytest.raises(DepthError, match=said) if said else nullcontext():
+            FrameFiles(image).observe()
+        assert FrameFiles(image, scale=1).observe().notes["distance"] == pytest.approx(2.1, abs=0.05)
+    np.save(image, np.round(5000 * THERE).astype(np.uint16))
+    file.write_text(json.dumps(CAMERA | {"depth_scale": 5000}))
+    given = Intrinsics(130, 130, 79.5, 59.5)
+    assert FrameFiles(image, given).observe().notes["distance"] == pytest.approx(2.1, abs=0.05)
+    with pytest.raises(DepthError, match="0 plausible readings: .*5000 units per metre, 0.00"):
+        scaled(np.round(THERE * 9).astype(np.int32), read_intrinsics(file), OBJECT)
 
 
 def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> None:
