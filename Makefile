@@ -99,7 +99,7 @@ check-tables: setup
 
 # Brings the records of jobs done here into results/records, which is committed, and makes the tables from them.
 publish: setup
-	$(BIN)/python -m benchmark merge --published results
+	$(BIN)/python -m tools.publish results
 	$(BIN)/python -m benchmark tables --published -o results/tables
 
 # The report, and the figures of README and docs, from forms that runs keep; those of TOSCA need CANONICAL_FORMS_DATA.

@@ -320,54 +320,61 @@ def train(
 
 
 @verb("results")
-def merge(
-    selection: Selection,
-    folders: Annotated[list[Path], Argument(metavar="DIR...")],
-    published: Annotated[
-        bool, Option("--published", help="Merge into RESULTS/records, without quick runs and own data.")
-    ] = False,
-) -> bool:
+def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar="DIR...")]) -> bool:
     """Join the records of several results folders.
 
     The exit code is 1 if they contradict each other.
     """
     from benchmark.cli.results import outcome
     from benchmark.pipeline.cache import writing
-    from benchmark.pipeline.merging import merge, publish
+    from benchmark.pipeline.merging import merge
 
     results = selection.results
     with writing(results):
         merged = merge([folder for folder in folders if folder.resolve() != results.resolve()], results)
-        public = publish(results) if published else merged
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
-    say(f"records: {len(public.added)} added, {public.known} known, {len(merged.conflicts)} in conflict")
+    say(f"records: {len(merged.added)} added, {merged.known} known, {len(merged.conflicts)} in conflict")
     return not merged.conflicts
 
 
 @verb("methods", "datasets", "results")
-def forget(selection: Selection) -> None:
-    """Delete the results of methods or data sets."""
+def forget(
+    selection: Selection,
+    unused: Annotated[bool, Option("--unused", help="Delete only files that no record names.")] = False,
+    yes: Annotated[bool, Option("--yes", help="Do not ask.")] = False,
+) -> None:
+    """Delete the results of methods or data sets, and files that no record names."""
+    from typer import confirm
+
     from benchmark.cli.results import outcome
-    from benchmark.pipeline.cache import writing
-    from benchmark.pipeline.records import Record, forget, read_records
+    from benchmark.pipeline.cache import storing, writing
+    from benchmark.pipeline.records import Record, read_records, unneeded
 
-    if not (selection.methods or selection.datasets):
-        raise ConfigurationError("nothing is selected", "name methods with -m, or data sets with -d")
+    if bool(selection.methods or selection.datasets) == unused:
+        raise ConfigurationError("nothing is selected", "name methods with -m or data sets with -d, or pass --unused")
 
-    def is_meant(record: Record) -> bool:
+    def is_unwanted(record: Record) -> bool:
         is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
-        return selection.has_data(record) and bool(is_of_method or not selection.is_narrow)
+        return not unused and selection.has_data(record) and bool(is_of_method or not selection.is_narrow)
 
     with writing(selection.results):
-        records = list(read_records(selection.results, published=False))
-        for record in filter(is_meant, records):
-            say(f"{record.gallery} {record.input} {record.method}  {outcome(record)}")
-        count = forget(selection.results, is_meant)
-    if not count:
-        known = ", ".join(sorted({record.method for record in records})) or "no records"
-        raise ConfigurationError(f"no record under {selection.results} fits the selection", f"there are {known}")
-    say(f"records: {count} deleted, with their forms")
+        records, files = unneeded(selection.results, is_unwanted)
+        if not (records or unused):
+            every = {record.method for record in read_records(selection.results, published=False)}
+            problem = f"no record under {selection.results} fits the selection"
+            raise ConfigurationError(problem, f"there are {', '.join(sorted(every)) or 'no records'}")
+        for record in records:
+            say(f"{record.row}  {outcome(record)}")
+        size = sum(path.stat().st_size for path in files) / 1e6
+        what = f"{len(records)} records, {sum(path.parent.name == 'forms' for path in files)} forms, {size:.1f} MB"
+        if not (yes or sys.stdin.isatty()):
+            raise ConfigurationError(f"this deletes {what}", "pass --yes")
+        if yes or confirm(f"delete {what}?"):
+            with storing(selection.results):
+                for path in files:
+                    path.unlink(missing_ok=True)
+            say(f"deleted {what}")
 
 
 @verb(*_DATA, app=data)

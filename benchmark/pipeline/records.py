@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import msgspec
 import numpy as np
@@ -188,20 +188,16 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
     Those of jobs that ran here come with published ones for other rows, if no record of other shapes of their gallery
     was made here. Damaged files and lines are named on stderr and passed over.
     """
-    here = _read((results / RUNS / "records").glob("*.json")) if local else []
-    elsewhere = _read((results / "records").glob("*.jsonl")) if published else []
+    here = sorted(read_files((results / RUNS / "records").glob("*.json")), key=_age) if local else []
+    elsewhere = read_files((results / "records").glob("*.jsonl")) if published else []
     digests = {record.gallery: record.gallery_digest for record in here}
     fitting = [
         msgspec.structs.replace(record, published=True)
         for record in elsewhere
         if digests.get(record.gallery, record.gallery_digest) == record.gallery_digest
     ]
-    newest = _newest(fitting) | _newest(here)
+    newest = {record.row: record for record in [*sorted(fitting, key=_age), *here]}
     return sorted(newest.values(), key=_age)
-
-
-def _newest(records: Iterable[Record]) -> dict[Row, Record]:
-    return {record.row: record for record in sorted(records, key=_age)}
 
 
 def _age(record: Record) -> tuple[str, str]:
@@ -211,7 +207,8 @@ def _age(record: Record) -> tuple[str, str]:
 _decoder = msgspec.json.Decoder(Record)
 
 
-def _read(paths: Iterable[Path]) -> list[Record]:
+def read_files(paths: Iterable[Path]) -> list[Record]:
+    """Return the records in files; damaged files and lines are named on stderr and passed over."""
     records = []
     for path in sorted(paths):
         try:
@@ -271,42 +268,26 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
     text = msgspec.json.format(msgspec.json.encode(record), indent=1)
     with storing(results):
         write_atomically(folder / f"{record.key}.json", lambda file: file.write(text), durable=True)
-        if replaces not in ("", record.key):
-            _remove(folder, replaces)
+        for suffix in (".json", ".npz") if replaces not in ("", record.key) else ():
+            (folder / f"{replaces}{suffix}").unlink(missing_ok=True)
 
 
-def forget(results: Path, is_meant: Callable[[Record], bool]) -> int:
-    """Delete the records made here for which ``is_meant`` holds, with the cached files that only they use.
-
-    Returns
-    -------
-    int
-        Number of deleted records.
-    """
-    meant: list[Record] = []
-    others: list[Record] = []
-    for record in _read((results / RUNS / "records").glob("*.json")):
-        (meant if is_meant(record) else others).append(record)
-    unneeded = {path for record in meant for path in _files_of(record)}
-    unneeded -= {path for record in others for path in _files_of(record)}
-    with storing(results):
-        _remove(results / RUNS / "records", *(record.key for record in meant))
-        for path in unneeded:
-            (results / RUNS / path).unlink(missing_ok=True)
-    return len(meant)
+def unneeded(results: Path, is_unwanted: Callable[[Record], bool]) -> tuple[list[Record], list[Path]]:
+    """Return the records made here for which ``is_unwanted`` holds, and all files that no other record names."""
+    runs = results / RUNS
+    records = sorted(read_files((runs / "records").glob("*.json")), key=_age)
+    unwanted = [record for record in records if is_unwanted(record)]
+    needed = {path for record in records if not is_unwanted(record) for path in _files_of(record)}
+    files = [runs / "records" / f"{record.key}.json" for record in unwanted]
+    files += [path for kind in get_args(Kind) for path in sorted((runs / kind).glob("*.npz"))]
+    return unwanted, [path for path in files if path.relative_to(runs).as_posix() not in needed]
 
 
 def _files_of(record: Record) -> Iterator[str]:
-    """Yield the files of a record that other methods cannot use."""
+    """Yield the files of a record; the frame of the camera is kept beside prepared shapes."""
+    yield from (f"records/{record.key}.npz", f"prepared/{record.parts.get('the camera')}.npz")
     for kind, keys in record.files.items():
-        if kind != "prepared":
-            yield from (f"{kind}/{key}.npz" for key in keys)
-
-
-def _remove(folder: Path, *keys: str) -> None:
-    for key in keys:
-        for suffix in (".json", ".npz"):
-            (folder / f"{key}{suffix}").unlink(missing_ok=True)
+        yield from (f"{kind}/{key}.npz" for key in keys)
 
 
 # Files of a record ---------------------------------------------------------------------------------------------------

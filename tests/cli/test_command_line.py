@@ -1,9 +1,11 @@
 """The command line as a whole: its size, what it imports, what it refuses, and what it never overwrites."""
 
 import importlib.metadata
+import re
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -30,7 +32,7 @@ def test_the_help_of_a_verb_fits_a_screen(name):
 def test_there_are_few_verbs_and_options():
     options = {option for verb in ALL.values() for p in verb.params for option in p.opts if option.startswith("--")}
     assert len(VERBS) <= 16
-    assert len(options) <= 35
+    assert len(options) <= 37
 
 
 def test_a_command_imports_what_it_needs():
@@ -111,10 +113,21 @@ def test_results_of_a_quick_run_are_named_where_quick_is_missing(tmp_path):
     assert "run it first" in refusal("tables", "--results", tmp_path, "--quick", "--seed", 1)
 
 
-def test_forget_lists_what_it_deletes(finished, tmp_path):
+def test_forget_says_what_goes_and_asks(finished, tmp_path, monkeypatch):
     results = shutil.copytree(finished[1], tmp_path / "results")
-    lines = call("forget", "-m", "shape-dna", "--results", results).splitlines()
+    words = ("forget", "-m", "shape-dna", "--results", results)
+    assert re.match(r"this deletes 2 records, 12 forms, 0\.\d MB; pass --yes", refusal(*words))
+    assert "nothing is selected" in refusal("forget", "--results", results)
+    assert call("forget", "--unused", "--yes", "--results", results) == "deleted 0 records, 0 forms, 0.0 MB\n"
+    monkeypatch.setattr("benchmark.cli.verbs.sys", SimpleNamespace(stdin=SimpleNamespace(isatty=lambda: True)))
+    monkeypatch.setattr("typer.confirm", lambda text: print(text) or "forms" not in text)
+    assert call(*words).splitlines()[2].startswith("delete 2 records, 12 forms")
+    assert "finished  rods mesh shape-dna" in call("plan", *finished[0], "--results", results)
+    lines = call(*words, "--yes").splitlines()
     assert [line.partition("  ")[0] for line in lines[:2]] == ["rods mesh shape-dna", "rods view shape-dna"]
-    assert lines[2:] == ["records: 2 deleted, with their forms"]
-    assert "rods mesh surface-area" in call("plan", *finished[0], "--results", results)
-    assert call("forget", "-m", "all", "--results", results).endswith("deleted, with their forms\n")
+    assert lines[2].startswith("deleted 2 records, 12 forms")
+    states = call("plan", *finished[0], "--results", results)
+    assert "missing   rods mesh shape-dna" in states
+    assert "finished  rods mesh surface-area" in states
+    call("forget", "-m", "all", "--yes", "--results", results)
+    assert not [path for path in (results / "runs").rglob("*.*") if path.is_file()]

@@ -8,12 +8,14 @@ import msgspec
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline import environment, merging
+from benchmark.pipeline import environment
 from benchmark.pipeline.cache import StorageError
-from benchmark.pipeline.merging import merge, portable, publish, write_published
-from benchmark.pipeline.records import Record, forget, read_records, write_record
+from benchmark.pipeline.merging import merge
+from benchmark.pipeline.records import Record, read_records, unneeded, write_record
 from benchmark.runs.planning import describe_change
 from tests.runs.toy import run_toy
+from tools import publish as publishing
+from tools.publish import portable, publish, write_published
 
 
 def made(method="gps", *, nn=0.5, finished="2026-01-01", key="a", **changes):
@@ -84,6 +86,8 @@ def test_published_records_fill_in_for_the_same_shapes_alone(tmp_path):
     write_record(tmp_path, made("gps", gallery_digest="2"), replaces="a" * 32)
     assert {record.method for record in read_records(tmp_path)} == {"gps"}
     assert len(read_records(tmp_path, local=False)) == 3
+    write_record(tmp_path, made("pca", key="9", finished="2026-01-02"))  # the newest record of the gallery counts
+    assert {record.method for record in read_records(tmp_path)} == {"gps", "pca", "identity"}
 
 
 def test_merge_joins_records_prefers_results_to_failures_and_refuses_contradictions(tmp_path):
@@ -110,21 +114,30 @@ def test_of_two_results_of_a_place_the_newer_one_counts(tmp_path):
     assert [record.scores["NN"] for record in read_records(tmp_path / "here")] == [1.0]
 
 
-def test_forget_deletes_records_and_the_files_that_only_they_use(rods, tmp_path):
-    run_toy(rods, tmp_path, "identity", "classic-mds")
-    assert forget(tmp_path, lambda record: record.method == "identity") == 1
-    (record,) = read_records(tmp_path)
-    runs = tmp_path / "runs"
-    assert record.method == "classic-mds"
-    assert {path.stem for path in (runs / "forms").iterdir()} == set(record.files["forms"])
-    assert {path.stem for path in (runs / "records").glob("*.npz")} == {record.key}
-    assert len(list((runs / "prepared").iterdir())) == 4
+def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
+    run_toy(rods, tmp_path, "identity", "classic-mds", inputs=("mesh", "view"))
+    runs, stray = tmp_path / "runs", tmp_path / "runs" / "forms" / "0.npz"
+    stray.write_bytes(b"")
+    assert unneeded(tmp_path, lambda record: False) == ([], [stray])
+    records, files = unneeded(tmp_path, lambda record: record.method == "identity")
+    assert {(record.method, record.input) for record in records} == {("identity", "mesh"), ("identity", "view")}
+    for path in files:
+        path.unlink()
+    of = {
+        kind: {key for record in read_records(tmp_path) for key in record.files[kind]}
+        for kind in ("forms", "signatures")
+    }
+    assert {kind: {path.stem for path in (runs / kind).iterdir()} for kind in of} == of
+    assert {path.stem for path in (runs / "records").glob("*.npz")} == {record.key for record in read_records(tmp_path)}
+    assert len(list((runs / "prepared").iterdir())) == 9  # four rods, their views, and the frame of the camera
+    every = {path for path in runs.rglob("*.*") if path.is_file()}
+    assert set(unneeded(tmp_path, lambda record: True)[1]) == every
 
 
 @pytest.fixture
 def clean(monkeypatch):
-    monkeypatch.setattr(merging, "has_edits", lambda: False)
-    monkeypatch.setattr(merging, "CATALOGUE", {"pets": None})
+    monkeypatch.setattr(publishing, "has_edits", lambda: False)
+    monkeypatch.setattr(publishing, "CATALOGUE", {"pets": None})
 
 
 def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(tmp_path, clean):
@@ -135,9 +148,9 @@ def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(
     write_record(tmp_path, made("identity", key="e", gallery="pets (quick)", data=quick))
     absent = {"status": "unavailable", "reason": "no model", "scores": {}, "per_query": {}, "commit": ""}
     write_record(tmp_path, made("learned", key="f", **absent))
-    merged = publish(tmp_path)
+    added = publish(tmp_path)
     published = {record.method: record for record in read_records(tmp_path, local=False)}
-    assert [record.method for record in merged.added] == ["gps"]
+    assert [record.method for record in added] == ["gps"]
     assert published.keys() == {"gps", "skeleton"}
     assert (published["gps"].scores["NN"], published["gps"].parts, published["gps"].traceback) == (0.5, {}, "")
 
@@ -147,10 +160,22 @@ def test_publish_refuses_edits_and_two_commits_in_a_table(tmp_path, clean, monke
     write_record(tmp_path, made("identity", key="b", commit="beef"))
     with pytest.raises(ConfigurationError, match="the rows of pets mesh were made at beef, c0ffee"):
         publish(tmp_path)
-    monkeypatch.setattr(merging, "has_edits", lambda: True)
+    monkeypatch.setattr(publishing, "has_edits", lambda: True)
     with pytest.raises(ConfigurationError, match="the working tree has changes; commit them"):
         publish(tmp_path)
     assert not (tmp_path / "records").exists()
+
+
+def test_publish_deletes_no_line_that_it_cannot_read(tmp_path, clean):
+    (tmp_path / "records").mkdir()
+    for name, text in (("pets.jsonl", b"{}\n"), ("other.jsonl", b"\xff\n")):
+        (tmp_path / "records" / name).write_bytes(text)
+    write_record(tmp_path, made("gps"))
+    with pytest.raises(ConfigurationError, match="2 lines of .*records cannot be read; correct or remove them"):
+        publish(tmp_path)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "records").iterdir()} == {
+        "pets.jsonl": b"{}\n", "other.jsonl": b"\xff\n",
+    }  # fmt: skip
 
 
 def test_published_lines_are_the_same_bytes_in_any_order(tmp_path):

@@ -1,0 +1,81 @@
+"""Publish records of jobs done here, into RESULTS/records, which is committed: python -m tools.publish [RESULTS]."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections import defaultdict
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+
+from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.errors import ConfigurationError
+from benchmark.files import write_atomically
+from benchmark.pipeline.cache import storing
+from benchmark.pipeline.environment import has_edits
+from benchmark.pipeline.records import Record, read_files, read_records
+from benchmark.protocols.tables import PARTS
+from benchmark.reference.paper import MEASURES
+from benchmark.registry import BUILT_IN
+from benchmark.text import LONGEST_NAME
+
+
+def publish(results: Path) -> list[Record]:
+    """Write the public records made here in place of earlier ones of their rows, and return those that are new.
+
+    Raises
+    ------
+    ConfigurationError
+        If the working tree has changes, the records of a gallery and input were made at several commits, or a published
+        line cannot be read.
+    """
+    if has_edits():
+        raise ConfigurationError("the working tree has changes", "commit them, and run again")
+    here = [record for record in read_records(results, published=False) if is_public(record)]
+    commits = defaultdict[str, set[str]](set)
+    for record in here:
+        commits[f"{record.gallery} {record.input}"].add(record.commit)
+    for name, made_at in commits.items():
+        if len(made_at) > 1 or any(commit.endswith("+") for commit in made_at):
+            problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
+            raise ConfigurationError(problem, "run them again at one commit")
+    known = read_files((results / "records").glob("*.jsonl"))
+    lines = sum(len(path.read_bytes().splitlines()) for path in (results / "records").glob("*.jsonl"))
+    if len(known) != lines:
+        problem = f"{lines - len(known)} lines of {results / 'records'} cannot be read"
+        raise ConfigurationError(problem, "correct or remove them")
+    before = {record.row: portable(record) for record in known}
+    now = before | {record.row: portable(record) for record in here}
+    write_published(results, now.values())
+    return [record for row, record in now.items() if record != before.get(row)]
+
+
+def is_public(record: Record) -> bool:
+    """Return whether a record means something elsewhere: a full run of a set and a method of the suite."""
+    is_whole = record.gallery.removeprefix(record.data.name).strip() in PARTS
+    is_known = record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
+    return is_whole and is_known and record.status != "unavailable"
+
+
+def portable(record: Record) -> Record:
+    """Return a record without what means nothing on another machine."""
+    per_query = {name: values for name, values in record.per_query.items() if name in MEASURES}
+    return msgspec.structs.replace(record, per_query=per_query, parts={}, files={}, traceback="", published=False)
+
+
+def write_published(results: Path, records: Iterable[Record]) -> None:
+    """Write records as lines, a file for each data set, in the order of their rows."""
+    files = defaultdict[str, bytes](bytes)
+    for record in sorted(records, key=lambda record: record.row):
+        base = re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME] or "records"
+        files[f"{base}.jsonl"] += msgspec.json.encode(record) + b"\n"
+    folder = results / "records"
+    with storing(results):
+        for name, text in files.items():
+            write_atomically(folder / name, lambda file, text=text: file.write(text), durable=True)  # type: ignore[misc]
+
+
+if __name__ == "__main__":
+    print(f"{len(publish(Path((*sys.argv[1:], 'results')[0])))} records are new")
