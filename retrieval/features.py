@@ -29,6 +29,8 @@ from retrieval.scale_space import (
     STEP,
     build_octave,
     find_extrema,
+    octave_buffers,
+    octave_in,
 )
 
 EDGE_RATIO = 10.0
@@ -102,43 +104,43 @@ def _detect_all(
     images: NDArray[np.float32], background: np.float32, peak_threshold: float, edge_ratio: float
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.int32]]:
     """Return frames (k, 4) of x, y, scale, angle; descriptors (k, 128); offsets of the images' keypoints."""
-    n_images = images.shape[0]
+    n_images, height, width = images.shape
     frames = np.empty((4096, 4))
     descriptors = np.empty((4096, DESCRIPTOR_SIZE), dtype=np.uint8)
     offsets = np.zeros(n_images + 1, dtype=np.int32)
     points = np.empty((1024, 4))
     peaks = np.empty(MAX_ORIENTATIONS)  # no more are written
+    # The memory of all octaves of all views: new memory would cost as much time as its use.
+    room, run = octave_buffers(height, width)
+    gradient_room = np.empty((2, height * width), dtype=np.float32)
+    backgrounds = _backgrounds(background, min(height, width))
     count = 0
     for index in range(n_images):
-        whole = images[index]
-        top, bottom, left, right = _foreground(whole, background)
-        height, width = whole.shape
-        base, base_row, base_column = whole, 0, 0
-        beyond = background
-        octave = 0
-        while top < bottom and (min(height, width) >= SMALLEST_SIDE or octave == 0):
+        base, base_row, base_column = images[index, ::1, ::1], 0, 0
+        top, bottom, left, right = _foreground(images[index], background)
+        for octave in range(len(backgrounds) if top < bottom else 0):
             pixel = 2**octave
-            row0, row1 = max(top // pixel - MARGIN, 0), min(bottom // pixel + MARGIN + 1, height)
-            column0, column1 = max(left // pixel - MARGIN, 0), min(right // pixel + MARGIN + 1, width)
-            shape = (row1 - row0, column1 - column0)
-            crop = np.full(shape, beyond, dtype=np.float32)
-            gaussians = np.empty((N_GAUSSIANS, *shape), dtype=np.float32)
-            differences = np.empty((N_GAUSSIANS - 1, *shape), dtype=np.float32)
-            _paste(base, base_row, base_column, crop, row0, column0)
-            build_octave(crop, gaussians, differences, octave == 0)
+            row0, row1 = max(top // pixel - MARGIN, 0), min(bottom // pixel + MARGIN + 1, height // pixel)
+            column0, column1 = max(left // pixel - MARGIN, 0), min(right // pixel + MARGIN + 1, width // pixel)
+            h, w = row1 - row0, column1 - column0
+            bordered, pixels = octave_in(room, h, w)
+            differences = pixels[N_GAUSSIANS:]
+            start = pixels[0 if octave else -1, :h, :w]
+            _paste(base, base_row, base_column, start, row0, column0, backgrounds[octave])
+            build_octave(bordered, run, octave == 0)
             n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
             # Extrema beyond the capacity are counted, so a second search has room for all.
             if n_points > len(points):
                 points = np.empty((2 * n_points, 4))
                 n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
-            magnitudes, angles = np.empty_like(crop), np.empty_like(crop)
-            level_done = -1
+            magnitudes, angles = gradient_room[0, : h * w].reshape(h, w), gradient_room[1, : h * w].reshape(h, w)
+            done, level_done = np.zeros(h, dtype=np.bool_), 0
             for k in range(n_points):
                 x, y, level = points[k, 0], points[k, 1], int(points[k, 2])
                 sigma = BASE_SCALE * STEP ** (level + 1 + points[k, 3])
                 if level != level_done:
-                    gradients(gaussians[level + 1], magnitudes, angles)
-                    level_done = level
+                    done[:], level_done = False, level
+                gradients(pixels[level + 1], y, sigma, done, magnitudes, angles)
                 for a in range(orientations(magnitudes, angles, x, y, sigma, peaks)):
                     if count == len(frames):
                         frames = np.concatenate((frames, np.empty_like(frames)))
@@ -148,12 +150,8 @@ def _detect_all(
                     describe(magnitudes, angles, x, y, sigma, peaks[a], descriptors[count])
                     count += 1
             # The level of twice the base scale, every second pixel, starts the next octave.
-            start_row, start_column = row0 % 2, column0 % 2
-            base = gaussians[LEVELS, start_row::2, start_column::2].copy()
+            base = pixels[LEVELS, row0 % 2 : h : 2, column0 % 2 : w : 2]
             base_row, base_column = (row0 + 1) // 2, (column0 + 1) // 2
-            beyond = _blurred(beyond, octave == 0)
-            height, width = height // 2, width // 2
-            octave += 1
         offsets[index + 1] = count
     return frames[:count].copy(), descriptors[:count].copy(), offsets
 
@@ -162,23 +160,39 @@ def _detect_all(
 def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int, int, int, int]:
     """Return the bounding box (top, bottom, left, right) of the foreground, ends excluded; all zero if it is empty."""
     height, width = image.shape
-    top, bottom, left, right = height, 0, width, 0
+    in_column = np.zeros(width, dtype=np.uint8)
+    top, bottom, left, right = height, 0, 0, width
     for row in range(height):
+        pixels, n_seen = image[row], 0
         for column in range(width):
-            if image[row, column] != background:
-                top, bottom = min(top, row), row + 1
-                left, right = min(left, column), max(right, column + 1)
-    return (top, bottom, left, right) if bottom else (0, 0, 0, 0)
+            is_seen = pixels[column] != background
+            in_column[column] |= is_seen
+            n_seen += is_seen
+        if n_seen:
+            top, bottom = min(top, row), row + 1
+    if bottom == 0:
+        return 0, 0, 0, 0
+    while not in_column[left]:
+        left += 1
+    while not in_column[right - 1]:
+        right -= 1
+    return top, bottom, left, right
 
 
 @njit(cache=True, nogil=True)
-def _blurred(background: np.float32, is_first: bool) -> np.float32:
-    """Return the background in the next octave: blur changes its last bits, and an edge between both would be found."""
-    base = np.full((1, 1), background, dtype=np.float32)
-    gaussians = np.empty((N_GAUSSIANS, 1, 1), dtype=np.float32)
-    build_octave(base, gaussians, gaussians[1:].copy(), is_first)
-    blurred: np.float32 = gaussians[LEVELS, 0, 0]
-    return blurred
+def _backgrounds(background: np.float32, side: int) -> NDArray[np.float32]:
+    """Return the background in each octave: blur changes its last bits, and an edge between both would be found."""
+    n_octaves = 1
+    while side >> n_octaves >= SMALLEST_SIDE:
+        n_octaves += 1
+    found = np.full(n_octaves, background, dtype=np.float32)
+    room, run = octave_buffers(1, 1)
+    bordered, pixels = octave_in(room, 1, 1)
+    for octave in range(1, n_octaves):
+        pixels[-1 if octave == 1 else 0, 0, 0] = found[octave - 1]
+        build_octave(bordered, run, octave == 1)
+        found[octave] = pixels[LEVELS, 0, 0]
+    return found
 
 
 @njit(cache=True, nogil=True)
@@ -189,11 +203,17 @@ def _paste(
     target: NDArray[np.float32],
     target_row: int,
     target_column: int,
+    beyond: np.float32,
 ) -> None:
     """Copy the overlap of two windows, each given by the position of its first pixel in the octave."""
+    for row in range(target.shape[0]):
+        for column in range(target.shape[1]):
+            target[row, column] = beyond
     row0, row1 = max(source_row, target_row), min(source_row + source.shape[0], target_row + target.shape[0])
     column0 = max(source_column, target_column)
     column1 = min(source_column + source.shape[1], target_column + target.shape[1])
     for row in range(row0, row1):
-        for column in range(column0, column1):
-            target[row - target_row, column - target_column] = source[row - source_row, column - source_column]
+        own = source[row - source_row, column0 - source_column : column1 - source_column]
+        pasted = target[row - target_row, column0 - target_column : column1 - target_column]
+        for x in range(len(own)):
+            pasted[x] = own[x]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
+Flags = NDArray[np.bool_]
 
 ORIENTATION_BINS = 36
 #: A second peak of the orientation histogram gives a second keypoint if it exceeds this share of the highest one.
@@ -28,22 +29,31 @@ TURN = np.float32(2.0 * np.pi)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def gradients(gaussian: SingleArray, magnitudes: SingleArray, angles: SingleArray) -> None:
-    """Compute the central differences of a Gaussian level in polar form.
+def gradients(
+    gaussian: SingleArray, y: float, sigma: float, done: Flags, magnitudes: SingleArray, angles: SingleArray
+) -> None:
+    """Compute the central differences of a Gaussian level in polar form, in the rows that a keypoint needs.
 
     Parameters
     ----------
     gaussian
-        Shape (height, width), float32.
+        Shape (height, width) or larger, float32.
+    y, sigma
+        Position and scale of the keypoint in pixels of the octave.
+    done
+        Shape (height or more,): rows that are known, updated.
     magnitudes, angles
-        Shape (height, width), float32, overwritten; angles in [0, 2 pi] from the x axis towards the y axis (downwards),
-        with an error below 3e-4, far below the width of a bin. The border has magnitude 0.
+        Shape (height, width), float32, overwritten but for the border; angles in [0, 2 pi] from the x axis towards the
+        y axis (downwards), with an error below 3e-4, far below the width of a bin.
     """
-    height, width = gaussian.shape
-    magnitudes[:, 0] = magnitudes[:, width - 1] = 0
-    magnitudes[0] = magnitudes[height - 1] = 0
+    height, width = magnitudes.shape
     half, quarter_turn, half_turn = np.float32(0.5), np.float32(0.5 * np.pi), np.float32(np.pi)
-    for row in range(1, height - 1):
+    # That of a descriptor that stands on a corner.
+    reach = int(np.sqrt(0.5) * (SPATIAL_BINS + 1) * MAGNIFICATION * sigma) + 2
+    for row in range(max(int(y) - reach, 1), min(int(y) + reach + 1, height - 1)):
+        if done[row]:
+            continue
+        done[row] = True
         left, right = gaussian[row, : width - 2], gaussian[row, 2:]
         above, below = gaussian[row - 1, 1 : width - 1], gaussian[row + 1, 1 : width - 1]
         magnitude, angle = magnitudes[row, 1 : width - 1], angles[row, 1 : width - 1]

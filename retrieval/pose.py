@@ -13,6 +13,7 @@ from benchmark.geometry.mesh import Mesh
 from retrieval.views import BACKGROUND, render, view_sphere
 
 Matrix = NDArray[np.float64]
+Rotations = NDArray[np.float64]
 
 #: Number of values per axis of the search grid of Rodrigues vectors (axis times tan of half the angle); the cube
 #: [-tan(pi/8), tan(pi/8)]^3 contains every rotation up to the 24 rotations of the cube.
@@ -20,6 +21,8 @@ GRID = 9
 #: Number of best grid rotations from which the pattern search starts, and its first and last step in radians.
 STARTS = 8
 FIRST_STEP, LAST_STEP = 0.1, 1e-6
+#: Rotations whose areas are summed together: all turns of all starts about one axis.
+LANES = 16
 
 #: Coordinates in the unit sphere are rounded to multiples of this. The last digits of a form are noise that differs
 #: between processors, and the bytes of descriptors, and with them the draw of the words, depend on every bit. The grid
@@ -81,11 +84,11 @@ def rectilinearity_rotation(mesh: Mesh) -> Matrix:
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     area_vectors = 0.5 * np.cross(b - a, c - a)
     ticks = np.linspace(-1.0, 1.0, GRID) * (np.sqrt(2.0) - 1.0)
-    grid = [_turned(np.eye(3), np.array([x, y, z])) for x in ticks for y in ticks for z in ticks]
-    best = np.argsort([_projected_area(area_vectors, rotation) for rotation in grid], kind="stable")[:STARTS]
-    found = [_refined(area_vectors, grid[start]) for start in np.sort(best)]
-    bound = min(area for _, area in found) * (1.0 + EQUALLY_RECTILINEAR)
-    return next(rotation for rotation, area in found if area <= bound)
+    grid = np.array([_turned(np.eye(3), np.array([x, y, z])) for x in ticks for y in ticks for z in ticks])
+    areas = _projected_areas(area_vectors, grid)
+    best = np.sort(np.argsort(areas, kind="stable")[:STARTS])
+    found, areas = _refined(area_vectors, grid[best], areas[best])
+    return np.asarray(found[np.flatnonzero(areas <= areas.min() * (1.0 + EQUALLY_RECTILINEAR))[0]])
 
 
 @njit(cache=True, nogil=True)
@@ -109,32 +112,48 @@ def _turned(matrix: Matrix, vector: NDArray[np.float64]) -> Matrix:
 
 
 @njit(cache=True, nogil=True)
-def _projected_area(area_vectors: Matrix, rotation: Matrix) -> float:
-    total = 0.0
-    for x, y, z in area_vectors:
-        for row in range(3):
-            total += abs(rotation[row, 0] * x + rotation[row, 1] * y + rotation[row, 2] * z)
-    return total
+def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.float64]:
+    """Return the summed area of all projections after each rotation; some rotations at once take as long as one."""
+    areas = np.zeros(len(rotations))
+    m, totals = np.zeros((9, LANES)), np.empty(LANES)
+    for first in range(0, len(rotations), LANES):
+        count = min(LANES, len(rotations) - first)
+        for lane in range(count):
+            m[:, lane] = rotations[first + lane].ravel()
+        totals[:] = 0.0
+        for x, y, z in area_vectors:
+            for lane in range(LANES):
+                total = totals[lane] + abs(m[0, lane] * x + m[1, lane] * y + m[2, lane] * z)
+                total += abs(m[3, lane] * x + m[4, lane] * y + m[5, lane] * z)
+                totals[lane] = total + abs(m[6, lane] * x + m[7, lane] * y + m[8, lane] * z)
+        areas[first : first + count] = totals[:count]
+    return areas
 
 
 @njit(cache=True, nogil=True)
-def _refined(area_vectors: Matrix, rotation: Matrix) -> tuple[Matrix, float]:
-    """Rotate by a step about each axis while that helps, then halve the step; the second value is the area."""
-    area, step = _projected_area(area_vectors, rotation), FIRST_STEP
-    while step > LAST_STEP:
-        improved = False
+def _refined(area_vectors: Matrix, rotations: Rotations, areas: NDArray[np.float64]) -> tuple[Rotations, Matrix]:
+    """Rotate by a step about each axis while that helps, then halve the step; the second value are the areas."""
+    rotations, areas = rotations.copy(), areas.copy()
+    steps = np.full(len(rotations), FIRST_STEP)
+    candidates = np.empty((2, *rotations.shape))
+    while (steps > LAST_STEP).any():
+        improved = steps <= LAST_STEP  # those that have ended stay as they are
+        active = ~improved
         for axis in range(3):
-            for sign in (-1.0, 1.0):
-                turn = np.zeros(3)
-                turn[axis] = sign * 0.5 * step  # half the angle approximates its tangent well enough
-                candidate = _turned(rotation, turn)
-                candidate_area = _projected_area(area_vectors, candidate)
-                if candidate_area < area:
-                    rotation, area, improved = candidate, candidate_area, True
-                    break
-        if not improved:
-            step *= 0.5
-    return rotation, area
+            for start in range(len(rotations)):
+                for side in range(2):
+                    turn = np.zeros(3)
+                    turn[axis] = (side - 0.5) * steps[start]  # half the angle approximates its tangent well enough
+                    candidates[side, start] = _turned(rotations[start], turn)
+            found = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3)).reshape(2, -1)
+            for start in range(len(rotations)):
+                for side in range(2 * active[start]):
+                    if found[side, start] < areas[start]:
+                        rotations[start], areas[start] = candidates[side, start], found[side, start]
+                        improved[start] = True
+                        break
+        steps = np.where(improved, steps, 0.5 * steps)
+    return rotations, areas
 
 
 ROTATIONS = {"pca": pca_rotation, "rectilinearity": rectilinearity_rotation}

@@ -26,60 +26,116 @@ MARGIN = 17
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
 SMALLEST_SIDE = 16
 REFINEMENT_STEPS = 5
+#: Pixels that are convolved at once: with the rows around them, they fit into the fastest cache.
+RUN = 2560
+
+
+def _half_kernels() -> SingleArray:
+    """Return half of each Gaussian, shape (6, MARGIN): that to the base scale, then those from level to level."""
+    kernels = np.zeros((N_GAUSSIANS, MARGIN))
+    for level, kernel in enumerate(kernels):
+        sigma = BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0)
+        sigma = sigma if level else np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2)
+        half = np.exp(-0.5 * (np.arange(int(np.ceil(SUPPORT * sigma)) + 1) / sigma) ** 2)
+        kernel[: len(half)] = half / (2.0 * half.sum() - half[0])
+    return kernels.astype(np.float32)
+
+
+KERNELS = _half_kernels()
+SIZES = (KERNELS > 0).sum(axis=1)
 
 
 @njit(cache=True, nogil=True)
-def build_octave(base: SingleArray, gaussians: SingleArray, differences: SingleArray, is_first: bool) -> None:
+def octave_buffers(height: int, width: int) -> tuple[SingleArray, SingleArray]:
+    """Return memory for the images of one octave of this size or smaller, and for a run of their pixels."""
+    stride = width + 2 * MARGIN
+    room = np.empty((2 * N_GAUSSIANS, (height + 3 * MARGIN) * stride), dtype=np.float32)
+    return room, np.zeros(max(RUN, stride) + 2 * MARGIN, dtype=np.float32)
+
+
+@njit(cache=True, nogil=True)
+def octave_in(room: SingleArray, height: int, width: int) -> tuple[SingleArray, SingleArray]:
+    """Return the images of one octave in a buffer, with and without their borders.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (12, height + 2 MARGIN, width + 2 MARGIN): six Gaussian levels, their five differences, and the image.
+    numpy.ndarray
+        Of the same shape, a view whose first rows and columns are the pixels.
+    """
+    shape = len(room), height + 2 * MARGIN, width + 2 * MARGIN
+    size, first = shape[0] * shape[1] * shape[2], MARGIN * (shape[2] + 1)
+    return room.ravel()[:size].reshape(shape), room.ravel()[first : first + size].reshape(shape)
+
+
+@njit(cache=True, nogil=True)
+def build_octave(octave: SingleArray, run: SingleArray, is_first: bool) -> None:
     """Compute the Gaussian levels of one octave and their differences.
 
     Parameters
     ----------
-    base
-        Shape (height, width), float32: the image itself in the first octave, else level -1.
-    gaussians, differences
-        Shapes (6, height, width) and (5, height, width), float32; overwritten.
+    octave
+        Images of :func:`octave_in` with their borders, overwritten; given are the image in the first octave, level -1
+        in the others.
+    run
+        From :func:`octave_buffers`.
     is_first
-        Whether ``base`` still has the nominal blur of an image.
+        Whether this is the first octave.
     """
-    if is_first:
-        _blur(base, gaussians[0], np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2))
-    else:
-        for row in range(base.shape[0]):  # an assignment of the whole array takes a second to compile
-            for x in range(base.shape[1]):
-                gaussians[0, row, x] = base[row, x]
-    for level in range(1, N_GAUSSIANS):
-        _blur(gaussians[level - 1], gaussians[level], BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0))
-        for row in range(base.shape[0]):
-            upper, lower, result = gaussians[level, row], gaussians[level - 1, row], differences[level - 1, row]
-            for x in range(base.shape[1]):
-                result[x] = upper[x] - lower[x]
+    for level in range(0 if is_first else 1, N_GAUSSIANS):
+        _blur(octave[level - 1], octave[level], octave[N_GAUSSIANS - 1 + max(level, 1)], run, level)
 
 
 @njit(cache=True, nogil=True)
-def _blur(source: SingleArray, target: SingleArray, sigma: float) -> None:
+def _blur(image: SingleArray, blurred: SingleArray, difference: SingleArray, run: SingleArray, level: int) -> None:
     """Convolve an image with a separable Gaussian; the border is repeated."""
-    half = np.exp(-0.5 * (np.arange(int(np.ceil(SUPPORT * sigma)) + 1) / sigma) ** 2)
-    kernel = (half / (2.0 * half.sum() - half[0])).astype(np.float32)
-    turned = np.empty((source.shape[1], source.shape[0]), dtype=np.float32)
-    _blur_columns(source, kernel, turned)
-    _blur_columns(turned, kernel, target)
+    height, stride = image.shape
+    first, end = MARGIN * stride, (height - MARGIN) * stride
+    source, target, result = image.ravel(), blurred.ravel(), difference.ravel()
+    for row in range(MARGIN):
+        image[row], image[height - 1 - row] = image[MARGIN], image[height - MARGIN - 1]
+    length = max(RUN // stride, 1) * stride
+    for start in range(first, end, length):
+        count = min(length, end - start)
+        _convolve(source, start, stride, run, MARGIN, count, level)
+        for row in range(MARGIN, MARGIN + count, stride):
+            run[row : row + MARGIN] = run[row + MARGIN]
+            run[row + stride - MARGIN : row + stride] = run[row + stride - MARGIN - 1]
+        _convolve(run, MARGIN, 1, target, start, count, level)
+        before, after, out = source[start:], target[start:], result[start:]
+        for x in range(count):
+            out[x] = after[x] - before[x]
 
 
 @njit(cache=True, nogil=True)
-def _blur_columns(source: SingleArray, kernel: SingleArray, target: SingleArray) -> None:
-    """Convolve along the first axis, and write the transposed result, in the order of the weights of half a kernel."""
-    height, width = source.shape
-    total = np.empty(width, dtype=np.float32)
-    for row in range(height):
-        own = source[row]
-        for x in range(width):
-            total[x] = kernel[0] * own[x]
-        for j in range(1, len(kernel)):
-            above, below, weight = source[max(row - j, 0)], source[min(row + j, height - 1)], kernel[j]
-            for x in range(width):
-                total[x] += weight * (above[x] + below[x])
-        for x in range(width):
-            target[x, row] = total[x]
+def _convolve(
+    source: SingleArray, start: int, step: int, target: SingleArray, begin: int, count: int, level: int
+) -> None:
+    """Add up weighted pixels before and after each, at multiples of a step, in the order of half a kernel."""
+    kernel, size = KERNELS[level], SIZES[level]
+    own, total = source[start : start + count], target[begin : begin + count]
+    for x in range(count):
+        total[x] = kernel[0] * own[x]
+    j = 1
+    while j + 4 < size:  # sums that are written for each weight would take twice as long
+        a, b, c, d, e = kernel[j], kernel[j + 1], kernel[j + 2], kernel[j + 3], kernel[j + 4]
+        a0, a1 = source[start - j * step :], source[start + j * step :]
+        b0, b1 = source[start - (j + 1) * step :], source[start + (j + 1) * step :]
+        c0, c1 = source[start - (j + 2) * step :], source[start + (j + 2) * step :]
+        d0, d1 = source[start - (j + 3) * step :], source[start + (j + 3) * step :]
+        e0, e1 = source[start - (j + 4) * step :], source[start + (j + 4) * step :]
+        for x in range(count):
+            subtotal = total[x] + a * (a0[x] + a1[x]) + b * (b0[x] + b1[x])
+            total[x] = subtotal + c * (c0[x] + c1[x]) + d * (d0[x] + d1[x]) + e * (e0[x] + e1[x])
+        j += 5
+    while j < size:  # a last weight that is missing is 0
+        a, b = kernel[j], kernel[j + 1]
+        a0, a1 = source[start - j * step :], source[start + j * step :]
+        b0, b1 = source[start - (j + 1) * step :], source[start + (j + 1) * step :]
+        for x in range(count):
+            total[x] = total[x] + a * (a0[x] + a1[x]) + b * (b0[x] + b1[x])
+        j += 2
 
 
 @njit(cache=True, nogil=True)
@@ -89,7 +145,7 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
     Parameters
     ----------
     differences
-        Shape (5, height, width), float32.
+        Those of :func:`octave_in` without their borders.
     peak_threshold
         Minimum absolute value at the refined extremum, in units of the image.
     edge_ratio
@@ -104,27 +160,41 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
         Number of extrema; those beyond the capacity are counted but not stored.
     """
     count = 0
-    height, width = differences.shape[1:]
+    height, width = differences.shape[1] - 2 * MARGIN, differences.shape[2] - 2 * MARGIN
     candidate_threshold = np.float32(0.8 * peak_threshold)
+    marks = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
+    eights = marks.view(np.uint64)
     for level in range(1, LEVELS + 1):
         for row in range(1, height - 1):
-            here = differences[level, row]
-            for column in range(1, width - 1):
-                value = here[column]
-                # The neighbours in the row reject nearly every pixel.
-                high = value > here[column - 1] and value > here[column + 1]
-                low = value < here[column - 1] and value < here[column + 1]
-                if not (high or low) or abs(value) < candidate_threshold:
+            _mark_candidates(differences, level, row, marks[1 : width - 1])
+            for eight in range(len(eights)):
+                if eights[eight] == 0:
                     continue
-                if not _is_extremum(differences, level, row, column, value):
-                    continue
-                good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
-                if not good:
-                    continue
-                if count < len(points):
-                    points[count, 0], points[count, 1], points[count, 2], points[count, 3] = x, y, level - 1, offset
-                count += 1
+                for column in range(8 * eight, 8 * eight + 8):
+                    value = differences[level, row, column]
+                    if not marks[column] or abs(value) < candidate_threshold:
+                        continue
+                    if not _is_extremum(differences, level, row, column, value):
+                        continue
+                    good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
+                    if good and count < len(points):
+                        points[count, 0], points[count, 1], points[count, 2], points[count, 3] = x, y, level - 1, offset
+                    count += good
     return count
+
+
+@njit(cache=True, nogil=True)
+def _mark_candidates(differences: SingleArray, level: int, row: int, marks: NDArray[np.uint8]) -> None:
+    """Mark the pixels of a row, but its ends, that exceed or fall below their six nearest neighbours: few do."""
+    width = len(marks)
+    here, above, below = differences[level, row], differences[level, row - 1, 1:], differences[level, row + 1, 1:]
+    left, middle, right = here[:width], here[1:], here[2:]
+    lower, upper = differences[level - 1, row, 1:], differences[level + 1, row, 1:]
+    for x in range(width):
+        value, a, b, c, d, e, f = middle[x], left[x], right[x], above[x], below[x], lower[x], upper[x]
+        high = (value > a) & (value > b) & (value > c) & (value > d) & (value > e) & (value > f)
+        low = (value < a) & (value < b) & (value < c) & (value < d) & (value < e) & (value < f)
+        marks[x] = high | low
 
 
 @njit(cache=True, nogil=True)
@@ -148,8 +218,7 @@ def _refine(
     differences: SingleArray, level: int, row: int, column: int, peak_threshold: float, edge_ratio: float
 ) -> tuple[bool, float, float, float]:
     """Fit a quadratic [Brown & Lowe 2002] and apply the two tests; returns (good, x, y, offset of the level)."""
-    height, width = differences.shape[1:]
-    hessian = np.empty((3, 3))
+    height, width = differences.shape[1] - 2 * MARGIN, differences.shape[2] - 2 * MARGIN
     move_x = move_y = 0
     for _ in range(REFINEMENT_STEPS):  # moves precede fits, so that the last fit belongs to the last pixel
         column += move_x
@@ -165,9 +234,7 @@ def _refine(
         hxy = 0.25 * (b[row + 1, column + 1] + b[row - 1, column - 1] - b[row + 1, column - 1] - b[row - 1, column + 1])
         hxs = 0.25 * (c[row, column + 1] + a[row, column - 1] - c[row, column - 1] - a[row, column + 1])
         hys = 0.25 * (c[row + 1, column] + a[row - 1, column] - c[row - 1, column] - a[row + 1, column])
-        hessian[0, 0], hessian[1, 1], hessian[2, 2] = hxx, hyy, hss
-        hessian[0, 1], hessian[0, 2], hessian[1, 2] = hxy, hxs, hys
-        solvable, dx, dy, ds = _solve_symmetric(hessian, -gx, -gy, -gs)
+        solvable, dx, dy, ds = _solve_symmetric((hxx, hxy, hxs, hyy, hys, hss), -gx, -gy, -gs)
         if not solvable:
             return False, 0.0, 0.0, 0.0
         move_x = int(dx > 0.6 and column < width - 2) - int(dx < -0.6 and column > 1)
@@ -184,10 +251,11 @@ def _refine(
 
 
 @njit(cache=True, nogil=True)
-def _solve_symmetric(matrix: FloatArray, u: float, v: float, w: float) -> tuple[bool, float, float, float]:
+def _solve_symmetric(
+    matrix: tuple[float, float, float, float, float, float], u: float, v: float, w: float
+) -> tuple[bool, float, float, float]:
     """Solve a symmetric 3 x 3 system given by its upper triangle; returns (solvable, x, y, z)."""
-    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
-    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
+    a, b, c, d, e, f = matrix
     c00, c01, c02 = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * c00 + b * c01 + c * c02
     if determinant == 0.0:
