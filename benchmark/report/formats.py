@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby
@@ -61,9 +62,9 @@ def latex_text(text: str) -> str:
     return "".join(_LATEX.get(character, character) for character in known)
 
 
-def _breakable(character: str) -> str:
-    """Return a character of a title as LaTeX; lines may end behind what is no letter."""
-    return latex_text(character) + ("" if character.isalnum() or character == " " else r"\allowbreak{}")
+def _breakable(title: str) -> str:
+    """Return a title as LaTeX, where lines may also end within parameters."""
+    return r"\allowbreak{}".join(map(latex_text, re.split(r"(?<=[\[\]=,_/.:])(?=\w)", title)))
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ def latex(view: TableView) -> str:
                 [styles[mark].format(score) for score, mark in group] if len(group) > 1 else [_spread(group[0][0])]
                 for group in line.groups
             ]
-            body.append(_latex_row("".join(map(_breakable, line.title)), *chain(*cells), line.seconds))
+            body.append(_latex_row(_breakable(line.title), *chain(*cells), line.seconds))
     groups = ("Paper" if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
     citation = rf" Paper:~\cite{{{_PAPER}}}." if view.paper else ""
     notes = " ".join(map(latex_text, table_notes(view)[:-1]))  # the last one is for those who have the suite

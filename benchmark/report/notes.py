@@ -13,8 +13,8 @@ from benchmark.text import brief
 
 #: Note on bold and italic.
 MARKS = (
-    "Bold: the best of its block. Italic: not certainly worse (randomised Tukey test over whole classes; 5 % if all "
-    "rows are equal). Rows with missing results or with shapes seen in training have neither."
+    "Bold: the best of its block. Italic: not certainly worse (randomised Tukey test over whole classes; its level of "
+    "5 % holds if all rows are equal). Rows with missing results or with shapes seen in training have neither."
 )
 
 #: Names in a list before the rest is only counted.
@@ -32,11 +32,11 @@ def table_notes(view: TableView) -> list[str]:
         "No result: {}.": _listed(_failed(rows)),
         "Cannot be read or prepared, and counts 0 in every row: {}.": _listed(unreadable),
         "Refused shapes, which count 0: {}.": _listed(_refused(rows), "; "),
-        "Seen in training: {}.": _listed(_seen(rows)),
+        "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": _listed(_seen(rows)),
         "Missing, and counts 0: {}.": _listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
         "Left out, because they rank another version of the data: {}; run them again.": _listed(view.left_out),
         "Published with the suite, not run here: {}.": _published(rows),
-        "Shapes of several pieces are joined, by at most {}.": _joined(rows),
+        "Shapes in several pieces were joined by thin bridges of triangles (at most {}).": _joined(rows),
     }
     found = [MARKS] * bool(view.marks) + [words.format(text) for words, text in facts.items() if text]
     return [*found[:7], "How a method departs from its source: 'python -m benchmark describe METHOD'."]
@@ -46,13 +46,22 @@ def _columns(view: TableView) -> Iterator[str]:
     """Say what the columns show."""
     if any(column.input == "as printed" for column in view.columns):
         yield "Complete surfaces; networks see one depth view."
+    if view.table.is_ablation:
+        yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
     for column in view.columns:
-        of_rows = [one.records.values() for row in view.rows if (one := row.scored.get(column.title))]
-        draws = max(of_rows, key=len, default=())
-        if column.over_draws and len(draws) > 1:
-            scores = [[records[0].scores[name] for records in of] for of in of_rows for name in MEASURES]
-            apart = f"{max(max(of) - min(of) for of in scores):.2f}".removeprefix("0")
-            yield f"{column.title}: mean of {len(draws)} draws, whose scores are at most {apart} apart."
+        of_rows = {row.title: one.records.values() for row in view.rows if (one := row.scored.get(column.title))}
+        draws = len(max(of_rows.values(), key=len, default=()))
+        if column.over_draws and draws > 1:
+            ranges = [
+                (np.ptp([records[0].scores[name] for records in of]), f"{name} of {title}")
+                for title, of in of_rows.items()
+                for name in MEASURES
+            ]
+            apart, where = max(ranges)
+            score = f"{apart:.2f}".removeprefix("0")
+            yield f"{column.title}: mean of {draws} draws, which differ by at most {score} ({where})."
+    if any(row.seconds is not None for row in view.printed_rows):
+        yield "s: median seconds per shape for form and geodesics."
 
 
 def _undecided(view: TableView) -> Iterable[str]:
@@ -72,6 +81,9 @@ def _failed(rows: Iterable[Row]) -> list[str]:
     for row in rows:
         for record in row.failed[:1]:
             reasons.setdefault(f"{record.status}: {brief(record.reason)}", []).append(row.title)
+        if not row.records and not row.failed:
+            reason = "no model was trained for this data, or it was not run" if row.kind == "network" else "not run"
+            reasons.setdefault(reason, []).append(row.title)
     return [f"{_listed(titles)} ({reason})" for reason, titles in reasons.items()]
 
 
@@ -90,10 +102,8 @@ def _refused(rows: Iterable[Row]) -> Iterator[str]:
 def _seen(rows: Iterable[Row]) -> Iterator[str]:
     for row in rows:
         for title, one in row.scored.items():
-            count = len({(record.gallery, shape) for record in one.all_records for shape in record.seen})
-            total = len({(record.gallery, shape) for record in one.all_records for shape in record.shapes})
-            if count:
-                yield f"{row.title} {count} of {total} ({title})"
+            if count := sum(label in one.seen_classes for label in one.labels):
+                yield f"{row.title} {count} of {len(one.labels)} shapes ({title})"
 
 
 def _published(rows: Iterable[Row]) -> str:
@@ -112,7 +122,7 @@ def _joined(rows: Iterable[Row]) -> str:
     if bridges <= 0:
         return ""
     across = f", across at most {gap:.2g} times the root of the area" if gap else ""
-    return f"{bridges:.0f} bridge{'s' * (bridges > 1)}{across}"
+    return f"{bridges:.0f} per shape{across}"
 
 
 def _listed(texts: Iterable[str], joint: str = ", ") -> str:
