@@ -6,6 +6,7 @@ import faulthandler
 import json
 import shlex
 import sys
+import warnings
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -202,6 +203,10 @@ def score(
         Path,
         Option("--labels", metavar="FILE|FOLDER", help=".cla, lines 'label' or 'name label', or a folder."),
     ],
+    order: Annotated[
+        Literal["list", "number", "listing", "natural"] | None,
+        Option("--order", help="Order of rows without names: that of a .cla or its numbers, or of a folder."),
+    ] = None,
     format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
     title: Annotated[str, Option("--title", metavar="NAME", help="Name of the row. [name of the file]")] = "",
     results: Annotated[
@@ -212,14 +217,18 @@ def score(
 ) -> None:
     """Score the distances of any program.
 
-    DISTANCES is a symmetric N x N matrix: .npy, .npz, .txt, .csv or .mat.
+    DISTANCES is a symmetric N x N matrix: .npy, .npz, .txt, .csv, .mat, or .matrix of PSB.
     """
     from benchmark.scoring.evaluation import score
     from benchmark.scoring.rows import keep_distances
 
     if dataset and results is None:
         raise ConfigurationError("--dataset names the data of a row that is kept", "pass --results, too")
-    evaluation, title = score(distances, labels), title or distances.stem
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # among the notes
+        evaluation, title = score(distances, labels, order or ""), title or distances.stem
+    for note in evaluation.notes:
+        say(note, err=True)
     scores = evaluation.scores.rename_axis(title)
     if format == "csv":
         say_lines(scores.to_csv(float_format="%.6f"))

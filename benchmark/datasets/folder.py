@@ -20,6 +20,10 @@ UNREAD = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
 POINTS = (".pcd", ".pts", ".xyz")
 
 
+#: Class of the Princeton Shape Benchmark for models without a class.
+MISCELLANEOUS = "-1"
+
+
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
     """Read the list of shapes of a folder.
 
@@ -162,7 +166,8 @@ def read_cla(path: Path) -> dict[int, str]:
     Returns
     -------
     dict
-        Class name of each model number (0-based, as in the file names), in file order.
+        Class name of each model number (0-based, as in the file names), in file order. Models of the class ``-1`` have
+        nothing in common: each is a class of its own, which is ranked, but no query.
 
     Raises
     ------
@@ -175,12 +180,14 @@ def read_cla(path: Path) -> dict[int, str]:
             f"{path} does not start with 'PSB 1'", "use the classification format of the Princeton Shape Benchmark"
         )
     subjects: dict[int, str] = {}
-    n_read = 0
+    names: set[str] = set()
     try:
         n_classes, n_models = _whole(words[2]), _whole(words[3])
         position = 4
         while position < len(words):
             name, count = printable(words[position]), _whole(words[position + 2])
+            if name in names:
+                raise DatasetError(f"{path}: class '{name}' stands there twice", "give each class a name of its own")
             numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]
             if len(numbers) != count:
                 problem = f"{path}: class '{name}' announces {count} models but lists {len(numbers)}"
@@ -188,16 +195,16 @@ def read_cla(path: Path) -> dict[int, str]:
             for number in numbers:
                 if number in subjects:
                     raise DatasetError(f"{path}: model {number} stands in two classes", "list each model once")
-                subjects[number] = name
-            n_read += 1
+                subjects[number] = f"{name} {number}" if name == MISCELLANEOUS else name
+            names.add(name)
             position += 3 + count
     except (IndexError, ValueError) as error:
         hint = "expected '<name> <parent> <count>' followed by that many model numbers"
         raise DatasetError(f"{path}: {error}", hint) from error
-    if (n_read, len(subjects)) != (n_classes, n_models):
+    if (len(names), len(subjects)) != (n_classes, n_models):
         announced = f"{path} announces {n_classes} classes and {n_models} models"
         raise DatasetError(
-            f"{announced} but lists {n_read} and {len(subjects)}", "correct the second line or complete the lists"
+            f"{announced} but lists {len(names)} and {len(subjects)}", "correct the second line or complete the lists"
         )
     return subjects
 

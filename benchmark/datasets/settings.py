@@ -12,6 +12,7 @@ from typing import Any
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import by_subject
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.files import decode
 from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
 
 SETTINGS_FILE = "dataset.toml"
@@ -96,8 +97,8 @@ def text_of(path: Path) -> str:
     try:
         if not path.is_file():
             raise DatasetError(f"{path} is no file, or a link that leads nowhere", "correct it or remove it")
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return decode(path.read_bytes())
+    except (OSError, UnicodeError) as error:
         raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
 
 

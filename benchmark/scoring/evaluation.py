@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import bootstrap_intervals
-from benchmark.scoring.files import as_distances, as_labels
-from retrieval.measures import chance_levels, evaluate
+from benchmark.scoring.files import Orders, are_row_numbers, as_distances, as_labels
+from retrieval.measures import Scores, chance_levels, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -33,25 +35,32 @@ class Evaluation:
         One row for each shape, under its name if it has one: ``class`` and each measure; NaN for the only shape of a
         class.
     distances
-        The matrix, shape (N, N), in the order of ``queries``.
+        The matrix, shape (N, N), in the order of ``queries``, with a diagonal of 0.
+    notes
+        How many shapes are no queries, and whether the nearest are of other classes more often than by chance.
     """
 
     scores: DataFrame
     queries: DataFrame
     distances: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
 
 
-def score(distances: object, labels: object) -> Evaluation:
+def score(distances: object, labels: object, order: str = "") -> Evaluation:
     """Score distances computed by any program.
 
     Parameters
     ----------
     distances
         Shape (N, N), symmetric: an array, a pandas frame whose index and columns name the shapes, or the path of a file
-        (.npy, .npz, .txt, .csv, .mat). The diagonal is ignored.
+        (.npy, .npz, .txt, .csv, .mat, .matrix). The diagonal is ignored.
     labels
         Class of each shape: a list in the order of the rows, a mapping by name, or the path of a ``.cla`` file, a text
         file with lines ``label`` or ``name label``, or a folder of shapes.
+    order
+        Order of rows without names: ``"list"`` or ``"number"`` of a ``.cla`` file, ``"listing"`` (as Python sorts) or
+        ``"natural"`` (cat2 before cat10) of a folder. It is needed where they differ, but for ``.matrix`` files, which
+        follow the list.
 
     Returns
     -------
@@ -61,7 +70,8 @@ def score(distances: object, labels: object) -> Evaluation:
     Raises
     ------
     ConfigurationError
-        If sizes or names do not fit, the matrix is not symmetric, or a number is NaN, infinite or negative.
+        If sizes or names do not fit, the order of the rows is unknown, the matrix is not symmetric, or a distance is
+        NaN, infinite or negative.
 
     Examples
     --------
@@ -72,43 +82,87 @@ def score(distances: object, labels: object) -> Evaluation:
     """
     from pandas import DataFrame
 
-    matrix, names, classes = _joined(distances, labels)
+    matrix, names, classes = _joined(distances, labels, order)
+    diagonal = matrix.diagonal().copy()
+    np.fill_diagonal(matrix, 0)
     _check(matrix)
     scores = evaluate(matrix, classes)
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
     of_queries = [label for label, counts in zip(classes, is_query, strict=True) if counts]
     ends = bootstrap_intervals(values[is_query], of_queries, LEVEL)
-    table = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes)}
+    columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes)}
+    table = DataFrame(columns, index=list(scores.means))
+    is_farthest = np.isfinite(diagonal).all() and (diagonal >= matrix.max(axis=1)).all() and diagonal.min() > 0
+    if is_farthest and np.unique(matrix).size > 2 and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
+        hint = "pass distances, not similarities; set the diagonal of distances to 0"
+        raise ConfigurationError("each shape is farthest from itself", hint)
     queries = DataFrame({"class": classes, **scores.per_query}, index=list(names) or None).rename_axis("shape")
-    return Evaluation(DataFrame(table, index=list(scores.means)), queries, matrix)
+    notes = _notes(table, scores, len(matrix))
+    if table.loc["NN", "high"] < table.loc["NN", "chance"]:
+        warnings.warn(notes[-1], stacklevel=2)
+    return Evaluation(table, queries, matrix, notes)
 
 
-def _joined(distances: object, labels: object) -> tuple[NDArray[np.float64], tuple[str, ...], list[str]]:
+def _joined(distances: object, labels: object, order: str) -> tuple[NDArray[np.float64], tuple[str, ...], list[str]]:
     """Return distances with the name and class of each shape, joined by name if both have names; () without names."""
-    (matrix, names), given = as_distances(distances), as_labels(labels)
-    if isinstance(given, dict) and names:
+    given, orders = as_labels(labels)
+    matrix, names = as_distances(distances, len(given))
+    if names and are_row_numbers(names):
+        if isinstance(given, dict) and {*given} == {*names}:
+            orders = {"list": list(given), "number": names, **orders}
+        names = ()
+    if isinstance(given, dict):
         if unknown := [name for name in names if name not in given]:
-            problem = f"{len(unknown)} shapes have no label, the first is '{unknown[0]}'"
+            problem = f"shapes without a label: {len(unknown)}, the first is '{unknown[0]}'"
             raise ConfigurationError(problem, f"use the names of the labels: {', '.join(list(given)[:3])} ...")
-        given = {name: given[name] for name in names}
-    names = names or tuple(given if isinstance(given, dict) else ())
-    classes = list(given.values() if isinstance(given, dict) else given)
+        is_psb = isinstance(distances, str | Path) and Path(distances).suffix.lower() == ".matrix"
+        names = names or _ordered(orders or {"": list(given)}, order or ("list" if is_psb and "list" in orders else ""))
+    elif order:
+        raise ConfigurationError(f"labels without names have no order '{order}'", "omit the order")
+    classes = [given[name] for name in names] if isinstance(given, dict) else given
     if len(classes) != len(matrix) or len(set(names)) < len(names):
         problem = f"there are {len(matrix)} rows of distances and {len(classes)} labels, or a name appears twice"
         raise ConfigurationError(problem, "pass one label for each shape, and no header")
     return matrix, names, classes
 
 
+def _ordered(orders: Orders, order: str) -> tuple[str, ...]:
+    """Return the names of rows that have none, in the order that is named, or in which all agree."""
+    if order and order not in orders:
+        raise did_you_mean("order of these labels", order, filter(None, orders))
+    first, *others = [orders[order]] if order else orders.values()
+    for row, names in enumerate(zip(first, *others, strict=True)):
+        if len({*names}) > 1:
+            shown = "; ".join(f"{kind}: {', '.join(names[row : row + 3])}" for kind, names in orders.items())
+            raise ConfigurationError(
+                f"the rows have no names, and the shapes have several orders, which differ from row {row + 1}: {shown}",
+                f"pass --order {' or '.join(orders)} (order= in Python), or name rows and columns",
+            )
+    return tuple(first)
+
+
 def _check(values: NDArray[np.float64]) -> None:
-    problem = ""
+    """Raise ``ConfigurationError`` if a distance off the diagonal, which is 0, is not finite or negative."""
     if len(wrong := np.argwhere(~np.isfinite(values))):
         row, column = wrong[0] + 1
-        problem = f"{len(wrong)} distances are NaN or infinite, the first in row {row}, column {column}"
-        hint = "use a distance larger than all others if a method has no result"
-    elif values.min() < 0:
-        problem, hint = f"a distance is negative ({values.min():.3g})", "subtract similarities from the largest"
-    elif (values.diagonal() >= values.max(axis=1)).all() and values.diagonal().min() > 0 and np.ptp(values) > 0:
-        problem, hint = "each shape is farthest from itself", "pass distances, not similarities"
-    if problem:
-        raise ConfigurationError(problem, hint)
+        raise ConfigurationError(
+            f"distances are NaN or infinite, the first in row {row}, column {column}",
+            "use a distance larger than all others if a method has no result",
+        )
+    if values.min() < 0:
+        problem = f"a distance is negative ({values.min():.3g})"
+        raise ConfigurationError(problem, "subtract similarities from the largest")
+
+
+def _notes(table: DataFrame, scores: Scores, count: int) -> tuple[str, ...]:
+    notes = []
+    if scores.lone_queries:
+        notes.append(
+            f"ranked, but no queries: {scores.lone_queries} of {count} shapes (alone in their class, or of class -1)"
+        )
+    if table.loc["NN", "high"] < table.loc["NN", "chance"]:
+        notes.append(
+            "the nearest are of other classes more often than by chance: are these similarities, or in another order?"
+        )
+    return tuple(notes)

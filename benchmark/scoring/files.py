@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
-import io
+import csv
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.folder import folder_set, read_cla
+from benchmark.datasets.base import natural_key
+from benchmark.datasets.folder import class_list, folder_set, read_cla
 from benchmark.errors import ConfigurationError, one_line
+from benchmark.files import decode
 
-_HINT = "write the matrix as .npy, .npz, .txt, .csv or .mat (-v7)"
+_HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"
 
 #: Largest size of a file in bytes.
 _LARGEST = 2**31
 
+#: What a text file of numbers may contain.
+_NUMERALS = b"0123456789.,;+-eEinfaN \t\r\n"
 
-def as_labels(labels: Any) -> dict[str, str] | list[str]:
-    """Return the class of each shape, by name if the shapes have names.
+#: Smallest distance of a file in the right order of bytes.
+_SMALLEST = 1e-30
+
+Orders = Mapping[str, Sequence[str]]
+
+
+def as_labels(labels: Any) -> tuple[dict[str, str] | list[str], Orders]:
+    """Return the class of each shape, by name if the shapes have names, and the orders that their rows may have.
 
     Parameters
     ----------
@@ -39,113 +50,216 @@ def as_labels(labels: Any) -> dict[str, str] | list[str]:
     if isinstance(labels, str | Path):
         return _read_labels(Path(labels))
     if hasattr(labels, "items"):
-        return {str(name): str(label) for name, label in labels.items()}
-    return [str(label) for label in labels]
+        return {str(name): str(label) for name, label in labels.items()}, {}
+    return [str(label) for label in labels], {}
 
 
-def _read_labels(path: Path) -> dict[str, str] | list[str]:
+def _read_labels(path: Path) -> tuple[dict[str, str] | list[str], Orders]:
     if path.is_dir():
-        return {entry.identifier: entry.subject for entry in folder_set(path).shapes}
+        return _folder_labels(path)
     if path.suffix.lower() == ".cla":
-        return {str(number): label for number, label in sorted(read_cla(path).items())}
-    rows = [re.split(r"[,\s]+", line.strip()) for line in _lines(path)]
+        classes = {str(number): label for number, label in read_cla(path).items()}
+        return classes, {"list": list(classes), "number": sorted(classes, key=int)}
+    rows = _cells(_lines(path))
     widths = {len(row) for row in rows}
     if widths == {1}:
-        return [row[0] for row in rows]
+        return [row[0] for row in rows], {}
     if widths != {2}:
         problem = f"{path} has lines of {' and '.join(map(str, sorted(widths)))} words"
         raise ConfigurationError(problem, "write 'label' or 'name label' on each line")
     labels = dict(rows)
     if len(labels) < len(rows):
         raise ConfigurationError(f"{path} names a shape twice", "name each shape once")
-    return labels
+    return labels, {}
 
 
-def as_distances(distances: object) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _folder_labels(folder: Path) -> tuple[dict[str, str], Orders]:
+    shapes = folder_set(folder).shapes
+    labels = {entry.identifier: entry.subject for entry in shapes}
+    listing = [entry.identifier for entry in sorted(shapes, key=lambda entry: entry.path.parts if entry.path else ())]
+    orders = {"listing": listing, "natural": list(labels)}
+    if source := class_list([folder]):
+        by_number = dict(zip(sorted(numbers := read_cla(source)), labels, strict=True))
+        orders["natural"] = sorted(labels, key=natural_key)
+        orders |= {"list": [by_number[number] for number in numbers], "number": list(labels)}
+    return labels, orders
+
+
+def as_distances(distances: object, count: int = 0) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Return a matrix of distances and the names of its rows, () if they have none.
 
     Parameters
     ----------
     distances
-        A path, an array, or a pandas frame whose index and columns name the shapes.
+        A path, an array, or a pandas frame whose index or columns name the shapes. Its diagonal may hold anything.
+    count
+        Number of labels, which decides if the first row and column of a text file may be names or distances.
 
     Raises
     ------
     ConfigurationError
         If a file cannot be read, or they are not one N x N matrix of real numbers.
     """
-    content: Any = _read(Path(distances)) if isinstance(distances, str | Path) else distances
-    what, names = str(distances) if isinstance(distances, str | Path) else "the distances", ()
-    if hasattr(content, "columns") and content.index.dtype.kind not in "iu":
-        content = content.rename(str, axis="index").rename(str, axis="columns")
-        names = tuple(content.index)
-        if sorted(names) != sorted(content.columns):
-            hint = "name both like the shapes"
-            raise ConfigurationError("rows and columns of the distances have different names", hint)
-        content = content[list(names)]
-    matrix = np.asarray(content)
+    content: Any = _read(Path(distances), count) if isinstance(distances, str | Path) else distances
+    what = str(distances) if isinstance(distances, str | Path) else "the distances"
+    names: tuple[str, ...] = ()
+    if hasattr(content, "columns"):
+        content, names = _without_names(content)
+    if isinstance(content, np.ma.MaskedArray):
+        content = np.ma.filled(content.astype(np.float64), np.nan)
+    try:
+        matrix = np.array(content)
+        if matrix.ndim == 2 and matrix.dtype.kind == "O":
+            np.fill_diagonal(matrix, 0)
+            matrix = matrix.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{what}: not a matrix of numbers: {one_line(error)}", _HINT) from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size or matrix.dtype.kind not in "iufb":
         raise ConfigurationError(f"{what}: an array of shape {matrix.shape}, {matrix.dtype}, is no N x N matrix", _HINT)
-    return np.asarray(matrix, dtype=np.float64), names
+    return matrix.astype(np.float64), names
 
 
-def _read(path: Path) -> Any:
+def _without_names(frame: Any) -> tuple[Any, tuple[str, ...]]:
+    """Return the values of a frame, with columns in the order of the rows, and the names of the rows."""
+    rows, columns = ([str(name) for name in axis] for axis in (frame.index, frame.columns))
+    rows, columns = columns if are_row_numbers(rows) else rows, rows if are_row_numbers(columns) else columns
+    if sorted(rows) != sorted(columns) or len({*rows}) < len(rows):
+        problem = "rows and columns of the distances have different names, or a name appears twice"
+        raise ConfigurationError(problem, "name both like the shapes")
+    places = {name: place for place, name in enumerate(columns)}
+    return frame.to_numpy()[:, [places[name] for name in rows]], tuple(rows)
+
+
+def are_row_numbers(names: Sequence[str]) -> bool:
+    """Return whether names merely count from 0 or 1, as pandas and R write for rows without names."""
+    return any([*names] == [str(number) for number in range(first, first + len(names))] for first in (0, 1))
+
+
+def _read(path: Path, count: int) -> Any:
     if not path.is_file():
         raise ConfigurationError(f"there is no file {path}", "name the file of the distances")
     if path.stat().st_size > _LARGEST:
         raise ConfigurationError(f"{path} has more than {_LARGEST // 2**30} GiB", "write it in single precision (.npy)")
+    with path.open("rb") as file:
+        head = file.read(520)
+    if b"\x89HDF" in (head[:4], head[512:516]) or head.startswith(b"MATLAB 7.3"):
+        raise ConfigurationError(f"{path} is an HDF5 file, such as MATLAB writes with -v7.3", _HINT)
     suffix = path.suffix.lower()
     try:
         if suffix == ".npy":
             return np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
         if suffix == ".npz":
             with np.load(path, allow_pickle=False) as archive:
-                sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.zip.infolist()}
-                return archive[_only(sizes, path)]
+                name = _only(archive.files, path)
+                if archive.zip.getinfo(f"{name}.npy").file_size > _LARGEST:
+                    raise ConfigurationError(f"{path} expands to more than {_LARGEST // 2**30} GiB", _HINT)
+                return archive[name]
         if suffix == ".mat":
-            from scipy.io import loadmat, whosmat
-
-            kinds = ("double", "single")
-            sizes = {name: 8 * int(np.prod(n)) for name, n, kind in whosmat(path) if kind in kinds and np.prod(n) > 1}
-            return loadmat(path, variable_names=[name := _only(sizes, path)])[name]
-        return _read_text(path)
+            return _read_mat(path)
+        if suffix == ".matrix" and path.read_bytes().translate(None, _NUMERALS):
+            return _read_psb(path)
+        return _read_text(path, count)
     except (ConfigurationError, MemoryError):
         raise
     except Exception as error:  # of any library, for a damaged file
         raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", _HINT) from error
 
 
-def _only(sizes: Mapping[str, int], path: Path) -> str:
-    """Return the name of the only matrix among the variables of a file, given their sizes in bytes."""
-    names = [name for name in sizes if len(sizes) == 1 or name == "distances"]
-    if not names:
-        listed = ", ".join(sorted(sizes)) or "none"
-        raise ConfigurationError(f"{path} has several matrices, or none: {listed}", "name the right one 'distances'")
-    if sizes[names[0]] > _LARGEST:
-        raise ConfigurationError(f"{path} expands to more than {_LARGEST // 2**30} GiB", _HINT)
-    return names[0]
+def _read_mat(path: Path) -> Any:
+    from scipy.io import loadmat
+
+    found = {name: value for name, value in loadmat(path).items() if isinstance(value, np.ndarray)}
+    real = {name: value.shape for name, value in found.items() if value.dtype.kind in "iuf" and value.size > 1}
+    square = [name for name, shape in real.items() if shape == shape[:1] * 2]
+    return found[_only(square, path)]  # all variables were read, which finds where the file is cut
 
 
-def _read_text(path: Path) -> Any:
-    """Read numbers separated by blanks, commas or semicolons, with names in the first row and column or without."""
+def _read_psb(path: Path) -> NDArray[np.float32]:
+    """Read the distances of the tools of the Princeton Shape Benchmark: N x N floats, rows in the order of the list."""
+    content = path.read_bytes()
+    count = math.isqrt(len(content) // 4)
+    if 4 * count * count != len(content):
+        raise ConfigurationError(f"{path} has {len(content)} bytes, which are not N x N floats", "write it again")
+    matrix = np.frombuffer(content, dtype="<f4").reshape(count, count)
+    if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
+        raise ConfigurationError(f"{path} has numbers below {_SMALLEST}", "write it with the lowest byte first")
+    return matrix
+
+
+def _only(names: Sequence[str], path: Path) -> str:
+    """Return the name of the only matrix of a file."""
+    if len(names) != 1 and "distances" not in names:
+        problem = f"{path} has {len(names)} full matrices of real numbers: {', '.join(sorted(names)) or 'none'}"
+        raise ConfigurationError(problem, "name the right one 'distances'")
+    return names[0] if len(names) == 1 else "distances"
+
+
+def _read_text(path: Path, count: int) -> Any:
+    """Read numbers, with or without names in the first row, in the first column, or in both."""
+    from pandas import DataFrame
+
     lines = _lines(path)
     try:
-        float(re.split(r"[,;\s]+", lines[-1].strip())[0])
+        matrix = np.loadtxt(lines, delimiter=_separator(lines), ndmin=2)  # the fast way, for most files
+        if matrix.shape[0] == matrix.shape[1]:
+            return matrix
     except ValueError:
-        from pandas import read_csv
+        pass
+    rows = _cells(lines)
+    if len(rows) > 1 and len(rows[0]) == len(rows[1]) - 1:
+        rows[0].insert(0, "")  # R leaves out the corner
+    width = len(rows[0])
+    for number, row in enumerate(rows, 1):
+        if len(row) != width:
+            raise ConfigurationError(f"{path}: row {number} has length {len(row)}, not {width}", _HINT)
+    edges = all(map(_is_number, [*rows[0][1:], *(row[0] for row in rows[1:])]))
+    inner = any(_is_number(row[place]) for place, row in enumerate(rows) if 0 < place < width)
+    if len(rows) == width:  # if numbers may be names or distances, the corner or else the number of labels decides
+        top = left = not edges or (not _is_number(rows[0][0]) and (inner or count == width - 1))
+    else:
+        top, left = len(rows) == width + 1, len(rows) == width - 1
+    body = [row[left:] for row in rows[top:]]
+    values = np.array(_numbers(body, path), dtype=object)
+    if not (top or left):
+        return values
+    return DataFrame(values, [row[0] for row in rows[top:]] if left else None, rows[0][left:] if top else None)
 
-        text = io.StringIO("\n".join(lines))
-        return read_csv(text, sep="[,;\t]|\\s+", index_col=0, engine="python", dtype={0: str})
-    return np.loadtxt([re.sub("[,;]", " ", line) for line in lines], ndmin=2)
+
+def _is_number(cell: str) -> bool:
+    return re.fullmatch(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?inf(inity)?|nan", cell.lower()) is not None
+
+
+def _numbers(rows: Sequence[Sequence[str]], path: Path) -> list[list[Any]]:
+    """Return cells as numbers; what is none stays, as it may lie on the diagonal."""
+    cells = [cell for row in rows for cell in row if _is_number(cell)]
+    commas = [cell for cell in cells if "," in cell]
+    may_be_thousands = all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", cell) for cell in commas)
+    if commas and (may_be_thousands or any("." in cell for cell in cells)):
+        raise ConfigurationError(f"{path}: commas may be decimal or divide thousands", "write decimal points")
+    return [[float(cell.replace(",", ".")) if _is_number(cell) else cell for cell in row] for row in rows]
+
+
+def _separator(lines: Sequence[str]) -> str | None:
+    return next((mark for mark in ";\t," if any(mark in line for line in lines)), None)
+
+
+def _cells(lines: Sequence[str]) -> list[list[str]]:
+    """Split lines at semicolons, else tabs, else commas, else blanks; cells may be in quotes."""
+    separator = _separator(lines)
+    if separator is None:
+        lines = [" ".join(line.split()) for line in lines]
+    read = csv.reader(lines, delimiter=separator or " ", skipinitialspace=True)
+    rows = [[cell.strip() for cell in row] for row in read]
+    return [row[:-1] for row in rows] if all(row[-1] == "" for row in rows) else rows
 
 
 def _lines(path: Path) -> list[str]:
     """Return the lines of a text with content, without comments."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", "name a text file") from error
+        text = decode(path.read_bytes())
+    except (OSError, UnicodeError) as error:
+        raise ConfigurationError(f"{path} cannot be read as text: {one_line(error)}", _HINT) from error
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise ConfigurationError(f"{path} is empty", "name another file")
-    return lines
+    return [line.rstrip(" ;") for line in lines] if all(line.rstrip().endswith(";") for line in lines) else lines

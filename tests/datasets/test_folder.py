@@ -41,6 +41,7 @@ def test_classes_come_from_a_cla_file_in_the_order_of_the_numbers(tmp_path, orde
         (CLA.replace("2 4", "3 4"), "announces 3 classes and 4 models but lists 2 and 4"),
         (CLA.replace("woman 0 2", "woman 0 3"), "announces 3 models but lists 2"),
         (CLA.replace("3\n", "1\n"), "model 1 stands in two classes"),
+        (CLA.replace("woman", "man"), "class 'man' stands there twice"),
         (CLA.replace("\n3\n", "\n7\n"), "lists model 7, but .* has no mesh with that number"),
         (CLA.replace("\n0\n", "\n4\n"), "lists model 4, .*counts from 1, the meshes from 0: subtract 1"),
         *((CLA.replace("0 2", f"0 {word}"), "is not a whole number; expected '<name>") for word in NO_NUMBERS),

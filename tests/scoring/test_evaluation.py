@@ -6,11 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.io import savemat
+from scipy.sparse import csc_matrix
 
+from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError
 from benchmark.scoring.evaluation import score
 from tests.scoring.line import LABELS, NAMES, D, X
-from tests.toy import write_rods
+from tests.toy import rod, write_off, write_rods
+from tests.verbs import call, refusal
 
 #: Measures of queries by hand. Ranks of what is relevant: a0 1 2 8; b5 1 2 9; c3 10; a2 half of 1 and 2, half of 3 and
 #: 4, and 8.
@@ -34,10 +37,11 @@ def files(tmp_path_factory):
     np.savetxt(folder / "m.csv", D, delimiter=",")
     pd.DataFrame(D, NAMES, NAMES).iloc[::-1, :].to_csv(folder / "named.csv")
     (folder / "labels.txt").write_text("".join(f"{name} {label}\n" for name, label in zip(NAMES, LABELS, strict=True)))
+    (folder / "labels.csv").write_text((folder / "labels.txt").read_text().replace(" ", ";"), encoding="utf-8-sig")
     (folder / "plain.txt").write_text("\n".join(LABELS))
     numbers = {label: [str(k) for k, of in enumerate(LABELS) if of == label] for label in "abcde"}
     classes = "".join(f"{label} 0 {len(n)}\n{' '.join(n)}\n" for label, n in numbers.items())
-    (folder / "labels.cla").write_text(f"PSB 1\n5 12\n{classes}")
+    (folder / "labels.cla").write_text(f"PSB 1\n5 12\n{classes}", encoding="utf-8-sig")
     return folder
 
 
@@ -53,7 +57,7 @@ def test_queries_are_scored_as_by_hand():
 
 
 @pytest.mark.parametrize("name", ["m.npy", "m.npz", "m.mat", "m.txt", "m.csv"])
-@pytest.mark.parametrize("labels", ["labels.txt", "plain.txt", "labels.cla"])
+@pytest.mark.parametrize("labels", ["labels.txt", "labels.csv", "plain.txt", "labels.cla"])
 def test_all_formats_give_the_same_scores(name, labels, files):
     found = score(files / name, files / labels)
     np.testing.assert_allclose(found.scores["score"], score(D, LABELS).scores["score"])
@@ -64,6 +68,142 @@ def test_names_of_a_csv_find_their_labels_and_columns_in_any_order(files):
     found = score(files / "named.csv", files / "labels.txt").queries
     assert list(found.index) == NAMES[::-1]
     assert found.loc["a0", list(BY_HAND["a0"])].to_dict() == pytest.approx(BY_HAND["a0"])
+
+
+SMALL = np.array([[0, 1, 4, 3], [1, 0, 5, 2], [4, 5, 0, 1], [3, 2, 1, 0]])
+KEYS = ("7", "5", "6", "12")
+OWN = dict(zip(KEYS, ("cat", "cat", "dog", "dog"), strict=True))
+PLAIN = "0,1,4,3\n1,0,5,2\n4,5,0,1\n3,2,1,0\n"
+
+
+def table(frame=None, **how):
+    return (pd.DataFrame(SMALL, KEYS, KEYS) if frame is None else frame).to_csv(**how)
+
+
+@pytest.mark.parametrize(
+    "content",
+    {
+        "named": table(),
+        "named corner": table(index_label="name"),
+        "index only": table(header=False),
+        "columns only": table(index=False),
+        "columns and row numbers": table(pd.DataFrame(SMALL, columns=KEYS)),
+        "semicolons and decimal commas": table(pd.DataFrame(SMALL / 2, KEYS, KEYS), sep=";", decimal=","),
+        "tabs": table(sep="\t"),
+        "R": "".join(table(sep=" ", quoting=2)[3:]).replace("7 ", "7  "),
+        "UTF-16": table().encode("utf-16"),
+        "UTF-32": table().encode("utf-32"),
+        "byte-order mark": table().encode("utf-8-sig"),
+        "trailing separators": table(sep=";").replace("\n", ";\n"),
+        "empty diagonal": table(pd.DataFrame(np.where(np.eye(4), np.nan, SMALL), KEYS, KEYS)),
+    }.values(),
+    ids=str,
+)
+def test_names_that_are_numbers_are_found_in_any_text(content, tmp_path):
+    (tmp_path / "m.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
+    found = score(tmp_path / "m.csv", OWN)
+    assert list(found.queries.index) == list(KEYS)
+    assert found.scores.loc["FT", "score"] == 1
+
+
+@pytest.mark.parametrize("cell", ["", "None", "inf", "nan", "-3", "-1e-7", "99", "x"])
+def test_the_diagonal_is_ignored(cell, tmp_path):
+    (tmp_path / "m.csv").write_text(PLAIN.replace("0", cell))
+    found = score(tmp_path / "m.csv", list(OWN.values()))
+    np.testing.assert_array_equal(found.distances, SMALL)
+    holed = np.array(SMALL, dtype=object)
+    np.fill_diagonal(holed, None if cell in ("", "None", "x") else float(cell))
+    for given in (holed, holed.tolist(), pd.DataFrame(holed), np.ma.masked_array(SMALL, np.eye(4))):
+        assert score(given, list(OWN.values())).scores.equals(found.scores)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("0;1,234;999\n1,234;0;5\n999;5;0", "commas may be decimal or divide thousands"),
+        ("0;1,5;9.5\n1,5;0;5\n9.5;5;0", "commas may be decimal or divide thousands"),
+        ("0 0,5 2\n0,5 0 1\n2 1 0", "row 3 has length 1, not 2"),
+        (PLAIN.encode("utf-16-le"), "binary, or in UTF-16 without a byte-order mark"),
+        (PLAIN[:-5], "row 4 has length 2, not 4"),
+        (PLAIN[:-8], "not symmetric"),
+    ],
+)
+def test_text_that_may_mean_two_things_is_refused(text, problem, tmp_path):
+    (tmp_path / "m.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ConfigurationError, match=problem):
+        score(tmp_path / "m.csv", ["a"] * len(text.splitlines()))
+
+
+def test_rows_without_names_have_the_order_that_all_agree_on_or_that_is_named(tmp_path):
+    psb = "PSB 1\n2 4\n\ndog 0 2\n3\n2\n\ncat 0 2\n0\n1\n"
+    (tmp_path / "c.cla").write_text(psb)
+    by_list = SMALL[np.ix_([3, 2, 0, 1], [3, 2, 0, 1])]
+    by_list.astype("<f4").tofile(tmp_path / "m.matrix")
+    pd.DataFrame(SMALL).to_csv(tmp_path / "row-numbers.csv")
+    for given in (SMALL, tmp_path / "row-numbers.csv"):
+        with pytest.raises(ConfigurationError, match="from row 1: list: 3, 2, 0; number: 0, 1, 2; pass --order list"):
+            score(given, tmp_path / "c.cla")
+        assert score(given, tmp_path / "c.cla", order="number").scores.loc["FT", "score"] == 1
+    for found in (score(by_list, tmp_path / "c.cla", "list"), score(tmp_path / "m.matrix", tmp_path / "c.cla")):
+        assert found.queries["class"].to_dict() == {"3": "dog", "2": "dog", "0": "cat", "1": "cat"}
+        assert found.scores.loc["FT", "score"] == 1
+    shuffled = pd.DataFrame(by_list, [3, 2, 0, 1], [3, 2, 0, 1])
+    assert score(shuffled, pd.Series(["cat", "cat", "dog", "dog"])).scores.loc["FT", "score"] == 1
+    for labels, order in ((tmp_path / "c.cla", "natural"), (list("aabb"), "list")):
+        with pytest.raises(ConfigurationError, match="order .*'(natural|list)'; (choose one of list, number|omit)"):
+            score(SMALL, labels, order)
+    for name in ("cat1", "cat2", "cat10", "dog1"):
+        (tmp_path / f"{name}.off").touch()
+    (tmp_path / "c.cla").rename(tmp_path / "c.txt")
+    said = "row 2: listing: cat10, cat2, dog1; natural: cat2, cat10, dog1; pass --order listing or natural"
+    assert said in refusal("score", tmp_path / "m.matrix", "--labels", tmp_path)
+    called = call("score", tmp_path / "m.matrix", "--labels", tmp_path, "--order", "listing")
+    assert called.startswith("ranked, but no queries: 1 of 4 shapes")
+    assert list(score(SMALL, tmp_path, "listing").queries.index) == ["cat1", "cat10", "cat2", "dog1"]
+
+
+def test_shapes_of_class_minus_one_are_ranked_and_no_queries(tmp_path):
+    (tmp_path / "c.cla").write_text("PSB 1\n3 6\n\ncat 0 2\n0\n1\n\ndog 0 2\n2\n3\n\n-1 0 2\n4\n5\n")
+    x = np.array([0, 0.1, 5, 5.1, 10, 20])
+    found = score(np.abs(x[:, None] - x), tmp_path / "c.cla")
+    assert found.scores.loc["NN", "score"] == 1
+    assert found.queries["NN"].notna().sum() == 4
+    assert found.notes == ("ranked, but no queries: 2 of 6 shapes (alone in their class, or of class -1)",)
+    for number in range(6):
+        write_off(tmp_path / f"m{number}.off", rod(0.1, 0.1 * number))
+    classes = [entry.subject for entry in folder_set(tmp_path).shapes]
+    assert classes[:4] == ["cat", "cat", "dog", "dog"]
+    assert len({*classes}) == 4
+
+
+def test_similarities_are_refused_or_warned_of():
+    with pytest.warns(UserWarning, match="the nearest are of other classes more often than by chance"):
+        found = score(np.where(np.eye(4), 0, 6 - SMALL), list(OWN.values()))
+    assert found.scores.loc["NN", "score"] == 0
+    with pytest.raises(ConfigurationError, match="set the diagonal of distances to 0"):
+        score(6 - SMALL, list(OWN.values()))
+
+
+@pytest.mark.parametrize("kind", ["int8", "uint16", "int32", "single", "double"])
+def test_a_mat_file_holds_one_full_matrix_of_any_numbers(kind, tmp_path):
+    savemat(tmp_path / "m.mat", {"D": SMALL.astype(kind), "labels": np.arange(4)})
+    assert score(tmp_path / "m.mat", list(OWN.values())).scores.loc["FT", "score"] == 1
+    savemat(tmp_path / "m.mat", {"D": SMALL.astype(kind), "distances": csc_matrix(SMALL), "E": SMALL})
+    with pytest.raises(ConfigurationError, match="2 full matrices of real numbers: D, E"):
+        score(tmp_path / "m.mat", list(OWN.values()))
+
+
+def test_damage_is_found(files, tmp_path):
+    D.astype("<f4").tofile(files / "m.matrix")
+    for name in ("m.npy", "m.npz", "m.mat", "m.matrix"):
+        content = (files / name).read_bytes()
+        for end in (*range(0, len(content), len(content) // 30), *range(len(content) - 20, len(content))):
+            (tmp_path / name).write_bytes(content[:end])
+            with pytest.raises(ConfigurationError):
+                score(tmp_path / name, LABELS)
+    D.astype(">f4").tofile(tmp_path / "m.matrix")
+    with pytest.raises(ConfigurationError, match="write it with the lowest byte first"):
+        score(tmp_path / "m.matrix", LABELS)
 
 
 def test_labels_of_a_folder_are_those_of_its_data_set(tmp_path):
@@ -83,9 +223,9 @@ def test_labels_of_a_folder_are_those_of_its_data_set(tmp_path):
         (D, LABELS[:11], "there are 12 rows of distances and 11 labels"),
         (D.astype(complex), LABELS, "is no N x N matrix"),
         (np.triu(D), LABELS, "not symmetric .*; average them with the transpose"),
-        (pd.DataFrame(D, NAMES, NAMES), dict.fromkeys(NAMES[1:], "a"), "1 shapes have no label, the first is 'a0'"),
+        (pd.DataFrame(D, NAMES, NAMES), dict.fromkeys(NAMES[1:], "a"), "shapes without a label: 1, the first is 'a0'"),
         (pd.DataFrame(D, NAMES, [*NAMES[::-1][:11], "x"]), LABELS, "rows and columns .* have different names"),
-        (D, [str(k) for k in range(12)], "no class has two members"),
+        (D, [f"x{k}" for k in range(12)], "no class has two members"),
     ],
 )
 def test_what_is_no_distance_matrix_is_refused(distances, labels, problem):
@@ -98,10 +238,10 @@ def test_what_is_no_distance_matrix_is_refused(distances, labels, problem):
     [
         ("m.npy", b"\x93NUMPY\x01\x00v\x00", "cannot be read"),
         ("m.npz", b"PK", "cannot be read"),
-        ("m.mat", b"MATLAB 7.3 MAT-file", "cannot be read"),
-        ("m.txt", b"1 2\n3\n", "m.txt cannot be read"),
+        ("m.mat", b"MATLAB 7.3 MAT-file", "m.mat is an HDF5 file"),
+        ("m.txt", b"1 2\n3\n", "m.txt: row 2 has length 1, not 2"),
         ("m.txt", b"", "m.txt is empty"),
-        ("m.csv", b"\xff\xfe", "m.csv cannot be read"),
+        ("m.csv", b"\xff\xfe", "m.csv is empty"),
     ],
 )
 def test_damaged_files_are_named(name, content, problem, tmp_path):
