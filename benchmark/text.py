@@ -54,6 +54,11 @@ def clean(text: object) -> str:
     return "".join(_printable(character) for character in words)
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """Return a number and what it counts: ``1 vertex``, ``2 vertices``."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
 def brief(text: object) -> str:
     """Return cleaned text, cut to :data:`LONGEST_REASON`."""
     words = clean(text)

@@ -36,7 +36,7 @@ def rod(radius: float, bend: float, rings: int = 24, sides: int = 12) -> Mesh:
     )
     first, last = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
     caps = [(first, np.roll(index[0], -1), index[0]), (last, index[-1], np.roll(index[-1], -1))]
-    return Mesh(vertices, np.concatenate([np.stack(corners, 1) for corners in [(a, b, c), (b, d, c), *caps]]))
+    return Mesh(vertices, np.concatenate([np.stack(corners, 1)[:, ::-1] for corners in [(a, b, c), (b, d, c), *caps]]))
 
 
 def write_off(path: Path, mesh: Mesh) -> None:

@@ -15,7 +15,7 @@ from benchmark.api.contracts import Input
 from benchmark.errors import UnreadableMesh
 from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
-from benchmark.geometry.io import read_mesh
+from benchmark.geometry.io import companions, read_mesh
 from benchmark.geometry.mesh import Mesh
 
 __all__ = ["FRONT", "SIDE", "Camera", "Entry", "Mesh", "ShapeSet"]
@@ -54,8 +54,7 @@ def digest_of_entry(entry: Entry) -> str:
     """Return the digest of the mesh file of a shape; "" if it has none."""
     if entry.path is None:
         return ""
-    beside = [entry.path.with_suffix(".tri")] if entry.path.suffix.lower() == ".vert" else []
-    return "+".join(file_digest(path) for path in (entry.path, *beside))
+    return "+".join(file_digest(path) for path in (entry.path, *companions(entry.path)))
 
 
 def front(entry: Entry) -> Camera:

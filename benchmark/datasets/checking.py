@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import statistics
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,21 +19,15 @@ from benchmark.datasets.folder import all_mesh_files, mesh_stem, skipped_files, 
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
-from benchmark.geometry.cleaning import clean, component_labels
+from benchmark.geometry.cleaning import compact, topology
 from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, camera_coordinates, common_half_width
 from benchmark.geometry.io import READABLE
-from benchmark.geometry.mesh import Faces, edges_of
+from benchmark.geometry.preparation import prepare
 
-_FLAWS = {
-    "merged": ("duplicate vertices", "nothing to do: preparation merges equal positions"),
-    "unreferenced": ("vertices without a face", "nothing to do: preparation drops what carries no surface"),
-    "degenerate_faces": ("degenerate faces", "nothing to do: preparation drops what carries no surface"),
-    "duplicate_faces": ("duplicate faces", "nothing to do: preparation drops what carries no surface"),
-    "further_components": ("components beside the first", "join them if the surface should be in one piece"),
-    "boundary_edges": ("boundary edges", "close the surface for methods that need it closed"),
-    "non_manifold_edges": ("non-manifold edges", "remove faces until each edge has two"),
-    "non_manifold_vertices": ("non-manifold vertices", "split each into one vertex per fan of faces"),
-}
+#: Factors between units of length: inches, centimetres, millimetres, feet, metres.
+_UNITS = (2.54, 10, 12, 25.4, 100, 304.8, 1000)
+#: Largest relative difference of a factor, and of the sizes of a subject in several poses.
+_NEAR_UNIT = 0.05
 
 
 @dataclass(frozen=True)
@@ -67,17 +62,21 @@ class Row:
     file, subject
         Names of the shape.
     counts
-        Counts of :func:`benchmark.geometry.cleaning.clean` and ``holes``; boundary loops that share a vertex are one.
-    extent
-        Half the longest side of the bounding box in the camera's frame, in file units; 0 without area.
+        Report of preparation without decimation, and ``holes``; boundary loops that share a vertex are one.
+    changes
+        What preparation changes, and what to do; see :attr:`benchmark.geometry.preparation.Prepared.changes`.
+    extent, size
+        Half the longest side of the bounding box in the camera's frame, and the root of the area, in file units.
     digest
         Digest of vertices and faces, independent of the file format.
     """
 
     file: str
     subject: str
-    counts: Mapping[str, int]
+    counts: Mapping[str, float]
+    changes: Sequence[tuple[str, str]]
     extent: float
+    size: float
     digest: str
 
 
@@ -117,10 +116,10 @@ class Report:
         ]
 
 
-def _range(values: list[int]) -> str:
+def _range(values: list[float]) -> str:
     if not values:
         return "none could be read"
-    return f"{min(values)} to {max(values)}, median {statistics.median(values):g}"
+    return f"{min(values):.10g} to {max(values):.10g}, median {statistics.median(values):.10g}"
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
@@ -211,37 +210,42 @@ def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], 
             anomalies.append(Anomaly("error", file, error.problem.removeprefix(f"{entry.path}: "), error.hint))
             continue
         rows.append(row)
-        if not row.extent:
-            anomalies.append(Anomaly("error", file, "no face has an area", "export the mesh again"))
-        if dataset.observe is None:  # views are open and possibly disconnected
-            flaws = {**row.counts, "further_components": max(row.counts["components"] - 1, 0)}
-            anomalies += [
-                Anomaly("warning", file, f"{flaws[name]} {what}", hint)
-                for name, (what, hint) in _FLAWS.items()
-                if flaws[name]
-            ]
+        anomalies += [Anomaly("warning", file, what, hint) for what, hint in row.changes]
         twin = first_with.setdefault(row.digest, row)
         if twin is not row:
             where = "" if twin.subject == row.subject else f" of another class, '{twin.subject}'"
             severity = "error" if where else "warning"
             anomalies.append(Anomaly(severity, file, f"the same geometry as {twin.file}{where}", "keep one of the two"))
-    return tuple(rows), [*anomalies, *_of_frame(dataset, {row.file: row.extent for row in rows if row.extent})]
+    units = _of_units(rows) if dataset.observe is None else ()
+    return tuple(rows), [*anomalies, *units, *_of_frame(dataset, {row.file: row.extent for row in rows})]
 
 
 def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> Row:
     mesh = dataset.load(entry)
-    cleaned, counts = clean(mesh)
-    counts["holes"] = count_holes(cleaned.faces)
-    extent = float(np.abs(camera_coordinates(cleaned, dataset.camera(entry))).max()) if cleaned.n_faces else 0.0
+    surface = compact(mesh.vertices, mesh.faces)
+    changes: list[tuple[str, str]] = []
+    if dataset.observe is None:
+        prepared = prepare(mesh, mesh.n_vertices)
+        counts, changes = prepared.report, prepared.changes
+    else:  # views are open and possibly disconnected
+        counts = {"vertices_before": mesh.n_vertices, "faces_before": mesh.n_faces, **topology(surface)}
+    extent = float(np.abs(camera_coordinates(surface, dataset.camera(entry))).max())
     digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
-    return Row(file, entry.subject, counts, extent, digest)
+    return Row(file, entry.subject, counts, changes, extent, float(np.sqrt(mesh.area)), digest)
 
 
-def count_holes(faces: Faces) -> int:
-    """Return the number of connected components of the boundary edges."""
-    vertices, ends = np.unique(edges_of(faces).boundary, return_inverse=True)
-    tails, heads = ends.reshape(-1, 2).T
-    return int(component_labels(tails, heads, len(vertices)).max(initial=-1)) + 1
+def _of_units(rows: Sequence[Row]) -> Iterator[Anomaly]:
+    """Yield shapes that differ by the factor of a unit from their class, or from the set if a class has one shape."""
+    of_set = statistics.median(row.size for row in rows) if rows else 1.0
+    for row in rows:
+        others = [other.size for other in rows if other is not row and other.subject == row.subject]
+        usual = statistics.median(others) if others else of_set
+        ratio = max(row.size / usual, usual / row.size)
+        is_odd = len(others) > 1 or abs(math.log(row.size / of_set)) >= abs(math.log(usual / of_set))
+        for unit in _UNITS:
+            if is_odd and abs(ratio / unit - 1) < _NEAR_UNIT:
+                what = f"is {unit:g} times as {'large' if row.size > usual else 'small'} as others, a unit's factor"
+                yield Anomaly("warning", row.file, what, "write all shapes in one unit, or ignore surface-area")
 
 
 def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:

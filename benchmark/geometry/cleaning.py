@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import InvalidMesh
-from benchmark.geometry.mesh import Mesh, Points, edges_of, sides_of
+from benchmark.geometry.mesh import Edges, Mesh, Points, edges_of, sides_of
+from benchmark.text import counted
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -19,53 +20,97 @@ A leg is 18 % of the surface of a human body, an arm 9 % (the rule of nines of b
 more than a quarter no longer shows the subject. Ordinary data sets lose far less, see ``docs/data.md``.
 """
 
+COPIES = 4e-6
+"""Distance below which vertices are copies of one, in units of the root of the area: what rounding moves apart.
+
+In the data sets of the suite, different vertices are at least forty times as far apart.
+"""
+
+#: Distance between borders that are closed where copies were merged, in units of that of copies.
+_SEAM = 5
+
+#: Height below which a triangle has no area, in the same units: rounding in preparation could turn it over.
+_FLAT = 2e-6
+
+#: Distance from the centre beyond which vertices are stray, in units of the median distance, if those within end at
+#: a tenth of it.
+_STRAY = 100
+
+#: Most copies of a vertex at different positions, and most rounds of splitting.
+_MOST_COPIES, _MOST_ROUNDS = 4096, 4096
+
+#: Volume that has no sign, in units of the root of the area cubed.
+_NO_VOLUME = 1e-9
+
+#: Direction, shorter than 1, that is perpendicular to no edge of a regular mesh.
+_ASKEW = np.array([0.566, 0.648, 0.509])
+
 #: Range of extents for which the areas of the shape and of its small triangles neither overflow nor underflow.
 _EXTENTS = (1e-100, 1e100)
 
 
 def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
-    """Merge duplicate vertices; drop degenerate and duplicate faces and unreferenced vertices.
+    """Merge copies of vertices; remove triangles without area, duplicate faces and unreferenced vertices.
 
-    Only vertices at *exactly* the same position are merged. This repairs files that store each triangle separately; a
-    tolerance would weld surfaces that merely touch (lips, fingers, eyelids) and change the geodesics.
+    Vertices within :data:`COPIES` of each other become one at their mean, and so do chains of such vertices. This joins
+    files that store each triangle or part separately, also where rounding moved the copies. Where three corners of a
+    triangle lie on a line, the triangles across its longest side are split at the third: no border opens.
 
     Returns
     -------
     Mesh
-        The cleaned mesh; vertices and faces keep their relative order.
+        The cleaned mesh; vertices and faces keep their relative order, except those of split triangles.
     dict
-        Counts: ``vertices_before`` and ``faces_before``; what was removed: ``merged`` (duplicate vertices),
-        ``degenerate_faces`` (two corners coincide, or no area), ``duplicate_faces`` and ``unreferenced`` (vertices);
-        of the result: ``components``, ``boundary_edges``, ``non_manifold_edges`` (with more than two faces) and
-        ``non_manifold_vertices`` (whose faces do not form a single fan).
+        Counts: ``vertices_before`` and ``faces_before``; what was removed: ``merged`` (copies of vertices),
+        ``degenerate_faces`` (two corners coincide, or no area), ``duplicate_faces`` and ``unreferenced`` (vertices).
 
     Raises
     ------
     InvalidMesh
-        If the extent of the mesh is zero, or so small or large that areas underflow or overflow.
+        If the extent of the mesh is zero, or so small or large that areas underflow or overflow, or if vertices are
+        stray.
     """
-    extent_of(mesh)
-    distinct, place = merge_duplicates(mesh.vertices)
-    proper = mesh.face_areas > 0
-    degenerate = mesh.n_faces - int(proper.sum())
-    faces = place[mesh.faces[proper]]
+    surface = compact(mesh.vertices, mesh.faces)
+    extent_of(surface)
+    _check_stray(surface.vertices)
+    unit = np.sqrt(surface.area)
+    distinct, place = _merge_copies(surface, COPIES * unit)
+    faces = _proper(place[surface.faces])
+    collapsed = mesh.n_faces - len(faces)
+    faces, flat = _without_flat(distinct, faces, _FLAT * unit)
     single = np.sort(_distinct(np.sort(faces, axis=1))[0])
-    duplicates = len(faces) - len(single)
-    faces = faces[single]
-    cleaned = compact(distinct, faces)
-    counts = edges_of(cleaned.faces).counts
+    cleaned = compact(distinct, faces[single])
     return cleaned, {
         "vertices_before": mesh.n_vertices,
         "faces_before": mesh.n_faces,
-        "merged": mesh.n_vertices - len(distinct),
-        "degenerate_faces": degenerate,
-        "duplicate_faces": duplicates,
-        "unreferenced": len(distinct) - cleaned.n_vertices,
-        "components": int(connected_components(cleaned).max(initial=-1)) + 1,
-        "boundary_edges": int((counts == 1).sum()),
-        "non_manifold_edges": int((counts > 2).sum()),
-        "non_manifold_vertices": int((fans_per_vertex(cleaned) > 1).sum()),
+        "merged": surface.n_vertices - len(distinct),
+        "degenerate_faces": collapsed + flat,
+        "duplicate_faces": len(faces) - len(single),
+        "unreferenced": mesh.n_vertices - surface.n_vertices + len(distinct) - cleaned.n_vertices,
     }
+
+
+def topology(mesh: Mesh) -> dict[str, int]:
+    """Return the counts of ``components``, ``boundary_edges``, ``holes`` and what is not manifold.
+
+    Boundary loops that share a vertex are one hole. One of ``non_manifold_edges`` has more than two faces, and the
+    faces of one of ``non_manifold_vertices`` do not form a single fan.
+    """
+    counts = mesh.edges.counts
+    return {
+        "components": int(connected_components(mesh).max(initial=-1)) + 1,
+        "boundary_edges": int((counts == 1).sum()),
+        "holes": count_holes(mesh.edges.boundary),
+        "non_manifold_edges": int((counts > 2).sum()),
+        "non_manifold_vertices": int((fans_per_vertex(mesh) > 1).sum()),
+    }
+
+
+def count_holes(boundary: IntArray) -> int:
+    """Return the number of connected components of boundary edges, shape (b, 2)."""
+    vertices, ends = np.unique(boundary, return_inverse=True)
+    tails, heads = ends.reshape(-1, 2).T
+    return int(component_labels(tails, heads, len(vertices)).max(initial=-1)) + 1
 
 
 def extent_of(mesh: Mesh) -> float:
@@ -80,15 +125,23 @@ def extent_of(mesh: Mesh) -> float:
     return extent
 
 
+def _check_stray(vertices: Points) -> None:
+    distances = np.sort(np.linalg.norm(vertices - np.median(vertices, axis=0), axis=1))
+    within = int(np.searchsorted(distances, _STRAY * distances[len(distances) // 2], side="right"))
+    if within < len(distances) and distances[within] > 10 * distances[within - 1]:
+        raise InvalidMesh(
+            f"{counted(len(distances) - within, 'vertex', 'vertices')} beyond {_STRAY} radii of the shape",
+            "remove stray vertices",
+        )
+
+
 def make_manifold(mesh: Mesh) -> Mesh:
     """Return a mesh with at most two faces per edge and one fan of faces per vertex.
 
     An edge with more than two faces keeps the two largest: internal walls and slivers are dropped, and the surface
     around them stays connected. A vertex with several fans is split into one vertex per fan, at the same position.
     """
-    faces = mesh.faces.astype(np.int64)
-    areas = mesh.face_areas
-    edges = edges_of(faces)
+    faces, areas, edges = mesh.faces.astype(np.int64), mesh.face_areas, mesh.edges
     if (edges.counts > 2).any():
         # Rank of each side among the sides of its edge, largest face first; ties by face order.
         size = np.repeat(areas, 3)
@@ -96,13 +149,63 @@ def make_manifold(mesh: Mesh) -> Mesh:
         rank = np.empty(len(size), dtype=np.int64)
         rank[order] = np.arange(len(size)) - edges.first[edges.of_sides[order]]
         keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
-        faces, areas = faces[keep], areas[keep]
-    fan, owner = _fans(faces)
+        faces = faces[keep]
+        edges = edges_of(faces)
+    fan, owner = _fans(faces, edges)
+    if len(faces) == mesh.n_faces and len(owner) == mesh.n_vertices:
+        return mesh
     # Order fans by their vertex, so that a manifold mesh stays unchanged.
     order = np.argsort(owner, kind="stable")
     rank_of_fan = np.empty_like(order)
     rank_of_fan[order] = np.arange(len(order))
     return Mesh(mesh.vertices[owner[order]], rank_of_fan[fan].reshape(-1, 3).astype(np.int32))
+
+
+def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, int]:
+    """Orient the triangles of each piece of a manifold mesh alike.
+
+    A piece is closed if its border is at most as long as the root of its area; it is oriented outwards. An open piece,
+    or one without volume, keeps the orientation of most of its area.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    areas, piece
+        Its :func:`component_areas`.
+
+    Returns
+    -------
+    Mesh
+        The oriented mesh, or ``mesh`` itself if nothing is turned.
+    turned, one_sided : int
+        Number of turned triangles, and of pieces that cannot be oriented (such as a Moebius strip).
+    """
+    edges, (starts, ends) = mesh.edges, sides_of(mesh.faces)
+    inner, rim = edges.first[edges.counts == 2], edges.grouped_sides[edges.first[edges.counts == 1]]
+    one, other = edges.grouped_sides[inner], edges.grouped_sides[inner + 1]
+    against, signs = starts[one] == starts[other], np.ones(mesh.n_faces)
+    if against.any():
+        import igl
+
+        corners = np.sort(mesh.faces.astype(np.int64), axis=1)
+        order = np.lexsort(corners.T[::-1])
+        corners[order] = igl.bfs_orient(corners[order])[0]
+        second = mesh.faces[np.arange(len(order)), ((mesh.faces == corners[:, :1]).argmax(axis=1) + 1) % 3]
+        signs = np.where(second == corners[:, 1], 1.0, -1.0)
+    one_sided = len(np.unique(piece[one[against ^ (signs[one // 3] != signs[other // 3])] // 3]))
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    middles, normals = (a + b + c) / 3, np.cross(b - a, c - a)
+    centres = np.stack([np.bincount(piece, mesh.face_areas * middle) for middle in middles.T], axis=1) / areas[:, None]
+    outwards = np.bincount(piece, signs * np.einsum("fk,fk->f", middles - centres[piece], normals))
+    lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
+    is_closed = np.bincount(piece[rim // 3], lengths, len(areas)) <= np.sqrt(areas)
+    by_volume = is_closed & (np.abs(outwards) > _NO_VOLUME * areas**1.5)
+    signs *= np.where(np.where(by_volume, outwards, np.bincount(piece, signs * mesh.face_areas)) < 0, -1, 1)[piece]
+    turned = signs < 0
+    if not turned.any():
+        return mesh, 0, one_sided
+    return Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)), int(turned.sum()), one_sided
 
 
 def connected_components(mesh: Mesh) -> IntArray:
@@ -137,7 +240,7 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
 
 def fans_per_vertex(mesh: Mesh) -> IntArray:
     """Return the number of fans of edge-connected faces at each vertex, shape (n,): 1 on a manifold."""
-    return np.bincount(_fans(mesh.faces.astype(np.int64))[1], minlength=mesh.n_vertices).astype(np.int64)
+    return np.bincount(_fans(mesh.faces.astype(np.int64), mesh.edges)[1], minlength=mesh.n_vertices).astype(np.int64)
 
 
 def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
@@ -145,6 +248,90 @@ def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
     first, group = _distinct(vertices + 0.0)  # -0.0 becomes 0.0
     kept = np.sort(first)
     return vertices[kept], np.searchsorted(kept, first)[group]
+
+
+def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
+    """Merge vertices within a distance, transitively; as :func:`merge_duplicates`, at the mean of distinct positions.
+
+    Where this merges some, rounding may have moved others farther apart, and borders are closed that are within
+    :data:`_SEAM` times the distance.
+    """
+    distinct, place = merge_duplicates(surface.vertices)
+    groups = _near_groups(distinct, distance)
+    if groups is None:
+        return distinct, place
+    rim = np.unique(edges_of(_proper(groups[place[surface.faces]])).boundary)
+    at_rim = _near_groups(_means(distinct, groups)[rim], _SEAM * distance)
+    if at_rim is not None:
+        first = np.arange(groups.max() + 1)
+        first[rim] = rim[np.unique(at_rim, return_index=True)[1][at_rim]]
+        groups = np.unique(first, return_inverse=True)[1].astype(np.int64)[groups]
+    return _means(distinct, groups), groups[place]
+
+
+def _near_groups(points: Points, distance: float) -> IntArray | None:
+    """Return the group of each point, joined by chains of points within a distance; None if all are single.
+
+    Near points are neighbours along any direction.
+    """
+    along = points @ _ASKEW
+    order = np.argsort(along)
+    along, at, pairs = along[order], np.arange(len(order)), []
+    for step in range(1, _MOST_COPIES):
+        at = at[at < len(order) - step]
+        at = at[along[at + step] - along[at] <= distance]
+        if not len(at):
+            break
+        pair = np.stack([order[at], order[at + step]], axis=1)
+        pairs.append(pair[np.linalg.norm(points[pair[:, 0]] - points[pair[:, 1]], axis=1) <= distance])
+    else:
+        raise InvalidMesh(f"{_MOST_COPIES} vertices are nearly the same", "export the mesh again")
+    tails, heads = np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs]).T
+    return component_labels(tails, heads, len(points)) if len(tails) else None
+
+
+def _means(points: Points, groups: IntArray) -> Points:
+    sums = np.stack([np.bincount(groups, coordinate) for coordinate in points.T], axis=1)
+    return np.asarray(sums / np.bincount(groups)[:, np.newaxis])
+
+
+def _proper(faces: IntArray) -> IntArray:
+    """Return the triangles with three different corners."""
+    proper: IntArray = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    return proper
+
+
+def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[IntArray, int]:
+    """Split triangles at their longest sides where a neighbour is flat; returns them and how many were flat.
+
+    In each round, all triangles at a longest side are split at the third corner of a flat one, which leaves nothing of
+    the flat one itself. Choices follow the positions of vertices, not their numbers.
+    """
+    order, n_flat = np.arange(len(vertices)), 0
+    for turn in range(_MOST_ROUNDS):
+        corners = vertices[faces]
+        lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        flat = np.flatnonzero(doubled <= height * lengths.max(axis=1))
+        if not len(flat):
+            return order[faces], n_flat
+        if not turn:
+            order, n_flat = np.lexsort(vertices.T), len(flat)
+            vertices, faces = vertices[order], np.argsort(order)[faces]
+        edges = edges_of(faces)
+        at_sides, unsplit = edges.of_sides.reshape(-1, 3), len(edges.ends)
+        longest = lengths[flat].argmax(axis=1)
+        third = np.full(unsplit, len(vertices))
+        np.minimum.at(third, at_sides[flat, longest], faces[flat, (longest + 2) % 3])
+        chosen = np.where(third < len(vertices), np.arange(unsplit), unsplit)[at_sides]
+        first = chosen.min(axis=1, keepdims=True)
+        third[at_sides[chosen > first]] = len(vertices)  # a triangle changes once in a round
+        face, side = np.nonzero(third[at_sides] < len(vertices))
+        start, end, opposite = (faces[face, (side + k) % 3] for k in range(3))
+        middle = third[at_sides[face, side]]
+        halves = np.concatenate([np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1).T
+        faces = np.concatenate([np.delete(faces, face, axis=0), _proper(halves)])
+    raise InvalidMesh("triangles without area cannot be removed", "remove or re-export the mesh")
 
 
 def _distinct(rows: NDArray[np.generic]) -> tuple[IntArray, IntArray]:
@@ -157,9 +344,8 @@ def _distinct(rows: NDArray[np.generic]) -> tuple[IntArray, IntArray]:
     return order[is_new], group
 
 
-def _fans(faces: IntArray) -> tuple[IntArray, IntArray]:
+def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
     """Label each corner with its fan (edge-connected faces around its vertex), shape (3 m,); and the vertex of each."""
-    edges = edges_of(faces)
     order = edges.grouped_sides
     # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
     follows = np.ones(len(order), dtype=bool)

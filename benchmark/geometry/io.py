@@ -18,12 +18,21 @@ from numpy.typing import NDArray
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, ShapeError, UnreadableMesh
 from benchmark.files import write_atomically
 from benchmark.geometry.cleaning import merge_duplicates
+from benchmark.geometry.gltf import buffer_files, read_gltf
 from benchmark.geometry.mesh import Mesh
+from benchmark.text import counted
 
 Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 LARGEST_FILE = 2**30
 """Maximum number of bytes of a file, and of what is packed in it: some ten million vertices."""
+
+_SURFACE = (
+    "python -c \"import pymeshlab; m = pymeshlab.MeshSet(); m.load_new_mesh('{name}'); "
+    "m.compute_normal_for_point_clouds(); m.generate_surface_reconstruction_screened_poisson(); "
+    "m.save_current_mesh('surface.ply')\""
+)
+"""Command that makes a surface of a point cloud."""
 
 
 def read_mesh(path: Path | str) -> Mesh:
@@ -60,8 +69,15 @@ def read_mesh(path: Path | str) -> Mesh:
             warnings.filterwarnings("error", "string or file could not be read")  # numpy below 2.3 does not raise
             vertices, faces = _READERS[suffix](_load(path), path)
         if not len(faces):
-            raise InvalidMesh("there are no faces", "export a surface, not a point cloud")
-        return Mesh(vertices, faces)  # type: ignore[arg-type]
+            raise InvalidMesh("there are no faces", f"make a surface of the points: {_SURFACE.format(name=path.name)}")
+        return Mesh(vertices, _from_0(faces, len(vertices), 1 if suffix in _FROM_1 else 0))  # type: ignore[arg-type]
+
+
+def companions(path: Path) -> list[Path]:
+    """Return the files beside a mesh file that belong to it: the triangles of a ``.vert`` file, buffers of glTF."""
+    if path.suffix.lower() == ".vert":
+        return [path.with_suffix(".tri")]
+    return buffer_files(path) if path.suffix.lower() == ".gltf" else []
 
 
 @contextmanager
@@ -170,7 +186,7 @@ def _parsed(text: bytes) -> NDArray[np.float64]:
     try:
         return np.fromstring(text.decode("ascii"), sep=" ") if text.strip() else np.empty(0)
     except (DeprecationWarning, ValueError) as error:
-        raise ValueError("what should be a number is none") from error
+        raise ValueError("expected a number") from error
 
 
 def _table(lines: Sequence[bytes]) -> NDArray[np.float64]:
@@ -190,13 +206,26 @@ def _integers(numbers: NDArray[np.number]) -> NDArray[np.int64]:
 
 
 def _fans(corners: NDArray[np.int64], sizes: Sequence[int]) -> NDArray[np.int64]:
-    """Split polygons, one after the other, into fans around their first corners; points and lines have none."""
+    """Split polygons, one after the other, into fans around their first corners."""
     of_polygon = np.asarray(sizes, dtype=np.int64)
+    for face in np.flatnonzero(of_polygon < 3)[:1]:
+        raise ValueError(f"face {face + 1} of {len(sizes)} has {counted(sizes[face], 'corner')}")
     starts = np.cumsum(of_polygon) - of_polygon
-    triangles = np.maximum(of_polygon - 2, 0)
-    first = np.repeat(starts, triangles)
-    within = np.arange(len(first)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    first = np.repeat(starts, of_polygon - 2)
+    within = np.arange(len(first)) - np.repeat(starts - 2 * np.arange(len(starts)), of_polygon - 2)
     return np.stack([corners[first], corners[first + within + 1], corners[first + within + 2]], axis=1)
+
+
+def _from_0(corners: NDArray[np.int64], n_vertices: int, base: int) -> NDArray[np.int64]:
+    """Return corners counted from 0; raises ``InvalidMesh`` if vertices are missing."""
+    low, high, other = int(corners.min()), int(corners.max()), 1 - base
+    if other <= low and high < n_vertices + other and (low < base or high >= n_vertices + base):
+        hint = f"{'add 1 to' if base else 'subtract 1 from'} each corner"
+        raise InvalidMesh(f"this format counts vertices from {base}, the file from {other}", hint)
+    if low < base or high >= n_vertices + base:
+        missing = f"faces name vertices {low} to {high}, but there are {base} to {n_vertices + base - 1}"
+        raise InvalidMesh(missing, "fetch or export the file again")
+    return corners - base
 
 
 def read_off(data: bytes, _: Path) -> Arrays:
@@ -224,7 +253,7 @@ def _counted_polygons(lines: Sequence[bytes]) -> NDArray[np.int64]:
     sizes = _integers(_parsed(b" ".join(row[0] for row in rows))).tolist()
     for number, (row, size) in enumerate(zip(rows, sizes, strict=True), 1):
         if len(row) <= size:
-            raise ValueError(f"face {number} of {len(rows)} has fewer corners than it announces")
+            raise ValueError(f"face {number} of {len(rows)} has {counted(len(row) - 1, 'corner')}, not {size}")
     corners = [word for row, size in zip(rows, sizes, strict=True) for word in row[1 : 1 + size]]
     return _fans(_integers(_parsed(b" ".join(corners))), sizes)
 
@@ -250,14 +279,14 @@ def read_obj(data: bytes, _: Path) -> Arrays:
     vertices, polygons = ([match[1] for match in matches] for matches in found.values())
     if not vertices:
         raise ValueError("there is no line of a vertex, 'v x y z'")
+    if text.rpartition(b"\n")[2].strip():
+        raise ValueError("its last line has no line break, so it may be cut off")
     sizes = [len(polygon.split()) for polygon in polygons]
-    if sizes and sizes[-1] < 3 and text.endswith(polygons[-1]):
-        raise ValueError("it ends within a face")
     indices = _integers(_parsed(re.sub(rb"/\S*", b"", b" ".join(polygons))))
     of_vertices, of_faces = ([match.start() for match in matches] for matches in found.values())
     latest = np.repeat(np.searchsorted(np.array(of_vertices), np.array(of_faces, dtype=np.int64)), sizes)
-    # Corner 0 does not exist and becomes -1, as does one that counts back beyond the first vertex.
-    corners = np.where(indices < 0, np.maximum(indices + latest, -1), indices - 1)
+    # One that counts back beyond the first vertex becomes -1.
+    corners = np.where(indices < 0, np.where(indices + latest < 0, -1, indices + latest + 1), indices)
     return _table(vertices)[:, :3], _fans(corners, sizes)
 
 
@@ -344,7 +373,7 @@ def read_mat(data: bytes, _: Path) -> Arrays:
     if len({fields[axis].size for axis in "XYZ"}) > 1:
         raise ValueError("X, Y and Z differ in length")
     vertices = np.stack([fields[axis].ravel(order="F") for axis in "XYZ"], axis=1).astype(np.float64)
-    return vertices, _integers(fields["TRIV"].astype(np.float64)) - 1
+    return vertices, _integers(fields["TRIV"].astype(np.float64))
 
 
 def _check_expansion(data: bytes) -> None:
@@ -362,22 +391,26 @@ def _check_expansion(data: bytes) -> None:
 def read_stl(data: bytes, _: Path) -> Arrays:
     """Read ASCII or binary STL; corners at exactly the same position become a single vertex."""
     size = 84 + 50 * int.from_bytes(data[80:84], "little")
-    if 84 < size <= len(data):
-        data = data[:size]
+    if 84 < size <= len(data) < size + 50:
+        facets = np.frombuffer(data[84:size], [("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
+        corners = facets["corners"].astype(np.float64)
     elif data.lstrip()[:5].lower() != b"solid":
-        raise ValueError(f"{len(data)} bytes are neither an ascii STL nor as many triangles as it announces")
+        raise ValueError(f"{len(data)} bytes are neither an ASCII STL nor as many triangles as it announces")
     elif b"endsolid" not in data[-200:].lower():
         raise ValueError("it does not end with 'endsolid'")
-    vertices, faces = _by_trimesh(data, "stl")
-    distinct, place = merge_duplicates(vertices)
-    return distinct, place[faces]
+    else:
+        corners = _stl_facets(_text(data).partition(b"\n")[2].lower())
+    distinct, place = merge_duplicates(corners.reshape(-1, 3))
+    return distinct, place.reshape(-1, 3)
 
 
-def _by_trimesh(data: bytes, kind: str) -> Arrays:
-    import trimesh
-
-    mesh = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False)
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+def _stl_facets(text: bytes) -> NDArray[np.float64]:
+    vertices = list(re.finditer(rb"(?m)^[ \t]*vertex[ \t]+(\S.*)", text))
+    ends = [match.start() for match in re.finditer(rb"(?m)^[ \t]*endfacet", text)]
+    counts = np.diff(np.searchsorted([match.start() for match in vertices], ends), prepend=0)
+    for facet in np.flatnonzero(counts != 3)[:1]:
+        raise ValueError(f"facet {facet + 1} of {len(ends)} has {counted(int(counts[facet]), 'vertex', 'vertices')}")
+    return _table([match[1] for match in vertices])
 
 
 _READERS: dict[str, Callable[[bytes, Path], Arrays]] = {
@@ -387,8 +420,9 @@ _READERS: dict[str, Callable[[bytes, Path], Arrays]] = {
     ".stl": read_stl,
     ".mat": read_mat,
     ".vert": read_vert_tri,
-    ".glb": lambda data, _: _by_trimesh(data, "glb"),
-    ".gltf": lambda data, _: _by_trimesh(data, "gltf"),
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
 }
+_FROM_1 = (".obj", ".mat")
 READABLE: tuple[str, ...] = tuple(_READERS)
 WRITABLE: tuple[str, ...] = (".off", ".obj", ".ply")

@@ -79,6 +79,11 @@ class Mesh:
         """Surface area, in squared units of the coordinates."""
         return float(self.face_areas.sum())
 
+    @cached_property
+    def edges(self) -> Edges:
+        """The edges of the triangles, for all who ask."""
+        return edges_of(self.faces)
+
     def with_vertices(self, vertices: ArrayLike) -> Mesh:
         """Return a mesh with the same triangles and new vertex positions."""
         return Mesh(vertices, self.faces)  # type: ignore[arg-type]

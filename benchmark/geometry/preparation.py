@@ -10,8 +10,20 @@ from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.bridging import bridge_components
-from benchmark.geometry.cleaning import LARGEST_LOSS, clean, compact, component_areas, extent_of, make_manifold
-from benchmark.geometry.mesh import Mesh, Points, edges_of, in_spatial_order
+from benchmark.geometry.cleaning import (
+    LARGEST_LOSS,
+    FloatArray,
+    IntArray,
+    clean,
+    compact,
+    component_areas,
+    extent_of,
+    make_manifold,
+    orient,
+    topology,
+)
+from benchmark.geometry.mesh import Mesh, Points, in_spatial_order
+from benchmark.text import counted
 
 DEBRIS = 0.01
 """Maximum fraction of the area in components that are dropped, smallest first; the others are parts of the shape."""
@@ -21,6 +33,22 @@ LARGEST_DEGENERATE_SHARE = 0.5
 
 DECIMALS = 6
 """Decimals of coordinates, in units of the root of the area: what a file says beyond seven digits is not the shape."""
+
+#: What preparation changes or leaves by its name in the report: how it is counted, and what happens.
+_CHANGES: dict[str, tuple[tuple[str, ...], str]] = {
+    "merged": (("copy of a vertex", "copies of vertices"), "preparation merges them"),
+    "unreferenced": (("vertex without a face", "vertices without a face"), "preparation drops them"),
+    "degenerate_faces": (("face without area", "faces without area"), "preparation removes them and opens no border"),
+    "duplicate_faces": (("duplicate face",), "preparation keeps one of each"),
+    "turned_faces": (("face the other way round", "faces the other way round"), "preparation turns them"),
+    "one_sided_components": (("one-sided piece",), "preparation leaves it, like a Moebius strip, as it is"),
+    "non_manifold_edges": (("non-manifold edge",), "preparation keeps the two largest faces of each"),
+    "non_manifold_vertices": (("non-manifold vertex", "non-manifold vertices"), "preparation splits them"),
+    "boundary_edges": (("boundary edge",), "close the surface for methods that need it closed"),
+    "opened_edges": (("boundary edge opened by preparation", "boundary edges opened by preparation"), "see above"),
+    "dropped_components": (("small piece",), "preparation drops the smallest pieces"),
+    "bridges": (("bridge between pieces", "bridges between pieces"), "preparation adds them where pieces are closest"),
+}
 
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
@@ -60,6 +88,20 @@ class Prepared:
         gap, bridges = self.scale * self.report["largest_gap"], self.report["bridges"]
         return {"joined_pieces": bridges + 1, "largest_gap": gap} if bridges else {}
 
+    @property
+    def changes(self) -> list[tuple[str, str]]:
+        """What is unusual about the mesh, and what preparation does about it or the user can do."""
+        found = [
+            (counted(int(self.report[name]), *what), action)
+            for name, (what, action) in _CHANGES.items()
+            if self.report[name]
+        ]
+        if gap := self.scale * self.report["largest_gap"]:
+            found.append((f"bridges of length up to {gap:.3g}", "join the pieces if the surface should be in one"))
+        if lost := self.report["lost_area"]:
+            found.append((f"{lost:.2%} of the area", "preparation drops it with small pieces and crowded edges"))
+        return found
+
     def numbers_of(self, mesh: Mesh) -> NDArray[np.int64] | None:
         """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
         distances, nearest = cKDTree(self.mesh.vertices).query((mesh.vertices - self.centre) / self.scale)
@@ -93,7 +135,7 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         exceeds ``LARGEST_LOSS``.
     """
     # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates stay equal.
-    unit = 2.0 ** np.floor(np.log2(extent_of(mesh)))
+    unit = 2.0 ** np.floor(np.log2(extent_of(compact(mesh.vertices, mesh.faces))))
     cleaned, cleaning = clean(mesh.with_vertices(mesh.vertices / unit))
     if not cleaned.n_faces or cleaning["degenerate_faces"] > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
         raise InvalidMesh(
@@ -102,9 +144,14 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         )
     centre, size = cleaned.vertices.mean(axis=0), np.sqrt(cleaned.area)
     scaled = cleaned.with_vertices((cleaned.vertices - centre) / size)
-    rounded = scaled.with_vertices(np.round(scaled.vertices, DECIMALS))
-    whole = in_spatial_order(rounded if (rounded.face_areas > 0).all() else scaled)
-    parts, dropped = _without_debris(make_manifold(whole))
+    whole = in_spatial_order(scaled.with_vertices(np.round(scaled.vertices, DECIMALS)))
+    counts = topology(whole)
+    is_manifold = counts["non_manifold_edges"] == counts["non_manifold_vertices"] == 0
+    manifold = whole if is_manifold else make_manifold(whole)
+    areas, piece = component_areas(manifold)
+    oriented, turned, one_sided = orient(manifold, areas, piece)
+    parts, dropped = _without_debris(oriented, areas, piece)
+    parts = in_spatial_order(parts) if turned else parts
     reduced = opened = decimate(parts, n_vertices)
     if reduced is not parts:
         opened = make_manifold(clean(reduced)[0])
@@ -122,26 +169,29 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         )
     growth = np.sqrt(joined.area)
     result = in_spatial_order(joined.with_vertices(joined.vertices / growth))
-    counts = {
+    report: dict[str, float] = {
         **cleaning,
+        **counts,
+        "opened_edges": max(0, len(manifold.edges.boundary) - counts["boundary_edges"]),
+        "turned_faces": turned,
+        "one_sided_components": one_sided,
         "dropped_components": dropped,
         "lost_area": lost,
         "bridges": len(gaps),
         "largest_gap": max(gaps, default=0.0) / growth,
         "vertices": result.n_vertices,
         "faces": result.n_faces,
-        "euler_characteristic": result.n_vertices - len(edges_of(result.faces).ends) + result.n_faces,
+        "euler_characteristic": result.n_vertices - len(result.edges.ends) + result.n_faces,
     }
-    report = {name: float(value) for name, value in counts.items()}
+    report = {name: float(value) for name, value in report.items()}
     return Prepared(result, parts.area * (unit * size) ** 2, unit * centre, float(unit * size * growth), report)
 
 
-def _without_debris(mesh: Mesh) -> tuple[Mesh, int]:
+def _without_debris(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int]:
     """Return the mesh without its smallest components, at most :data:`DEBRIS` of the area, and their number."""
-    areas, of_face = component_areas(mesh)
     order = np.argsort(areas, kind="stable")
     debris = order[np.cumsum(areas[order]) <= DEBRIS * areas.sum()]
-    kept = ~np.isin(of_face, debris)
+    kept = ~np.isin(piece, debris)
     return (compact(mesh.vertices, mesh.faces[kept]), len(debris)) if len(debris) else (mesh, 0)
 
 
@@ -166,7 +216,7 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     """
     if mesh.n_vertices <= n_vertices:
         return mesh
-    boundary = len(edges_of(mesh.faces).boundary)
+    boundary = len(mesh.edges.boundary)
     target = mesh.n_faces + boundary - 2 * (mesh.n_vertices - n_vertices)
     for _ in range(_MOST_ROUNDS):
         mesh = _collapse(mesh, target)

@@ -7,10 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli.main import data
-from benchmark.datasets.checking import check, check_source, count_holes
+from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.folder import folder_set
+from benchmark.geometry.cleaning import count_holes
 from benchmark.geometry.io import read_mesh, write_mesh
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, edges_of
 from tests.toy import rod, write_off, write_rods
 
 ROD = rod(0.1, 1.0)
@@ -37,22 +38,28 @@ def test_the_number_of_holes_agrees_with_libigl():
         faces = np.delete(ROD.faces, random.choice(ROD.n_faces, 6, replace=False), axis=0).astype(np.int64)
         loops = igl.boundary_loop_all(faces)
         if min(map(len, loops)) >= 3:  # holes that touch in a vertex are cut up differently
-            assert count_holes(faces) == len(loops)
+            assert count_holes(edges_of(faces).boundary) == len(loops)
             compared += 1
     assert compared > 20
+
+
+APART = [[0.0, 0, 9], [0, 1, 9], [1, 0, 9]]
 
 
 @pytest.mark.parametrize(
     ("vertices", "faces", "message"),
     [
-        ([], [[0, 0, 1]], "1 degenerate faces; "),
-        ([[9.0, 9, 9]], [], "1 vertices without a face; "),
-        ([], [ROD.faces[0]], "1 duplicate faces; "),
-        ([ROD.vertices[0]], [], "1 duplicate vertices; nothing to do: preparation merges"),
-        ([[0.0, 0, 9], [0, 1, 9], [1, 0, 9]], [[290, 291, 292]], "1 components beside the first; join them"),
-        ([[0.0, 0, 9]], [[0, 1, 290]], "1 non-manifold edges; remove faces"),
+        ([], [[0, 0, 1]], "1 face without area; preparation removes them"),
+        ([[9.0, 9, 9]], [], "1 vertex without a face; preparation drops"),
+        ([], [ROD.faces[0], ROD.faces[1]], "2 duplicate faces; preparation keeps one"),
+        ([ROD.vertices[0] + 1e-6], [[0, 290, 290]], "1 copy of a vertex; preparation merges"),
+        ([*APART, [1, 1, 9]], [[290, 291, 292], [291, 293, 292]], "1 bridge between pieces; preparation adds"),
+        ([*APART, [1, 1, 9]], [[290, 291, 292], [291, 293, 292]], "bridges of length up to 8.46; join the pieces"),
+        (0.01 * np.array(APART), [[290, 291, 292]], "1 small piece; preparation drops"),
+        (0.01 * np.array(APART), [[290, 291, 292]], "0.01% of the area; preparation drops"),
+        ([[0.0, 0, 0.5]], [[0, 1, 290]], "1 non-manifold edge; preparation keeps the two largest"),
         ([[0.0, 0, 9]], [[0, 1, 290]], "2 boundary edges; close the surface"),
-        ([[0.0, 0, 9], [0, 1, 9]], [[0, 290, 291]], "1 non-manifold vertices; split each"),
+        ([[0.0, 0, 0.5], [0, 0.1, 0.5]], [[0, 290, 291]], "1 non-manifold vertex; preparation splits"),
     ],
 )
 def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
@@ -60,7 +67,7 @@ def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
         np.vstack([ROD.vertices, *map(np.atleast_2d, vertices)]), np.vstack([ROD.faces, *map(np.atleast_2d, faces)])
     )
     write_off(rods / "thick2.off", flawed)
-    assert any(line.startswith(f"warning  thick2.off  {message}") for line in lines(rods))
+    assert any(re.match(f"warning  thick2.off  {message}", line) for line in lines(rods))
     assert check(folder_set(rods)).usable
 
 
@@ -68,7 +75,7 @@ def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
     ("text", "message"),
     [
         ("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "1 of 3 vertices are NaN or infinite; "),
-        ("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "no face has an area; export the mesh again"),
+        ("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "1 of 1 triangles have no area; pass a surface"),
     ],
 )
 def test_a_mesh_that_cannot_be_used_is_an_error(rods, text, message):
@@ -134,16 +141,29 @@ def test_a_frame_that_is_too_small_is_an_error(rods):
     assert "set half_width = 0.630626" in only(rods)
 
 
-@pytest.mark.parametrize(
-    ("scales", "message"),
-    [
-        ([1e-5], "extends to .*, almost nothing in a frame"),
-        ([1.0, 1e5], "extends to .*, out of scale with the others"),  # a stray vertex
-    ],
-)
-def test_a_shape_out_of_scale_is_named(rods, scales, message):
-    write_off(rods / "thin1.off", ROD.with_vertices(ROD.vertices * np.resize(scales, 290)[:, None]))
-    assert re.match(f"warning  thin1.off  {message}", only(rods))
+def scaled(folder, name, scale):
+    write_off(folder / name, (mesh := read_mesh(folder / name)).with_vertices(mesh.vertices * scale))
+
+
+def test_a_shape_out_of_scale_and_a_stray_vertex_are_named(rods):
+    scaled(rods, "thin1.off", 1e-5)
+    assert re.match("warning  thin1.off  extends to .*, almost nothing in a frame", only(rods))
+    stray = ROD.vertices.copy()
+    stray[7] *= 1e6
+    write_off(rods / "thin1.off", ROD.with_vertices(stray))
+    assert only(rods) == "error    thin1.off  1 vertex beyond 100 radii of the shape; remove stray vertices"
+
+
+@pytest.mark.parametrize("factor", [2.54, 10, 12, 25.4, 100, 304.8, 1000])
+def test_a_shape_in_another_unit_is_named(rods, factor):
+    scaled(rods, "thin1.off", 1 / factor)
+    assert f"warning  thin1.off  is {factor:g} times as small as others" in "\n".join(lines(rods))
+    scaled(rods, "thin1.off", factor**2)
+    found = [line for line in lines(rods) if "a unit's factor" in line]
+    assert len(found) == 1
+    assert re.match(f"warning  thin1.off  is {factor:g} times as large as others", found[0])
+    scaled(rods, "thin1.off", 1.5 / factor)
+    assert "a unit's factor" not in "".join(lines(rods))
 
 
 def test_warnings_alone_are_no_failure_of_the_verb(rods):

@@ -15,7 +15,14 @@ from benchmark.api.contracts import Shape
 from benchmark.errors import InvalidMesh
 from benchmark.geometry import geodesics
 from benchmark.geometry.bridging import bridge_components
-from benchmark.geometry.cleaning import clean, connected_components, fans_per_vertex, largest_component, make_manifold
+from benchmark.geometry.cleaning import (
+    clean,
+    connected_components,
+    fans_per_vertex,
+    largest_component,
+    make_manifold,
+    topology,
+)
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order, sides_of
 from benchmark.geometry.preparation import Prepared, prepare
@@ -177,10 +184,10 @@ REFUSED = {
         "2 of 2 triangles",
     ),
     "one point": (Mesh([[1, 1, 1]] * 5, [[0, 1, 2], [2, 3, 4]]), "extent 0; pass a surface of positive size"),
-    "no faces": (Mesh(FAR[:9], np.empty((0, 3))), "0 of 0 triangles"),
+    "no faces": (Mesh(FAR[:9], np.empty((0, 3))), "extent 0"),
     "empty": (Mesh(np.empty((0, 3)), np.empty((0, 3))), "extent 0"),
     "stray vertex": (Mesh(FAR, limbed_body(3).faces), "extent"),
-    "stray, smaller": (Mesh(FAR * 1e-80, limbed_body(3).faces), "of 1280 triangles have no area; .* stray"),
+    "stray, smaller": (Mesh(FAR * 1e-80, limbed_body(3).faces), "1 vertex beyond 100 radii of the shape; remove stray"),
 }
 
 
@@ -192,9 +199,7 @@ def test_what_is_no_surface_is_refused_with_a_hint(name: str) -> None:
     assert caught.value.hint
 
 
-def test_only_exact_duplicates_are_welded_and_each_kind_of_debris_is_counted_once() -> None:
-    sheet = flat_grid(3)
-    assert clean(joined(sheet, moved(sheet, 0, 0, 1e-12)))[1]["components"] == 2
+def test_each_kind_of_debris_is_counted_once() -> None:
     mesh = Mesh(
         [[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0.0, 0, -0.0], [2, 0, 0]],
         [[1, 2, 3], [4, 2, 3], [2, 3, 1], [1, 1, 3], [1, 4, 3], [1, 2, 5]],  # good, twice the same, three without area
@@ -255,7 +260,7 @@ def test_arrays_that_are_no_mesh_are_refused(vertices: object, faces: object, wo
 
 
 def assert_one_oriented_manifold(mesh: Mesh) -> None:
-    _, report = clean(mesh)
+    report = clean(mesh)[1] | topology(mesh)
     assert [report[n] for n in ("components", "non_manifold_edges", "duplicate_faces", "unreferenced")] == [1, 0, 0, 0]
     assert (fans_per_vertex(mesh) == 1).all()
     sides = np.stack(sides_of(mesh.faces), axis=1)

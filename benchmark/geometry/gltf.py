@@ -1,0 +1,223 @@
+"""Reading of glTF 2.0: the default scene in its default pose, with skins, morph targets and sparse accessors."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.errors import UnreadableMesh
+
+Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
+Floats = NDArray[np.float64]
+Node = dict[str, Any]
+
+#: Extensions that change a surface or replace its data, and beginnings of the names of those that do not.
+_UNREAD = (
+    *("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression", "EXT_mesh_gpu_instancing"),
+    *("KHR_node_visibility", "KHR_gaussian_splatting"),
+)
+_HARMLESS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp")
+
+_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+#: Largest buffer beside the file in bytes, and most rows of an accessor that has no buffer.
+_LARGEST_BUFFER, _MOST_ROWS = 2**30, 2**24
+
+
+def read_gltf(data: bytes, path: Path) -> Arrays:
+    """Read the triangles of the default scene of a ``.gltf`` or ``.glb`` file; animations are not played.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged.
+    UnreadableMesh
+        If it needs an extension that is not read, or a buffer is missing; the message names it.
+    """
+    text, binary = _chunks(data) if data[:4] == b"glTF" else (data, None)
+    tree = json.loads(text)
+    if not isinstance(tree, dict) or not str(tree.get("asset", {}).get("version", "")).startswith("2."):
+        raise ValueError("it is not a glTF of version 2")
+    unread = [name for name in tree.get("extensionsRequired", []) if not name.startswith(_HARMLESS)]
+    if unread := unread or [name for name in _UNREAD if f'"{name}"'.encode() in text]:
+        raise UnreadableMesh(f"it needs the extension {unread[0]}, which is not read", "export it without")
+    file = _File(tree, binary, path)
+    vertices, faces, start = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    for points, corners in file.surfaces():
+        vertices.append(points)
+        faces.append(corners + start)
+        start += len(points)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def buffer_files(path: Path) -> list[Path]:
+    """Return the files beside a ``.gltf`` file that hold its numbers; none if it cannot be read."""
+    try:
+        buffers = json.loads(path.read_bytes()).get("buffers", [])
+        names = [buffer["uri"] for buffer in buffers if "uri" in buffer]
+        return [path.parent / unquote(name) for name in names if not name.startswith("data:")]
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return []
+
+
+def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
+    version, size = struct.unpack_from("<II", data, 4)
+    if version != 2 or size > len(data):
+        raise ValueError(f"version {version}, {size} bytes announced, but it holds {len(data)}")
+    chunks, at = [], 12
+    while at + 8 <= size:
+        length = struct.unpack_from("<I", data, at)[0]
+        if at + 8 + length > size:
+            raise ValueError("it ends within a chunk")
+        chunks.append(data[at + 8 : at + 8 + length])
+        at += 8 + length
+    if not chunks:
+        raise ValueError("it ends before its first chunk")
+    return chunks[0], chunks[1] if len(chunks) > 1 else None
+
+
+def _beginning(path: Path, size: int) -> bytes:
+    if not path.is_file():
+        raise UnreadableMesh(f"its buffer {path.name} is missing", "put that file beside it, or export a .glb")
+    with path.open("rb") as file:
+        return file.read(min(size, _LARGEST_BUFFER))
+
+
+def _matrix(node: Node) -> Floats:
+    """Return the transform of a node, shape (4, 4), for column vectors."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    from scipy.spatial.transform import Rotation
+
+    result = np.eye(4)
+    result[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix() * node.get("scale", [1, 1, 1])
+    result[:3, 3] = node.get("translation", [0, 0, 0])
+    return result
+
+
+def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, Floats]:
+    """Return the transforms of nodes and all nodes below them."""
+    placed: dict[int, Floats] = {}
+    waiting = [(root, np.eye(4)) for root in roots]
+    while waiting:
+        number, above = waiting.pop()
+        if number in placed:
+            raise ValueError(f"node {number} has two parents")
+        placed[number] = above @ _matrix(nodes[number])
+        waiting += [(child, placed[number]) for child in nodes[number].get("children", [])]
+    return placed
+
+
+def _triangles(corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+    """Return the triangles of a primitive; points and lines have none."""
+    if mode not in range(7):
+        raise ValueError(f"primitives have no mode {mode}")
+    if mode == 4:
+        return corners.reshape(-1, 3)
+    at = np.arange(max(len(corners) - 2, 0)) if mode > 4 else np.empty(0, dtype=np.int64)
+    turn = at % 2 if mode == 5 else 0 * at
+    first = at if mode == 5 else 0 * at
+    return np.stack([corners[first], corners[at + 1 + turn], corners[at + 2 - turn]], axis=1)
+
+
+class _File:
+    """The arrays of a file and its surfaces."""
+
+    def __init__(self, tree: dict[str, Any], binary: bytes | None, path: Path) -> None:
+        self._tree, self._binary, self._folder = tree, binary, path.parent
+        self._read: dict[int, bytes] = {}
+
+    def surfaces(self) -> Iterator[Arrays]:
+        """Yield vertices and triangles of each primitive of the default scene, where its node puts them."""
+        nodes, scenes = self._tree.get("nodes", []), self._tree.get("scenes", [])
+        if len(scenes) > 1 and "scene" not in self._tree:
+            raise ValueError(f"it has {len(scenes)} scenes, and none is the default; export one")
+        roots = set(range(len(nodes))) - {child for node in nodes for child in node.get("children", [])}
+        everywhere = _placed(nodes, roots)  # joints may lie outside of the scene
+        for number in _placed(nodes, scenes[self._tree.get("scene", 0)].get("nodes", [])) if scenes else everywhere:
+            node = nodes[number]
+            mesh = self._tree["meshes"][node["mesh"]] if "mesh" in node else {"primitives": []}
+            for primitive in mesh["primitives"]:
+                vertices = self._accessor(primitive["attributes"]["POSITION"])
+                for target, weight in zip(
+                    primitive.get("targets", []), node.get("weights", mesh.get("weights", [])), strict=False
+                ):
+                    if weight and "POSITION" in target:
+                        vertices = vertices + weight * self._accessor(target["POSITION"])
+                given = primitive.get("indices")
+                corners = np.arange(len(vertices)) if given is None else self._accessor(given)[:, 0]
+                faces = _triangles(corners.astype(np.int64), primitive.get("mode", 4))
+                if "skin" in node:
+                    transforms = self._skin(self._tree["skins"][node["skin"]], primitive["attributes"], everywhere)
+                else:
+                    transforms = everywhere[number][np.newaxis]
+                    faces = faces[:, ::-1] if np.linalg.det(transforms[0]) < 0 else faces
+                rotated = np.einsum(
+                    "vab,vb->va", np.broadcast_to(transforms, (len(vertices), 4, 4))[:, :3, :3], vertices
+                )
+                yield rotated + transforms[:, :3, 3], faces
+
+    def _skin(self, skin: Node, attributes: Mapping[str, int], placed: Mapping[int, Floats]) -> Floats:
+        """Return the transform of each vertex: the mean of those of its joints."""
+        transforms = np.stack([placed[joint] for joint in skin["joints"]])
+        if "inverseBindMatrices" in skin:
+            inverse = self._accessor(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+            transforms = transforms @ inverse[: len(transforms)]
+        sets = range(sum(name.startswith("JOINTS_") for name in attributes))
+        joints = np.concatenate([self._accessor(attributes[f"JOINTS_{k}"]) for k in sets], axis=1).astype(np.int64)
+        weights = np.concatenate([self._accessor(attributes[f"WEIGHTS_{k}"]) for k in sets], axis=1)
+        means = np.einsum("vj,vjab->vab", weights, transforms[joints])
+        return np.asarray(means / weights.sum(axis=1)[:, np.newaxis, np.newaxis])
+
+    def _accessor(self, number: int) -> Floats:
+        """Return the numbers behind an accessor, shape (count, width)."""
+        accessor = self._tree["accessors"][number]
+        kind, shape = np.dtype(_TYPES[accessor["componentType"]]), (accessor["count"], _WIDTHS[accessor["type"]])
+        sparse = accessor.get("sparse")
+        if "bufferView" in accessor:
+            values = self._array(accessor, kind, shape)
+        elif sparse and 0 <= shape[0] <= _MOST_ROWS:
+            values = np.zeros(shape, dtype=kind)
+        else:
+            raise ValueError(f"accessor {number} has no data")
+        if sparse:
+            indices = sparse["indices"]
+            at = self._array(indices, np.dtype(_TYPES[indices["componentType"]]), (sparse["count"], 1))
+            values[at[:, 0]] = self._array(sparse["values"], kind, (sparse["count"], shape[1]))
+        result = values.astype(np.float64)
+        if accessor.get("normalized") and kind.kind != "f":
+            result = np.maximum(result / np.iinfo(kind).max, -1)
+        return result
+
+    def _array(self, part: Node, kind: np.dtype[Any], shape: tuple[int, int]) -> NDArray[Any]:
+        view = self._tree["bufferViews"][part["bufferView"]]
+        start, size = view.get("byteOffset", 0), view["byteLength"]
+        strides = (view.get("byteStride", kind.itemsize * shape[1]), kind.itemsize)
+        window = self._buffer(view["buffer"])[start : start + size]
+        if len(window) < size:
+            raise ValueError(f"buffer {view['buffer']} is cut off")
+        return np.ndarray(shape, kind, window, part.get("byteOffset", 0), strides).copy()
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self._read:
+            buffer = self._tree["buffers"][number]
+            uri = buffer.get("uri")
+            if uri is None:
+                found = self._binary if number == 0 else None
+            elif uri.startswith("data:"):
+                found = base64.b64decode(unquote(uri.partition(",")[2]), validate=True)
+            else:
+                found = _beginning(self._folder / unquote(uri), buffer["byteLength"])
+            if found is None or len(found) < buffer["byteLength"]:
+                raise ValueError(f"buffer {number} holds {len(found or b'')} of {buffer['byteLength']} bytes")
+            self._read[number] = found
+        return self._read[number]
