@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Counts = NDArray[np.int32]
+Indices = NDArray[np.uint32]
+Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +39,10 @@ class Histograms:
         running = np.concatenate([[0], np.cumsum(self.counts)])
         return np.asarray(np.diff(running[self.view_offsets]), dtype=np.int32)
 
-    def dense(self, n_words: int) -> Counts:
-        """Return the counts as a table, shape (n_words, number of views)."""
-        table = np.zeros((n_words, len(self.view_offsets) - 1), dtype=np.int32)
-        views = np.repeat(np.arange(table.shape[1]), np.diff(self.view_offsets))
-        table[self.words, views] = self.counts
-        return table
+    @property
+    def views(self) -> Counts:
+        """View of each entry, shape (k,)."""
+        return np.repeat(np.arange(len(self.view_offsets) - 1, dtype=np.int32), np.diff(self.view_offsets))
 
 
 def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) -> Histograms:
@@ -89,45 +90,102 @@ def match(
     ----------
     Lian, Godil, Sun, Xiao, "CM-BOF", Machine Vision and Applications 24, 2013, section 3.
     """
+    n_views = permutations.shape[1]
+    orbit, place = _orbits(permutations)
+    width, n_cells = int(place.max()) + 1, n_words * (int(orbit.max()) + 1)
+    # A slot is a view of a column and one of the row that it may meet; no rotation takes a view out of its orbit.
+    slots = np.arange(n_views) * width + place[permutations]
+    partner = np.full(n_views * width, n_views)
+    partner[slots] = permutations
+    order = np.argsort(slots, axis=None, kind="stable")
+    turns = (order // n_views).astype(np.uint32)
+    first_turns = np.searchsorted(slots.ravel()[order], np.arange(n_views * width + 1)).astype(np.uint32)
+
+    def cells(form: Histograms) -> Indices:
+        return (form.words * np.int32(n_cells // n_words) + orbit[form.views]).astype(np.uint32)
+
+    def joined(of_forms: Iterable[NDArray[Any]], dtype: type) -> NDArray[Any]:
+        return np.concatenate([array.astype(dtype) for array in of_forms])
+
+    ends = np.cumsum([0, *(len(form.words) for form in columns)])
+    entries = (
+        joined(map(cells, columns), np.uint32),
+        joined((form.views * width for form in columns), np.uint32),
+        joined((form.counts for form in columns), np.float32),
+    )
+    sizes = np.array([form.view_sizes for form in columns], dtype=np.float64)
     distances = np.zeros((len(rows), len(columns)))
-    sizes = [form.view_sizes for form in columns]
-    for place, row in enumerate(rows):
-        table, of_row = row.dense(n_words), row.view_sizes
-        for other in range(place + 1 if rows is columns else 0, len(columns)):
-            form = columns[other]
-            distances[place, other] = _dissimilarity(
-                table, of_row, form.words, form.counts, form.view_offsets, sizes[other], permutations
-            )
+    for index, row in enumerate(rows):
+        order = np.argsort(cells(row), kind="stable")
+        begins = np.searchsorted(cells(row)[order], np.arange(n_cells + 1)).astype(np.uint32)
+        own = begins, place[row.views][order].astype(np.uint32), row.counts[order].astype(np.float32)
+        own_sizes = np.append(row.view_sizes, 0).astype(np.float64)[partner]
+        first = index + 1 if rows is columns else 0
+        shared = _largest_similarities(own, own_sizes, entries, ends[first:], sizes[first:], first_turns, turns)
+        distances[index, first:] = n_views - shared
     return distances + distances.T if rows is columns else distances
 
 
-@njit(cache=True, nogil=True)
-def _dissimilarity(
-    table: Counts,
-    table_sizes: Counts,
-    words: Counts,
-    counts: Counts,
-    view_offsets: Counts,
-    sizes: Counts,
-    permutations: NDArray[np.int32],
-) -> float:
-    n_views = len(sizes)
-    shared = np.zeros((n_views, n_views), dtype=np.int32)
-    for view in range(n_views):
-        row = shared[view]
-        for entry in range(view_offsets[view], view_offsets[view + 1]):
-            column, count = table[words[entry]], counts[entry]
-            for other in range(n_views):
-                row[other] += min(count, column[other])
-    # Adding and subtracting this rounds a similarity to a multiple of 2^-43: sums over the views are then exact in any
-    # order, so that exchanging two forms cannot break a tie.
-    rounding, most = 2.0**9, 0.0
-    for turn in range(len(permutations)):
-        total = 0.0
-        for view in range(n_views):
-            other = permutations[turn, view]
-            larger = max(sizes[view], table_sizes[other])
-            similarity = shared[view, other] / larger if larger > 0 else 1.0
-            total += (similarity + rounding) - rounding
-        most = max(most, total)
-    return n_views - most
+def _orbits(permutations: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the orbit of each view under the rotations, and its place therein, shape (number of views,) each."""
+    smallest = permutations.min(axis=0)
+    place = [int((smallest[:view] == orbit).sum()) for view, orbit in enumerate(smallest)]
+    return np.unique(smallest, return_inverse=True)[1].astype(np.int32), np.array(place, dtype=np.int32)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _largest_similarities(
+    own: tuple[Indices, Indices, Singles],
+    own_sizes: NDArray[np.float64],
+    entries: tuple[Indices, Indices, Singles],
+    ends: NDArray[np.int64],
+    sizes: NDArray[np.float64],
+    first_turns: Indices,
+    turns: Indices,
+) -> NDArray[np.float64]:
+    """Return the largest summed similarity of one form to each of some others among all rotations.
+
+    Parameters
+    ----------
+    own
+        First entry of each cell (a word in an orbit), and place and count of each entry, ordered by cell.
+    own_sizes
+        Number of keypoints in the own view of each slot.
+    entries
+        Cell, first slot and count of each entry of the others.
+    ends, sizes
+        First entry of each other form and their end, and number of keypoints in each view.
+    first_turns, turns
+        Rotations that bring the views of each slot together.
+    """
+    (begins, places, own_counts), (cells, bases, counts) = own, entries
+    n_slots, width = len(own_sizes), len(own_sizes) // sizes.shape[1]
+    shared, touched = np.zeros(n_slots, dtype=np.float32), np.empty(n_slots + 1, dtype=np.uint32)
+    largest = np.empty(len(sizes))
+    for other in range(len(sizes)):
+        n_touched = np.uint64(0)
+        for entry in range(np.uint64(ends[other]), np.uint64(ends[other + 1])):
+            cell, base, count = np.uint64(cells[entry]), np.uint64(bases[entry]), counts[entry]
+            for mine in range(np.uint64(begins[cell]), np.uint64(begins[cell + np.uint64(1)])):
+                slot, before = base + np.uint64(places[mine]), shared[base + np.uint64(places[mine])]
+                touched[n_touched] = slot
+                n_touched += np.uint64(before == 0)
+                shared[slot] = before + min(count, own_counts[mine])
+        totals = np.zeros(24)
+        # Adding and subtracting this rounds a similarity to a multiple of 2^-43: sums over the views are then exact in
+        # any order, so that exchanging two forms cannot break a tie.
+        rounding = 2.0**9
+        for k in range(n_touched):
+            slot = np.uint64(touched[k])
+            larger = max(own_sizes[slot], sizes[other, slot // np.uint64(width)])
+            similarity = (shared[slot] / larger + rounding) - rounding
+            shared[slot] = 0
+            for turn in range(np.uint64(first_turns[slot]), np.uint64(first_turns[slot + np.uint64(1)])):
+                totals[turns[turn]] += similarity
+        for view in np.flatnonzero(sizes[other] == 0):
+            for place in range(width):
+                slot = view * width + place
+                for turn in range(first_turns[slot], first_turns[slot + 1]):
+                    totals[turns[turn]] += own_sizes[slot] == 0  # two empty views are equal
+        largest[other] = totals.max()
+    return largest

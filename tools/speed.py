@@ -193,7 +193,7 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
     )  # fmt: skip
 
     forms, n_pairs = word_counts(n_words, n_forms), n_forms * (n_forms - 1) // 2
-    tables = [form.dense(n_words).T for form in forms[: n_peers + 1]]
+    tables = [dense_counts(form, n_words) for form in forms[: n_peers + 1]]
 
     def dense() -> list[float]:
         return [dense_matching(tables[0], table) for table in tables[1:]]
@@ -229,6 +229,12 @@ def word_counts(n_words: int, n_forms: int) -> list[Histograms]:
         words = random.choice(n_words, sizes.sum(), p=weights / weights.sum()).astype(np.int32)
         forms.append(count_words(words, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), n_words))
     return forms
+
+
+def dense_counts(form: Histograms, n_words: int) -> NDArray[np.int32]:
+    table = np.zeros((N_VIEWS, n_words), dtype=np.int32)
+    table[form.views, form.words] = form.counts
+    return table
 
 
 def dense_matching(first: NDArray[np.int32], second: NDArray[np.int32]) -> float:

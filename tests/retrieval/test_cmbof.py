@@ -1,5 +1,8 @@
 """The scorer on forms that move, turn and mirror, and its matching by the definition."""
 
+import os
+import subprocess
+import sys
 from functools import cache
 
 import numpy as np
@@ -9,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.registry import select_one
+from retrieval import codebook
 from retrieval.clock import count_words, match
 from retrieval.cmbof import CMBOF
 from retrieval.codebook import nearest_words, sample_codebook
@@ -144,12 +148,28 @@ def test_the_draw_of_words_depends_on_the_seed_but_not_on_the_order_of_shapes():
     assert len(sample_codebook(parts[:1], 1000, seed=1)) == 300
 
 
+@pytest.mark.parametrize("by_integers", [None, False])
 @pytest.mark.parametrize("largest", [2, 60, 255])
-def test_nearest_words_are_exact_and_ties_go_to_the_lower_index(largest):
+def test_nearest_words_are_exact_and_ties_go_to_the_lower_index(monkeypatch, largest, by_integers):
+    if by_integers is not None:
+        monkeypatch.setattr(codebook, "_integers_pay", lambda: by_integers)
     descriptors, words = random_descriptors(0, 1500, largest), random_descriptors(1, 70, largest)
     words = np.concatenate([words, words[:10], descriptors[:5], 255 - descriptors[:5]])
     squared = ((descriptors[:, None].astype(np.int64) - words[None].astype(np.int64)) ** 2).sum(axis=2)
     np.testing.assert_array_equal(nearest_words(descriptors, words), squared.argmin(axis=1))
+
+
+EXTREMES = """
+import numpy as np
+from retrieval.codebook import nearest_words
+rows, words = (np.random.default_rng(seed).choice(np.array([0, 255], np.uint8), (700, 128)) for seed in (0, 1))
+squares = (words.astype(float) ** 2).sum(axis=1)
+assert (nearest_words(rows, words) == (2.0 * rows @ words.T.astype(float) - squares).argmax(axis=1)).all()
+"""
+
+
+def test_processors_whose_sums_of_bytes_overflow_find_the_same_words():
+    subprocess.run([sys.executable, "-c", EXTREMES], check=True, env=os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2"})
 
 
 def test_permutations_form_the_rotation_group_of_the_cube():
