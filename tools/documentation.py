@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 
 #: Files outside ``docs/`` that are pages or pictures of the site.
-BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/*/*.png")
+BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*", "results/*/*.png")
 
 #: Modules whose docstrings form the reference: the interface for authors, results, methods and scorers.
 DOCUMENTED = (

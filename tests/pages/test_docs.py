@@ -17,7 +17,9 @@ from benchmark.registry.known import BUILT_IN, SCORERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
-PAGES = [*sorted(ROOT.glob("*.md")), *DOCS, ROOT / "learned" / "models" / "README.md"]
+PAGES = [
+    *sorted(ROOT.glob("*.md")), *DOCS, ROOT / "learned/models/README.md", ROOT / "results/experiments/README.md",
+]  # fmt: skip
 TEXTS = {page: page.read_text(encoding="utf-8") for page in PAGES}
 
 
