@@ -77,7 +77,6 @@ def train(
         "training_measures": _sampled(network, pairs, folder / "samples-training.png", f"{title}: training pairs"),
         "validation_measures": _sampled(network, unseen, folder / "samples-validation.png", f"{title}: validation"),
     }
-    pictures.draw_history(history, folder / "history.png", title)
     save(network, configuration, data, schedule, history, folder, facts)
     load(folder)
     (folder / CHECKPOINT).unlink(missing_ok=True)

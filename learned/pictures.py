@@ -1,8 +1,8 @@
-"""Pictures of a training: the losses, and predictions for training and validation pairs."""
+"""Pictures of a training: predictions for training and validation pairs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,26 +16,6 @@ if TYPE_CHECKING:
 
 COLUMNS = 10
 """Samples per picture."""
-
-
-def draw_history(history: Sequence[Mapping[str, float]], path: Path, title: str) -> None:
-    """Draw the losses, and mask overlap and depth error of validation pairs, over the epochs."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 3.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for name in ("depth loss", "mask loss"):
-        left.semilogy([row["epoch"] for row in history], [row[name] for row in history], label=name)
-    for name in ("mask overlap", "depth error"):
-        rows = [row for row in history if f"validation {name}" in row]
-        right.plot([row["epoch"] for row in rows], [row[f"validation {name}"] for row in rows], label=name)
-    left.set(xlabel="epoch", ylabel="mean squared error")
-    right.set(xlabel="epoch", ylim=(0, 1))
-    right.set_title("validation pairs (no model is selected by them)", fontsize=8)
-    for axes in (left, right):
-        axes.legend(fontsize=7)
-    figure.suptitle(title, fontsize=9)
-    figure.savefig(path, dpi=110)
 
 
 def draw_samples(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from benchmark.reference.paper import CLASSICAL, MEASURES, PRINTED
+from retrieval.measures import chance_levels
 
 #: Strengths of pose relative to class, dimensions of the vectors, and steps of each search, one a measure.
 STRENGTHS, DIMENSIONS, STEPS = (3.0, 10.0), (1, 2, 3), 2000
@@ -32,16 +33,6 @@ def measures(relevant: NDArray[np.bool_], n_relevant: int) -> NDArray[np.float64
     tiers = [relevant[:, : k * n_relevant].sum(axis=1) / n_relevant for k in (1, 2)]
     gain = (relevant * weights).sum(axis=1) / weights[:n_relevant].sum()
     return np.column_stack([relevant[:, 0], *tiers, gain])
-
-
-def chance(n_classes: int, size: int) -> NDArray[np.float64]:
-    """Return the expected measures of a random order."""
-    count, wanted = n_classes * size - 1, size - 1
-    weights = 1 / np.log2(np.maximum(np.arange(1, count + 1), 2))
-    share = wanted / count
-    return np.array(
-        [share, share, min(2 * wanted, count) * share / wanted, share * weights.sum() / weights[:wanted].sum()]
-    )
 
 
 def least_dcg(scores: Mapping[str, float], n_classes: int, size: int) -> float:
@@ -95,7 +86,8 @@ def simulated(poses: NDArray[np.float64], classes: NDArray[np.float64]) -> NDArr
 def report(rows: Mapping[str, Mapping[str, float]], n_classes: int, size: int, steps: int = STEPS) -> list[str]:
     """Return the floors of a gallery, and each row with what it lies below."""
     floor = pose_first(n_classes, size, steps)
-    lines = [f"{n_classes} classes of {size} shapes", _line("random order", chance(n_classes, size))]
+    random = chance_levels(np.arange(n_classes).repeat(size))
+    lines = [f"{n_classes} classes of {size} shapes", _line("random order", [random[m] for m in MEASURES])]
     lines.append(_line("pose first, as low as found", floor))
     for name, scores in rows.items():
         below = [m for m, least in zip(MEASURES, floor, strict=True) if scores[m] + ROUNDING < least]
@@ -110,17 +102,14 @@ def _line(name: str, values: Sequence[float] | NDArray[np.float64]) -> str:
 
 
 def main() -> None:
-    """Print the floors beside the classical rows of a table of the paper, or beside NN FT ST DCG given."""
+    """Print the floors beside the classical rows of a table of the paper."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--table", choices=["I", "II", "III"], default="I")
     parser.add_argument("--classes", type=int, default=5)
     parser.add_argument("--size", type=int, default=20, help="shapes in each class")
-    parser.add_argument("--row", nargs=4, type=float, metavar=MEASURES, help="instead of a table of the paper")
-    parser.add_argument("--steps", type=int, default=STEPS, help="of each search")
     given = parser.parse_args()
     rows = {name: PRINTED[given.table][name] for name in CLASSICAL}
-    rows = {"given": dict(zip(MEASURES, given.row, strict=True))} if given.row else rows
-    print("\n".join(report(rows, given.classes, given.size, given.steps)))
+    print("\n".join(report(rows, given.classes, given.size)))
 
 
 if __name__ == "__main__":

@@ -25,7 +25,6 @@ from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, tukey_test
 from benchmark.report.tables import Scored, TableView
 
 Verdict = Literal["reproduced", "same order", "otherwise", "no figure"]
-Decision = Literal["supported", "contradicted", "undecided", "not decidable", "not comparable"]
 
 #: Largest difference of a reproduced score from the paper's: two hundredths more than the standard deviation of NN over
 #: draws of the codebook on a hundred shapes (median .026).
@@ -100,18 +99,17 @@ class AssessedClaim:
         The claim.
     decision
         Supported: the row leads in every comparison, and each lead is significant over classes. Contradicted: it is
-        significantly behind in at least one. Undecided: neither. Not decidable: too few classes.
-    queries, n_queries, n_classes
-        Queries that no compared row has seen in training, all queries, and classes of the former.
+        significantly behind in at least one. Undecided: neither. Not decidable: too few classes. Not comparable.
+    queries, n_queries
+        Queries of classes that no compared row has seen in training, and all queries.
     leads, certain, n_comparisons
         Comparisons (rows times measures) in which it leads, whose sign is significant, and all.
     """
 
     claim: Claim
-    decision: Decision
+    decision: str
     queries: int = 0
     n_queries: int = 0
-    n_classes: int = 0
     leads: int = 0
     certain: int = 0
     n_comparisons: int = 0
@@ -134,15 +132,15 @@ def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
         return AssessedClaim(claim, "not comparable", 0, len(rows[0].labels))
     leads, p_values = _leads(rows, labels, np.ix_(unseen, [MEASURES.index(name) for name in claim.measures]))
     certain = p_values < ALPHA
-    decision: Decision = "undecided"
+    decision = "undecided"
     if np.isnan(p_values).any():
-        decision = "not decidable"
+        decision = f"not decidable: {len(set(labels))} classes"
     elif np.any(certain & (leads < 0)):
         decision = "contradicted"
     elif np.all(certain & (leads > 0)):
         decision = "supported"
     counts = int((leads > 0).sum()), int(certain.sum()), leads.size
-    return AssessedClaim(claim, decision, len(unseen), len(rows[0].labels), len(set(labels)), *counts)
+    return AssessedClaim(claim, decision, len(unseen), len(rows[0].labels), *counts)
 
 
 def _leads(
@@ -196,8 +194,7 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
     rows = []
     for one in claims(views):
         is_tested = one.decision in ("supported", "contradicted", "undecided")
-        decision = f"{one.decision}: {one.n_classes} classes" if one.decision == "not decidable" else one.decision
-        counted = [decision, f"{one.queries} of {one.n_queries}"] if one.n_queries else [decision]
+        counted = [one.decision, *[f"{one.queries} of {one.n_queries}"] * bool(one.n_queries)]
         counted += [f"{one.leads} of {one.n_comparisons}"] * bool(one.n_comparisons) + [str(one.certain)] * is_tested
         rows.append([one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, *counted])
     head = ["Claim", "row", "table", "decision", "queries", "leads", "certain"]

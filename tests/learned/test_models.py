@@ -40,7 +40,7 @@ def again(folder: Path, options: Mapping[str, Any] = OPTIONS, **changes: Any) ->
 
 
 def test_the_folder_of_a_model_tells_what_was_trained(trained: Path) -> None:
-    pictures = {"history.png", "samples-training.png", "samples-validation.png"}
+    pictures = {"samples-training.png", "samples-validation.png"}
     assert files(trained) == {WEIGHTS, CARD, HISTORY, *pictures}
     card = json.loads((trained / CARD).read_text())
     settings = {name: value for name, value in OPTIONS.items() if name not in ("device", "threads")}
