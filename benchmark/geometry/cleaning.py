@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Edges, Mesh, Points, edges_of, sides_of
@@ -37,13 +38,10 @@ _FLAT = 2e-6
 _STRAY = 100
 
 #: Most copies of a vertex at different positions, and most rounds of splitting.
-_MOST_COPIES, _MOST_ROUNDS = 4096, 4096
+_MOST_COPIES, _MOST_ROUNDS = 1000, 4096
 
 #: Volume that has no sign, in units of the root of the area cubed.
 _NO_VOLUME = 1e-9
-
-#: Direction, shorter than 1, that is perpendicular to no edge of a regular mesh.
-_ASKEW = np.array([0.566, 0.648, 0.509])
 
 #: Range of extents for which the areas of the shape and of its small triangles neither overflow nor underflow.
 _EXTENTS = (1e-100, 1e100)
@@ -270,24 +268,15 @@ def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
 
 
 def _near_groups(points: Points, distance: float) -> IntArray | None:
-    """Return the group of each point, joined by chains of points within a distance; None if all are single.
-
-    Near points are neighbours along any direction.
-    """
-    along = points @ _ASKEW
-    order = np.argsort(along)
-    along, at, pairs = along[order], np.arange(len(order)), []
-    for step in range(1, _MOST_COPIES):
-        at = at[at < len(order) - step]
-        at = at[along[at + step] - along[at] <= distance]
-        if not len(at):
-            break
-        pair = np.stack([order[at], order[at + step]], axis=1)
-        pairs.append(pair[np.linalg.norm(points[pair[:, 0]] - points[pair[:, 1]], axis=1) <= distance])
-    else:
-        raise InvalidMesh(f"{_MOST_COPIES} vertices are nearly the same", "export the mesh again")
-    tails, heads = np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs]).T
-    return component_labels(tails, heads, len(points)) if len(tails) else None
+    """Return the group of each point, joined by chains of points within a distance; None if all are single."""
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    n_pairs = tree.count_neighbors(tree, distance)  # of ordered pairs, with each point itself
+    if n_pairs > _MOST_COPIES * len(points):
+        raise InvalidMesh(f"most vertices lie within {distance:.3g} of {_MOST_COPIES} others", "remove stray faces")
+    if n_pairs == len(points):
+        return None
+    tails, heads = tree.query_pairs(distance, output_type="ndarray").T
+    return component_labels(tails, heads, len(points))
 
 
 def _means(points: Points, groups: IntArray) -> Points:

@@ -201,11 +201,12 @@ class _File:
     def _array(self, part: Node, kind: np.dtype[Any], shape: tuple[int, int]) -> NDArray[Any]:
         view = self._tree["bufferViews"][part["bufferView"]]
         start, size = view.get("byteOffset", 0), view["byteLength"]
-        strides = (view.get("byteStride", kind.itemsize * shape[1]), kind.itemsize)
+        width, offset = kind.itemsize * shape[1], part.get("byteOffset", 0)
+        stride = view.get("byteStride", width)
         window = self._buffer(view["buffer"])[start : start + size]
-        if len(window) < size:
+        if len(window) < max(size, offset + stride * (shape[0] - 1) + width):
             raise ValueError(f"buffer {view['buffer']} is cut off")
-        return np.ndarray(shape, kind, window, part.get("byteOffset", 0), strides).copy()
+        return np.ndarray(shape, kind, window, offset, (stride, kind.itemsize)).copy()
 
     def _buffer(self, number: int) -> bytes:
         if number not in self._read:

@@ -17,6 +17,7 @@ from benchmark.geometry.cleaning import (
     clean,
     compact,
     component_areas,
+    connected_components,
     extent_of,
     make_manifold,
     orient,
@@ -162,6 +163,9 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
             "join what belongs together, and remove what does not belong to the shape",
         )
     joined, gaps = bridge_components(opened)
+    if gaps:  # bridges may bring copies and triangles without area
+        again = make_manifold(clean(joined)[0])
+        joined = joined if connected_components(again).any() else again
     if joined.n_vertices < _FEWEST_VERTICES:
         raise InvalidMesh(
             f"{joined.n_vertices} vertices remain after preparation",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from benchmark.geometry.cleaning import (
     make_manifold,
     topology,
 )
+from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order, sides_of
 from benchmark.geometry.preparation import Prepared, prepare
@@ -30,6 +32,7 @@ from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, 
 
 TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
 SQUARE = flat_grid(2)
+INPUTS = Path(__file__).with_name("inputs")
 
 
 def moved(mesh: Mesh, *offset: float, scale: float = 1.0) -> Mesh:
@@ -314,3 +317,150 @@ def test_an_open_piece_is_joined_at_its_rim_and_vertices_without_faces_go() -> N
     assert (gaps, bridged.n_vertices) == ([], 4)
     with pytest.raises(InvalidMesh, match="without faces"):
         bridge_components(Mesh(SQUARE.vertices, np.empty((0, 3))))  # type: ignore[arg-type]
+
+
+# --- one surface from copies, without triangles that have no area, oriented alike --------------------------------
+
+
+def soup(mesh: Mesh, noise: float = 0.0, seed: int = 0) -> Mesh:
+    """Each triangle by itself, with normal noise on its corners, in units of the extent."""
+    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
+    jitter = noise * np.ptp(mesh.vertices, axis=0).max() * np.random.default_rng(seed).standard_normal(corners.shape)
+    return Mesh(corners + jitter, np.arange(len(corners)).reshape(-1, 3))
+
+
+def flipped(mesh: Mesh, share: float, seed: int = 0) -> Mesh:
+    turned = np.random.default_rng(seed).random(mesh.n_faces) < share
+    return Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces))
+
+
+def assert_same(first: Mesh, other: Mesh, atol: float) -> None:
+    np.testing.assert_array_equal(first.faces, other.faces)
+    np.testing.assert_allclose(first.vertices, other.vertices, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("noise", [0, 1e-8, 1e-7, 1e-6])
+@pytest.mark.parametrize("shape", [limbed_body(3), flat_grid(20), Mesh(TORUS.vertices, TORUS.faces)])
+def test_copies_that_rounding_moved_apart_are_one_vertex(shape: Mesh, noise: float) -> None:
+    whole, scattered = prepared_once(shape, 5000), prepare(soup(shape, noise), 5000)
+    assert scattered.mesh.n_vertices == whole.mesh.n_vertices
+    assert scattered.mesh.n_faces == whole.mesh.n_faces
+    for name in ("euler_characteristic", "components", "bridges", "boundary_edges"):
+        assert scattered.report[name] == whole.report[name]
+    assert scattered.mesh.area == pytest.approx(1)
+    assert np.abs(np.sort(scattered.mesh.vertices, axis=0) - np.sort(whole.mesh.vertices, axis=0)).max() < 1e-5
+
+
+@given(st.permutations(range(8)), st.floats(0.9, 0.99))
+def test_chains_of_near_vertices_are_merged_in_any_order(order: list[int], closeness: float) -> None:
+    grid = flat_grid(5)
+    for step, n_vertices in ((closeness, 26), (1 / closeness, 33)):
+        steps = step * 4e-6 * np.sqrt(20) * np.array(order)
+        chain = np.stack([np.full(8, -1.0), steps, 0 * steps], axis=1)
+        mesh = Mesh([*grid.vertices, *chain], [*grid.faces, *([25 + k, 0, 5] for k in range(8))])
+        assert clean(mesh)[0].n_vertices == n_vertices
+
+
+def test_what_is_farther_apart_than_rounding_stays_apart_and_coincident_pieces_are_one() -> None:
+    sheet = flat_grid(3)
+    near, far = (clean(joined(sheet, moved(sheet, 0, 0, gap * 2 * np.sqrt(2))))[0] for gap in (3.9e-6, 4.1e-6))
+    assert (near.n_vertices, far.n_vertices) == (9, 18)
+    twice = prepare(joined(sphere(2), soup(sphere(2), 1e-7), moved(sphere(0), 4, 0, 0)))
+    assert twice.report["components"] == 2
+    assert twice.report["duplicate_faces"] == 320
+
+
+@pytest.mark.parametrize(
+    "change", [lambda mesh: mesh, soup, lambda mesh: soup(mesh, 1e-7), lambda mesh: renumbered(mesh, 3)]
+)
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_triangles_without_area_leave_no_border(change: Callable[[Mesh], Mesh], seed: int | None) -> None:
+    """A closed box of which halves meet at vertices on the longer edges of the other."""
+    mesh = read_mesh(INPUTS / "sliver-rim.off")
+    turn = np.eye(3) if seed is None else np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    prepared = prepare(change(mesh.with_vertices(mesh.vertices @ turn)))
+    assert (prepared.report["euler_characteristic"], prepared.report["boundary_edges"]) == (2, 0)
+    assert prepared.mesh.face_areas.min() > 1e-4
+    places = (prepared.centre + prepared.scale * prepared.mesh.vertices) @ turn.T
+    first, last = (int(np.linalg.norm(places - place, axis=1).argmin()) for place in ([0, 2, 2], [5, 1, 2]))
+    distance = prepared.scale * geodesics.all_pairs(prepared.mesh, "exact")[first, last]
+    assert distance == pytest.approx(np.sqrt(26), abs=1e-4)
+
+
+@given(st.lists(st.integers(1, 99), min_size=1, max_size=8, unique=True), st.integers(0, 10**6))
+def test_any_vertices_on_an_edge_are_joined_to_its_other_side(cuts: list[int], seed: int) -> None:
+    """Above an edge a fan to the vertices on it, below a single triangle, between them flat triangles in any order."""
+    random = np.random.default_rng(seed)
+    line = [np.array([x / 100, 0, 0]) for x in [0, *sorted(cuts), 100]]
+    n, chain, flat = len(line), list(range(len(line))), []
+    while len(chain) > 2:
+        at = int(random.integers(1, len(chain) - 1))
+        flat.append([chain[at - 1], chain.pop(at), chain[at] if at < len(chain) else chain[-1]])
+    fan = [[n, k + 1, k] for k in range(n - 1)]
+    mesh = Mesh([*line, [0.5, 1, 0], [0.5, -1, 0]], [*fan, *flat, [n + 1, 0, n - 1]])
+    cleaned, report = clean(renumbered(mesh, seed))
+    assert report["degenerate_faces"] == n - 2
+    assert (cleaned.n_vertices, cleaned.n_faces, topology(cleaned)["boundary_edges"]) == (n + 2, 2 * (n - 1), 4)
+    assert cleaned.area == pytest.approx(1)
+    assert topology(cleaned)["non_manifold_edges"] == 0
+
+
+def test_flat_triangles_that_cannot_be_removed_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchmark.geometry.cleaning._MOST_ROUNDS", 1)
+    with pytest.raises(InvalidMesh, match="triangles without area cannot be removed"):
+        clean(read_mesh(INPUTS / "sliver-rim.off"))
+
+
+@pytest.mark.parametrize(
+    ("shape", "most"),
+    [
+        (limbed_body(3), 1.0),
+        (joined(limbed_body(2), moved(sphere(2), 9, 0, 0), moved(flat_grid(12), 0, 9, 0, scale=0.3)), 0.3),
+        (flat_grid(9), 0.4),
+        (Mesh(limbed_body(3).vertices, limbed_body(3).faces[20:]), 1.0),  # with a hole
+    ],
+    ids=["closed", "pieces", "open", "holed"],
+)
+@pytest.mark.parametrize("n_vertices", [100, 2000])
+def test_a_mesh_with_turned_faces_is_prepared_as_the_oriented_one(shape: Mesh, most: float, n_vertices: int) -> None:
+    whole = prepared_once(shape, n_vertices)
+    assert whole.report["turned_faces"] == 0
+    for share in (0.1 * most, 0.7 * most, most):
+        other = prepare(flipped(renumbered(shape, 1), share, seed=2), n_vertices)
+        assert_same(other.mesh, whole.mesh, 1e-9)
+        assert other.report["turned_faces"] > 0
+    volumes = np.einsum(
+        "fk,fk->f",
+        *(
+            np.cross(*whole.mesh.vertices[whole.mesh.faces[:, :2]].transpose(1, 0, 2)),
+            whole.mesh.vertices[whole.mesh.faces[:, 2]],
+        ),
+    )
+    assert volumes.sum() >= 0 or most < 0.5
+
+
+def test_a_moebius_strip_is_noted_and_turned_as_far_as_it_goes() -> None:
+    angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    rim = [
+        np.stack(
+            [
+                (2 + s * np.cos(angle / 2)) * np.cos(angle),
+                (2 + s * np.cos(angle / 2)) * np.sin(angle),
+                s * np.sin(angle / 2),
+            ],
+            axis=1,
+        )
+        for s in (-0.5, 0.5)
+    ]
+    near, far = np.arange(40), np.arange(40, 80)
+    ahead, beyond = np.append(near[1:], far[0]), np.append(far[1:], near[0])
+    strip = Mesh(
+        np.concatenate(rim), np.concatenate([np.stack([near, ahead, far], 1), np.stack([ahead, beyond, far], 1)])
+    )
+    prepared = prepare(flipped(strip, 0.4))
+    assert prepared.report["one_sided_components"] == 1
+    assert any("1 one-sided piece" in what for what, _ in prepared.changes)
+    starts, ends = sides_of(prepared.mesh.faces)
+    twice = len(starts) - len(np.unique(np.stack([starts, ends], axis=1), axis=0))
+    assert twice == 1  # one seam
+    assert prepare(sphere(1)).report["one_sided_components"] == 0

@@ -1,0 +1,259 @@
+"""Features of glTF: each is read as the format defines it, or refused by its name."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmark.errors import InvalidMesh, UnreadableMesh
+from benchmark.geometry.gltf import buffer_files
+from benchmark.geometry.io import read_mesh
+from benchmark.geometry.mesh import Mesh
+
+INPUTS = Path(__file__).with_name("inputs")
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+KINDS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+
+
+class File:
+    """A square, with what a test adds; accessors are numbered as they are added."""
+
+    def __init__(self, kind: str = "f4", **primitive: Any) -> None:
+        self.data = b""
+        self.tree: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}]}
+        self.tree |= {"nodes": [{"mesh": 0}], "bufferViews": [], "accessors": []}
+        position = self.add(
+            (SQUARE * (1 if kind == "f4" else np.iinfo(kind).max)).astype(kind), normalized=kind != "f4"
+        )
+        indices = self.add(FACES.astype("u2").reshape(-1, 1))
+        self.primitive = {"attributes": {"POSITION": position}, "indices": indices} | primitive
+        self.mesh: dict[str, Any] = {"primitives": [self.primitive]}
+        self.tree["meshes"] = [self.mesh]
+        self.node = self.tree["nodes"][0]
+
+    def add(self, array: Any, kind: str = "", **accessor: Any) -> int:
+        array = np.asarray(array, dtype=kind or None)
+        described = {"bufferView": self.view(array), "componentType": KINDS[array.dtype.str[1:]]}
+        self.tree["accessors"].append({**described, "count": len(array), "type": TYPES[array.shape[1]], **accessor})
+        return len(self.tree["accessors"]) - 1
+
+    def view(self, array: np.ndarray) -> int:
+        self.tree["bufferViews"].append({"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes})
+        self.data += array.tobytes() + bytes(-array.nbytes % 4)
+        return len(self.tree["bufferViews"]) - 1
+
+    def read(self, folder: Path, suffix: str = ".gltf") -> Mesh:
+        path = folder / f"x{suffix}"
+        buffer: dict[str, Any] = {"byteLength": len(self.data)}
+        self.tree.setdefault("buffers", [buffer])
+        if suffix == ".gltf":
+            buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
+            path.write_text(json.dumps(self.tree))
+        else:
+            text = json.dumps(self.tree).encode()
+            text += b" " * (-len(text) % 4)
+            chunks = (
+                struct.pack("<I4s", len(text), b"JSON")
+                + text
+                + struct.pack("<I4s", len(self.data), b"BIN\0")
+                + self.data
+            )
+            path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+        return read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "n_faces", "area", "extent"),
+    [
+        *(("sparse", 12, 13.817, [3, 3, 3]), ("mixed-fan", 16, 9.464, [2, 2, 2])),
+        *(("quant-two", 24, 12, [4, 1, 1]), ("fan", 4, 3.464, [2, 2, 1])),
+    ],
+)  # fmt: skip
+def test_files_of_other_programs(name: str, n_faces: int, area: float, extent: list[float]) -> None:
+    mesh = read_mesh(INPUTS / f"{name}.gltf")
+    assert (mesh.n_faces, mesh.area) == (n_faces, pytest.approx(area, abs=1e-3))
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), extent)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("suffix", [".gltf", ".glb"])
+def test_normalised_integers_are_divided_by_their_largest(tmp_path: Path, kind: str, suffix: str) -> None:
+    mesh = File(kind).read(tmp_path, suffix)
+    np.testing.assert_allclose(mesh.vertices, SQUARE)
+    np.testing.assert_array_equal(mesh.faces, FACES)
+
+
+def test_the_lowest_normalised_integer_is_minus_one_and_others_keep_their_unit(tmp_path: Path) -> None:
+    file = File()
+    file.primitive["attributes"]["POSITION"] = file.add(
+        [[-128, 0, 0], [127, 0, 0], [0, 127, 0], [0, 0, 127]], "i1", normalized=True
+    )
+    assert file.read(tmp_path).vertices.min() == -1
+    file.tree["accessors"][-1]["normalized"] = False
+    assert file.read(tmp_path).vertices.min() == -128
+
+
+@pytest.mark.parametrize(
+    ("mode", "corners", "faces"),
+    [
+        (4, [0, 1, 2, 0, 2, 3], FACES),
+        (5, [0, 1, 3, 2], [[0, 1, 3], [1, 2, 3]]),
+        (6, [0, 1, 2, 3], FACES),
+    ],
+)
+@pytest.mark.parametrize("beside", [0, 1, 2, 3])
+def test_all_modes_are_read_and_points_and_lines_have_no_surface(
+    tmp_path: Path, mode: int, corners: list[int], faces: Any, beside: int
+) -> None:
+    file = File(mode=mode)
+    file.primitive["indices"] = file.add(np.array(corners, "u1").reshape(-1, 1))
+    file.mesh["primitives"].append({**file.primitive, "mode": beside})
+    mesh = file.read(tmp_path)
+    np.testing.assert_array_equal(mesh.faces, faces)
+    file.mesh["primitives"].pop(0)
+    with pytest.raises(InvalidMesh, match="there are no faces"):
+        file.read(tmp_path)
+
+
+def test_without_indices_and_with_a_stride(tmp_path: Path) -> None:
+    file = File()
+    file.primitive.pop("indices")
+    rows = np.hstack([SQUARE[FACES.ravel()], np.full((6, 1), 9.0)]).astype("f4")
+    file.primitive["attributes"]["POSITION"] = file.add(rows, type="VEC3")
+    file.tree["bufferViews"][-1]["byteStride"] = 16
+    mesh = file.read(tmp_path)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], SQUARE[FACES])
+
+
+def test_sparse_values_replace_those_of_a_buffer_or_zeros(tmp_path: Path) -> None:
+    file = File()
+    accessor = file.tree["accessors"][0]
+    indices, values = file.view(np.array([2], "u1")), file.view(np.array([[5, 6, 7]], "f4"))
+    accessor["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": indices, "componentType": 5121},
+        "values": {"bufferView": values},
+    }
+    np.testing.assert_array_equal(file.read(tmp_path).vertices[2], [5, 6, 7])
+    accessor.pop("bufferView")
+    np.testing.assert_array_equal(file.read(tmp_path).vertices, [[0, 0, 0], [0, 0, 0], [5, 6, 7], [0, 0, 0]])
+    accessor.pop("sparse")
+    with pytest.raises(UnreadableMesh, match="accessor 0 has no data"):
+        file.read(tmp_path)
+
+
+def test_default_weights_of_morph_targets_count_and_those_of_a_node_first(tmp_path: Path) -> None:
+    file = File()
+    up, aside = (file.add(np.tile(step, (4, 1)), "f4") for step in ([0, 0, 1], [1, 0, 0]))
+    file.primitive["targets"] = [{"POSITION": up}, {"NORMAL": up}, {"POSITION": aside}]
+    np.testing.assert_allclose(file.read(tmp_path).vertices, SQUARE)
+    file.mesh["weights"] = [0.5, 1, 2]
+    np.testing.assert_allclose(file.read(tmp_path).vertices, SQUARE + np.array([2, 0, 0.5]))
+    file.node["weights"] = [0, 0, 1]
+    np.testing.assert_allclose(file.read(tmp_path).vertices, SQUARE + np.array([1, 0, 0]))
+
+
+def test_nodes_move_turn_scale_and_mirror_what_is_below_them(tmp_path: Path) -> None:
+    file = File()
+    turn = {"translation": [1, 2, 3], "rotation": [0, 0, np.sqrt(0.5), np.sqrt(0.5)], "scale": [2, 1, 1]}
+    matrix = np.diag([1.0, 1, 5, 1])
+    matrix[:3, 3] = 0, 0, 1
+    file.tree["nodes"] = [
+        {"children": [1], **turn},
+        {"children": [2], "matrix": matrix.T.ravel().tolist()},
+        {"mesh": 0},
+    ]
+    expected = SQUARE @ np.diag([2, 1, 1]) @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]] + [1, 2, 4]
+    np.testing.assert_allclose(file.read(tmp_path).vertices, expected, atol=1e-7)
+    file.tree["nodes"][0] = {"children": [1], "scale": [-1, 1, 1]}
+    mirrored = file.read(tmp_path)
+    normal = np.cross(*np.diff(mirrored.vertices[mirrored.faces[0]], axis=0))
+    assert normal[2] > 0
+
+
+@pytest.mark.parametrize("suffix", [".gltf", ".glb"])
+def test_skins_are_posed_by_their_joints_and_not_by_the_node(tmp_path: Path, suffix: str) -> None:
+    """A joint stays, another one, below a node outside of the scene, goes up by 3 from where it was bound, at x = 1."""
+    file = File()
+    file.tree["nodes"] += [{}, {"translation": [1, 0, 3]}, {"children": [2]}]
+    file.node |= {"skin": 0, "translation": [9, 9, 9]}
+    bind = np.stack([np.eye(4), np.eye(4)])
+    bind[1, 0, 3] = -1
+    joints = file.add([[0, 1, 0, 0]] * 4, "u1")
+    weights = file.add(
+        np.array([[255, 0, 0, 0], [0, 255, 0, 0], [0, 51, 0, 0], [127, 127, 0, 0]]), "u1", normalized=True
+    )
+    file.primitive["attributes"] |= {"JOINTS_0": joints, "WEIGHTS_0": weights}
+    file.tree["skins"] = [
+        {"joints": [1, 2], "inverseBindMatrices": file.add(bind.transpose(0, 2, 1).reshape(2, 16), "f4")}
+    ]
+    np.testing.assert_allclose(
+        file.read(tmp_path, suffix).vertices, SQUARE + np.outer([0, 3, 3, 1.5], [0, 0, 1]), atol=1e-6
+    )
+
+
+def test_only_the_default_scene_is_shown(tmp_path: Path) -> None:
+    file = File()
+    file.tree["nodes"].append({"mesh": 0, "translation": [5, 0, 0]})
+    file.tree["scenes"].append({"nodes": [1]})
+    assert file.read(tmp_path).vertices.max() == 1
+    file.tree["scene"] = 1
+    assert file.read(tmp_path).vertices.min(axis=0)[0] == 5
+    file.tree.pop("scene")
+    with pytest.raises(UnreadableMesh, match="it has 2 scenes, and none is the default"):
+        file.read(tmp_path)
+    file.tree.pop("scenes")
+    assert file.read(tmp_path).n_faces == 4
+
+
+def edit(file: File, change: str) -> None:
+    exec(change, {"file": file, "tree": file.tree})  # noqa: S102
+
+
+REFUSED = {
+    "tree['extensionsRequired'] = ['VENDOR_magic']": "the extension VENDOR_magic, which is not read; export it without",
+    "tree['extensionsUsed'] = ['EXT_mesh_gpu_instancing']": "needs the extension EXT_mesh_gpu_instancing",
+    "file.primitive['extensions'] = {'KHR_draco_mesh_compression': {}}": "needs the extension KHR_draco_",
+    "tree['bufferViews'][0]['extensions'] = {'EXT_meshopt_compression': {}}": "needs the extension EXT_meshopt_compr",
+    "tree['asset']['version'] = '1.0'": "not a glTF of version 2",
+    "tree['buffers'] = [{'byteLength': 9, 'uri': 'no%20where.bin'}]": "buffer no where.bin is missing; put that file",
+    "tree['buffers'] = [{'byteLength': 9, 'uri': 'http://x.y/z.bin'}]": "buffer z.bin is missing",
+    "tree['buffers'] = [{'byteLength': 9}]": "buffer 0 holds 0 of 9 bytes",
+    "tree['buffers'] = [{'byteLength': 9, 'uri': 'data:,abc'}]": "not a readable gltf",
+    "file.data = file.data[:-1]": "buffer 0 is cut off",
+    "tree['bufferViews'][0]['byteLength'] = 40": "buffer 0 is cut off",
+    "tree['accessors'][0]['count'] = 10**12": "not a readable gltf",
+    "tree['accessors'][1]['count'] = 5": "cannot reshape",
+    "tree['accessors'][0]['count'] = 3": "faces name vertices 0 to 3, but there are 0 to 2",
+    "file.primitive['mode'] = 7": "no mode 7",
+    "file.primitive['attributes'] = {}": "POSITION",
+    "file.node['children'] = [0]": "not a readable gltf|two parents",
+    "tree['nodes'] += [{'children': [0]}, {'children': [0]}]": "node 0 has two parents",
+    "file.node['scale'] = [float('nan')] * 3": "NaN",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", REFUSED)
+def test_what_is_not_read_is_refused_by_its_name(tmp_path: Path, change: str) -> None:
+    file = File()
+    edit(file, change)
+    with pytest.raises((UnreadableMesh, InvalidMesh), match=REFUSED[change]) as caught:
+        file.read(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_buffers_beside_a_file_are_read_and_belong_to_it(tmp_path: Path) -> None:
+    file = File()
+    file.tree["buffers"] = [{"byteLength": len(file.data), "uri": "a%20b.bin"}]
+    (tmp_path / "a b.bin").write_bytes(file.data)
+    np.testing.assert_allclose(file.read(tmp_path).vertices, SQUARE)
+    assert buffer_files(tmp_path / "x.gltf") == [tmp_path / "a b.bin"]
+    assert buffer_files(tmp_path / "none.gltf") == []
