@@ -158,10 +158,12 @@ class Work:
         The task.
     aside
         Told about work that is charged to no method: ``"loading"``, ``"preparation"``, ``"geodesics"``.
+    rereading
+        Whether files that exist are read to find damage; otherwise, the names of their arrays are enough.
     """
 
-    def __init__(self, task: Task, aside: stages.Aside = lambda _: nullcontext()) -> None:
-        self.task, self._aside = task, aside
+    def __init__(self, task: Task, aside: stages.Aside = lambda _: nullcontext(), *, rereading: bool = False) -> None:
+        self.task, self._aside, self._rereading = task, aside, rereading
         self._surfaces: dict[str, tuple[Arrays, Shape, stages.SharedResults]] = {}
 
     def outcome(self, step: Step) -> Outcome:
@@ -202,6 +204,10 @@ class Work:
     def _process(self, step: Step, method: Any, scorer: Any) -> Outcome:
         """Compute the files of a step that are missing."""
         job, cache_, input_ = step.job, Cache(step.job.results), step.job.row.input
+        # Another job has made them, as a rule.
+        made = [] if self._rereading else [cache_.names(kind, key) for kind, key in step.keys.items()]
+        if made and all(made) and stages.REFUSED not in set().union(*made):
+            return Outcome("ok")
         if input_ not in self._surfaces:
             with self._aside("preparation"):
                 preparation = _preparation(job.source, job.data_root, input_, job.results)
@@ -229,7 +235,7 @@ class Work:
 
         def remake(index: int) -> None:
             step = self.task.shapes[index]
-            Work(Task((step,)), self._aside).outcome(step)
+            Work(Task((step,)), self._aside, rereading=True).outcome(step)
 
         content, distances = rank(record, self.task.lost, cache_, remake, comparing)
         if not distances:

@@ -17,10 +17,11 @@ import pytest
 
 from benchmark.api import UnsupportedShape
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.cache import StorageError, writing
+from benchmark.pipeline.cache import Cache, StorageError, writing
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
+from benchmark.runs.tasks import Task, Work
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import SMALL_SCORER, files_of_at_most, wait_for, write_rods
 
@@ -124,6 +125,13 @@ def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, kind
     path.write_bytes({"truncated": content[:middle], "flipped": content, "empty": b""}[damage])
     after = run_toy(rods, results, "identity", again=("finished",))["identity"]
     assert (after.scores, after.per_query) == (before.scores, before.per_query)
+
+
+def test_a_second_job_at_a_form_reads_no_file(rods, finished, monkeypatch):
+    (job,) = planned(rods, finished[0], "identity")
+    monkeypatch.setattr(Cache, "read", lambda *_: pytest.fail("a file is read"))
+    for step in job.steps():
+        assert Work(Task((step,))).outcome(step).status == "ok"
 
 
 def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp_path, monkeypatch):
