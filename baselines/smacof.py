@@ -23,6 +23,9 @@ LEVELS = 2**16
 COINCIDENT = np.float32(1e-18)
 """Distance below which points neither pull nor push."""
 
+BLOCK = 512
+"""Number of pairs that are summed in single precision; sums of blocks are double, so that few digits are lost."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LeastSquaresMDS(CheckedParameters):
@@ -193,18 +196,23 @@ def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tupl
 
 
 @njit(inline="always")
-def _pull(i, x, y, z, target):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _pull(i, x, y, z, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the sum of the pulls of all points on point i, and the sums of its pairs; each pair counts twice."""
-    # Without writes, the loop vectorises.
-    pull_x = pull_y = pull_z = stress = product = squares = np.float32(0)
-    for j in range(len(x)):
-        dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
-        squared = dx * dx + dy * dy + dz * dz
-        distance = np.sqrt(squared)
-        ratio, miss = target[j] / max(distance, COINCIDENT), distance - target[j]
-        pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
-        stress, product, squares = stress + miss * miss, product + distance * miss, squares + squared
-    return pull_x, pull_y, pull_z, stress, product, squares
+    total_x = total_y = total_z = stress = product = squares = 0.0
+    for begin in range(0, len(x), BLOCK):
+        block = slice(begin, begin + BLOCK)
+        other_x, other_y, other_z, target = x[block], y[block], z[block], targets[block]
+        pull_x = pull_y = pull_z = misses = crosses = lengths = np.float32(0)
+        for j in range(len(other_x)):  # without writes, this loop vectorises
+            dx, dy, dz = x[i] - other_x[j], y[i] - other_y[j], z[i] - other_z[j]
+            squared = dx * dx + dy * dy + dz * dz
+            distance = np.sqrt(squared)
+            ratio, miss = target[j] / max(distance, COINCIDENT), distance - target[j]
+            pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
+            misses, crosses, lengths = misses + miss * miss, crosses + distance * miss, lengths + squared
+        total_x, total_y, total_z = total_x + pull_x, total_y + pull_y, total_z + pull_z
+        stress, product, squares = stress + misses, product + crosses, squares + lengths
+    return total_x, total_y, total_z, stress, product, squares
 
 
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:

@@ -44,7 +44,12 @@ def test_the_stress_is_the_minimum_that_scikit_learn_reaches_from_the_same_start
     minimum = brute_force_stress(expected, distances)
     assert form.notes["stress"] == pytest.approx(minimum, rel=1e-3)
     assert brute_force_stress(form.vertices, distances) == pytest.approx(form.notes["stress"], rel=1e-5)
-    assert form.notes["iterations"] < 5000
+    steps = form.notes["iterations"]
+    stresses = [
+        LeastSquaresMDS(max_iterations=count, rtol=0).canonicalise(shape).notes["stress"]
+        for count in range(steps - 2, steps + 1)
+    ]
+    assert stresses[0] - stresses[1] > 1e-6 * stresses[1] > stresses[1] - stresses[2]
     classic = LeastSquaresMDS(start="classic").canonicalise(shape).vertices
     assert np.abs(spread(classic) - spread(form.vertices)).max() > 1e-3
 
@@ -141,7 +146,7 @@ def test_the_non_metric_stress_is_as_low_as_that_of_scikit_learn():
     assert stresses[-1] ** 0.5 / norm <= 1.001 * stress
 
 
-@pytest.mark.parametrize(("method", "tolerance"), [(LeastSquaresMDS(), 1e-6), (NonMetricMDS(), 2e-5)])
+@pytest.mark.parametrize(("method", "tolerance"), [(LeastSquaresMDS(), 2e-6), (NonMetricMDS(), 2e-5)])
 def test_points_in_space_stay_where_they_are(method, tolerance):
     points = points_on_ellipsoid(200)
     form = method.canonicalise(PointShape(points))
