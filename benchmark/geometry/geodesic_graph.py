@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from benchmark.geometry.mesh import Mesh, edges_of, sides_of
 
@@ -43,8 +44,9 @@ class Graph:
 
 def edge_graph(mesh: Mesh) -> Graph:
     """Return the edge graph of the mesh with Euclidean lengths."""
-    sides = _Sides(mesh)
-    return _undirected(mesh.n_vertices, sides.starts, sides.ends, sides.lengths)
+    tails, heads = edges_of(mesh.faces).ends.T
+    lengths = np.linalg.norm(mesh.vertices[heads] - mesh.vertices[tails], axis=1)
+    return _undirected(mesh.n_vertices, tails, heads, lengths)
 
 
 def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
@@ -142,15 +144,13 @@ class _Sides:
 
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> Graph:
-    """Build a graph from arcs in any order and direction; parallel arcs reduce to the shortest."""
-    small = np.min_scalar_type(count)  # numpy sorts 16 bits by radix
-    tails, heads = (np.concatenate(ends).astype(small) for ends in ((tails, heads), (heads, tails)))
-    order = np.lexsort((heads, tails))
-    tails, heads = tails[order].astype(np.int64), heads[order].astype(np.int64)
-    first = np.flatnonzero(np.diff(tails * count + heads, prepend=-1))
-    lengths = np.minimum.reduceat(np.tile(lengths, 2)[order], first) if len(first) else lengths
-    starts = np.searchsorted(tails[first], np.arange(count + 1))
-    return Graph(starts, heads[first], lengths)
+    """Build a graph from arcs, at most one from each vertex to each other; opposite arcs get the shorter length."""
+    # In a sparse matrix, no entry means 0: the shorter arc needs the larger value. Bits of lengths rise with them.
+    largest = np.iinfo(np.int64).max
+    arcs = csr_array((largest - lengths.view(np.int64), (tails, heads)), shape=(count, count))
+    both = arcs.maximum(arcs.T.tocsr())
+    starts, heads = both.indptr.astype(np.int64), both.indices.astype(np.int64)
+    return Graph(starts, heads, (largest - both.data).view(np.float64))
 
 
 @njit(cache=True, nogil=True)

@@ -14,9 +14,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Number of sources processed together. Their distances to a vertex are contiguous in memory, so the processor adds and
-# compares eight at a time. Changed neighbours are looked up once per block: with 512 sources, that is cheap compared to
-# the arithmetic, although fewer rows fit the cache.
-_BLOCK = 512
+# compares eight at a time. Changed neighbours are looked up once per block: with 1000 sources, that is cheap compared
+# to the arithmetic. Not a power of two, for which all entries of a column would compete for the same places in a cache.
+_BLOCK = 1000
 
 
 def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
@@ -86,15 +86,22 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
 # Distances are never NaN; without that guarantee, the compiler would not vectorise the inner loop.
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    row = rows[vertex]
-    improved = False
+    arcs, count = np.empty(starts[vertex + 1] - starts[vertex] + 3, np.int64), 0
     for arc in range(starts[vertex], starts[vertex + 1]):
-        if changed[heads[arc]] <= since:
-            continue
-        other, length = rows[heads[arc]], lengths[arc]
+        arcs[count] = arc
+        count += changed[heads[arc]] > since
+    arcs[count : count + 3] = arcs[0]  # an arc that is used twice changes nothing
+    row, improved = rows[vertex], False
+    for at in range(0, count, 4):  # four at a time: the row is read and written a quarter as often
+        i, j, k, m = arcs[at], arcs[at + 1], arcs[at + 2], arcs[at + 3]
+        first, second, third, fourth = rows[heads[i]], rows[heads[j]], rows[heads[k]], rows[heads[m]]
+        to_first, to_second, to_third, to_fourth = lengths[i], lengths[j], lengths[k], lengths[m]
         shorter = 0
         for column in range(row.size):
-            candidate = other[column] + length
+            one, two = first[column] + to_first, second[column] + to_second
+            three, four = third[column] + to_third, fourth[column] + to_fourth
+            one, three = one if one < two else two, three if three < four else four
+            candidate = one if one < three else three
             shorter |= candidate < row[column]
             row[column] = candidate if candidate < row[column] else row[column]
         improved |= shorter > 0
