@@ -198,7 +198,7 @@ def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tupl
 @njit(inline="always")
 def _pull(i, x, y, z, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the sum of the pulls of all points on point i, and the sums of its pairs; each pair counts twice."""
-    total_x = total_y = total_z = stress = product = squares = 0.0
+    total_x = total_y = total_z = stress = product = squares = np.float64(0)
     for begin in range(0, len(x), BLOCK):
         block = slice(begin, begin + BLOCK)
         other_x, other_y, other_z, target = x[block], y[block], z[block], targets[block]
