@@ -153,23 +153,26 @@ def scaled(
     if scale is not None or not intrinsics.scales:
         return in_metres(values, scale)
     raw, is_float = readings(values), np.asarray(values).dtype.kind == "f"
-    width, height = raw.shape[::-1]
+    height, width = raw.shape
     intrinsics.check_size(width, height)
     shown = raw > 0 if mask is None else checked_mask(mask, raw > 0)
-    default = 1.0 if is_float else DEFAULT_SCALE
-    units = {reading or default for reading in intrinsics.scales} | ({1.0} if is_float else set())
+    if not shown.any():
+        return in_metres(values)
+    units = {reading or (1.0 if is_float else DEFAULT_SCALE) for reading in intrinsics.scales}
+    units |= {1.0} if is_float else set()
     points = unprojected(raw, intrinsics.rays(width, height))[shown]
-    distance = float(np.median(points[:, 2])) if len(points) else 0.0
-    size = float(np.ptp(points[:, :2], axis=0).max()) if len(points) and mask is not None else 0.0
-    limits = [(distance, _DISTANCES), *([(size, _SIZES)] if size else [])]
-    plausible = [unit for unit in units if all(low <= length / unit <= high for length, (low, high) in limits)]
+    lengths = {"away": (float(np.median(points[:, 2])), *_DISTANCES)}
+    if mask is not None:
+        lengths["large"] = (float(np.ptp(points[:, :2], axis=0).max()), *_SIZES)
+    plausible = [unit for unit in units if all(low <= length / unit <= high for length, low, high in lengths.values())]
     if len(units) > 1 and len(plausible) != 1:
-        shown_readings = " or ".join(
-            f"{unit:g} units per metre, {distance / unit:.3g} m away{f' and {size / unit:.3g} m large' if size else ''}"
+        listed = [
+            " and ".join(f"{length / unit:.3g} m {what}" for what, (length, *_) in lengths.items())
+            + f" with {unit:g} units per metre"
             for unit in sorted(plausible or units)
-        )
+        ]
         raise DepthError(
-            f"the depth scale of the camera file has {len(plausible)} plausible readings: {shown_readings}",
+            f"the depth scale of the camera file has {len(plausible)} plausible readings: {', '.join(listed)}",
             "pass --depth-scale with the units per metre",
         )
     return in_metres(values, *(plausible or units))

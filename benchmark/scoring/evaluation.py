@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import bootstrap_intervals
 from benchmark.scoring.files import Orders, are_row_numbers, as_distances, as_labels
-from retrieval.measures import Scores, chance_levels, evaluate
+from retrieval.measures import chance_levels, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 #: Confidence level of the intervals.
 LEVEL = 0.95
+
+_REVERSED = "the nearest are of other classes more often than by chance: are these similarities, or in another order?"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,15 +95,18 @@ def score(distances: object, labels: object, order: str = "") -> Evaluation:
     ends = bootstrap_intervals(values[is_query], of_queries, LEVEL)
     columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes)}
     table = DataFrame(columns, index=list(scores.means))
+    is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"])
     is_farthest = np.isfinite(diagonal).all() and (diagonal >= matrix.max(axis=1)).all() and diagonal.min() > 0
     if is_farthest and np.unique(matrix).size > 2 and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
         hint = "pass distances, not similarities; set the diagonal of distances to 0"
         raise ConfigurationError("each shape is farthest from itself", hint)
     queries = DataFrame({"class": classes, **scores.per_query}, index=list(names) or None).rename_axis("shape")
-    notes = _notes(table, scores, len(matrix))
-    if table.loc["NN", "high"] < table.loc["NN", "chance"]:
-        warnings.warn(notes[-1], stacklevel=2)
-    return Evaluation(table, queries, matrix, notes)
+    lone = (
+        f"ranked, but no queries: {scores.lone_queries} of {len(matrix)} shapes (alone in their class, or of class -1)"
+    )
+    if is_reversed:
+        warnings.warn(_REVERSED, stacklevel=2)
+    return Evaluation(table, queries, matrix, (*[lone] * bool(scores.lone_queries), *[_REVERSED] * is_reversed))
 
 
 def _joined(distances: object, labels: object, order: str) -> tuple[NDArray[np.float64], tuple[str, ...], list[str]]:
@@ -153,16 +158,3 @@ def _check(values: NDArray[np.float64]) -> None:
     if values.min() < 0:
         problem = f"a distance is negative ({values.min():.3g})"
         raise ConfigurationError(problem, "subtract similarities from the largest")
-
-
-def _notes(table: DataFrame, scores: Scores, count: int) -> tuple[str, ...]:
-    notes = []
-    if scores.lone_queries:
-        notes.append(
-            f"ranked, but no queries: {scores.lone_queries} of {count} shapes (alone in their class, or of class -1)"
-        )
-    if table.loc["NN", "high"] < table.loc["NN", "chance"]:
-        notes.append(
-            "the nearest are of other classes more often than by chance: are these similarities, or in another order?"
-        )
-    return tuple(notes)
