@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 from torch import Tensor
 
 from learned.models import CONFIGURATIONS, _in_stripes
-from learned.paper_network import PaperNetwork
+from learned.paper_network import MASK_LOGIT, PaperNetwork
 
 IMAGE_NETWORKS = [name for name, each in CONFIGURATIONS.items() if each.architecture != "field"]
 
@@ -22,7 +24,9 @@ def test_any_size_comes_out_as_it_went_in(parts: tuple[bool, bool], height: int,
     with torch.no_grad():
         output = PaperNetwork(16, *parts)(images(2, height, width))
     assert output.shape == (2, 2, height, width)
-    assert output[:, 1].min() > 0 and output[:, 1].max() < 1
+    # At first, the mask is about the share of the frame that a shape covers; the depth is no probability.
+    assert float(output[:, 1].mean()) == pytest.approx(1 / (1 + math.exp(-MASK_LOGIT)), abs=0.05)
+    assert output[:, 0].min() < 0
 
 
 @pytest.mark.parametrize("name", IMAGE_NETWORKS)
@@ -50,6 +54,18 @@ def test_a_pixel_of_the_features_sees_what_their_kernels_cover() -> None:
     # Nine kernels of three pixels.
     assert (image.grad[0, 0] != 0).any(dim=0).sum() == 1 + 2 * 9
     assert sum(parameter.numel() for parameter in PaperNetwork().parameters()) == 1_128_804
+
+
+def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d)  # all pixels of a block count
+    network = PaperNetwork(4).double()
+    for parameter in network.parameters():
+        parameter.data.abs_()  # no two paths cancel
+    for row, across in ((126, 176), (127, 160)):
+        image = images(1, 256, 256).double().requires_grad_()
+        network(image)[0, 0, row, 128].backward()
+        assert image.grad is not None
+        assert (image.grad[0, 0] != 0).any(dim=1).sum() == across
 
 
 @pytest.mark.parametrize("dilation", [1, 4])
