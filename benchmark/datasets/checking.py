@@ -171,6 +171,9 @@ def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     except DatasetError as error:
         yield Anomaly("error", dataset.name, error.problem, error.hint)
     sizes = Counter(entry.subject for entry in dataset.shapes)
+    if lone := [*sizes.values()].count(1):
+        what = f"ranked, but no queries: {lone} of {len(dataset.shapes)} shapes (alone in their class, or of class -1)"
+        yield Anomaly("warning", dataset.name, what, "add a shape to their classes if they should count")
     for subject, size in (SETS[dataset.name].sizes if dataset.name in SETS else {}).items():
         if sizes[subject] != size:
             what = f"class '{subject}' has {sizes[subject]} shapes, officially {size}"

@@ -174,6 +174,7 @@ def test_shapes_of_class_minus_one_are_ranked_and_no_queries(tmp_path):
     classes = [entry.subject for entry in folder_set(tmp_path).shapes]
     assert classes[:4] == ["cat", "cat", "dog", "dog"]
     assert len({*classes}) == 4
+    assert "ranked, but no queries: 2 of 6 shapes" in call("data", "check", tmp_path)
 
 
 def test_similarities_are_refused_or_warned_of():
