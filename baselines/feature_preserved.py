@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines._kernels.arap import AsRigidAsPossible, nearest_rotations
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+
+if TYPE_CHECKING:
+    from baselines._kernels.arap import AsRigidAsPossible
 
 MIRROR_MARGIN = 0.05
 """Share by which a mirror image must fit better: the nearly flat parts of an open surface fit both equally well."""
@@ -119,6 +121,8 @@ def rigid_motions(
     translations : numpy.ndarray
         Shape (k, 3): a vertex p of part c moves to ``rotations[c] @ p + translations[c]``.
     """
+    from baselines._kernels.arap import nearest_rotations  # lazy
+
     of_parts = np.eye(int(parts.max()) + 1)[parts]
     weights = masses * ((of_parts + surface.weights @ of_parts).T > 0)
     weights /= weights.sum(axis=1, keepdims=True)

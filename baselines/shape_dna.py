@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
@@ -53,4 +52,6 @@ class ShapeDNA(CheckedParameters):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the Euclidean distances between the descriptors, shape (N, N)."""
+        from scipy.spatial.distance import cdist  # lazy
+
         return np.asarray(cdist(descriptors, descriptors))

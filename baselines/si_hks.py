@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from scipy.spatial.distance import cdist, pdist
 
 from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
@@ -83,6 +82,7 @@ class ScaleInvariantHKS(CheckedParameters):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the sums of absolute differences of the bags of features, shape (N, N)."""
+        from scipy.spatial.distance import cdist, pdist
         from sklearn.cluster import KMeans
 
         shapes = [descriptor.reshape(-1, 1 + self.frequencies) for descriptor in descriptors]

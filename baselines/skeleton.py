@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
-from baselines._kernels.arap import factorise_definite
 from benchmark.api.contracts import (
     CanonicalForm,
     CheckedParameters,
@@ -224,6 +222,10 @@ def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) ->
     numpy.ndarray
         Shape (n, 3); the centroid, weighted by vertex areas, does not change.
     """
+    from scipy.sparse import csr_array  # lazy
+
+    from baselines._kernels.arap import factorise_definite
+
     corners = mesh.vertices[mesh.faces]
     sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # opposite each corner
     products = -(np.roll(sides, -1, axis=1) * np.roll(sides, 1, axis=1)).sum(axis=2)

@@ -9,7 +9,6 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from baselines.classic_mds import ClassicMDS
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
@@ -226,6 +225,8 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     dissimilarities
         Symmetric, shape (n, n); only their order and the sum of their squares matter.
     """
+    from scipy.optimize import isotonic_regression  # lazy
+
     levels = np.rint(dissimilarities * ((LEVELS - 1) / dissimilarities.max())).astype(np.uint16)
     counts = np.bincount(levels.ravel(), minlength=LEVELS)
     counts[0] -= len(levels)  # the diagonal

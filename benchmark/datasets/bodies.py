@@ -19,15 +19,17 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from benchmark.errors import DatasetError
 from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.mesh import Faces, Mesh
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
 
@@ -133,6 +135,8 @@ def bone_rotations(angles: Floats) -> dict[str, Floats]:
     dict of str to numpy.ndarray
         Rotation matrices, shape (3, 3), by bone name of the MakeHuman rig; other bones stay at rest.
     """
+    from scipy.spatial.transform import Rotation  # lazy
+
     left_arm, right_arm, left_leg, right_leg, trunk, head, body = np.split(
         angles, np.cumsum([_ARM, _ARM, _LEG, _LEG, _COLUMN, _COLUMN])
     )
@@ -147,12 +151,16 @@ def bone_rotations(angles: Floats) -> dict[str, Floats]:
 
 
 def _column(angles: Floats, bones: int) -> Rotation:
+    from scipy.spatial.transform import Rotation  # lazy
+
     bend, lean, turn = angles / bones
     return Rotation.from_euler("ZXY", [turn, bend, lean], degrees=True)
 
 
 def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, Rotation]:
     """Return the rotations of the left arm: a roll of the upper arm, then its shortest swing to the direction."""
+    from scipy.spatial.transform import Rotation  # lazy
+
     raised, forward = np.radians(raised), np.radians(forward)
     side, front = np.sin(raised) * np.cos(forward), np.sin(raised) * np.sin(forward)
     target = np.array([side, -front, -np.cos(raised)])
@@ -172,6 +180,8 @@ def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, R
 
 
 def _leg(flexion: float, abduction: float, roll: float, bend: float, point: float) -> dict[str, Rotation]:
+    from scipy.spatial.transform import Rotation  # lazy
+
     first, second, lower, foot = (
         Rotation.from_euler("x", angle, degrees=True)
         for angle in (-(1 - _THIGH_SHARE) * flexion, -_THIGH_SHARE * flexion, bend, point)

@@ -5,15 +5,18 @@ Random draws do not depend on the amount. Lengths are fractions of the longest s
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact, extent_of, largest_component
 from benchmark.geometry.mesh import Mesh, edges_of
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Random = np.random.Generator
 Floats = NDArray[np.float64]
@@ -155,6 +158,8 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
 
 def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple[NDArray[np.int64], Floats]:
     """Return the nearest triangle that each start can be joined with, and its distance; infinite if there is none."""
+    from scipy.sparse.csgraph import dijkstra  # lazy
+
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     if np.einsum("ij,ij", a, normals) < 0:  # six times the volume is negative: the mesh is inside out
@@ -173,7 +178,9 @@ def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple
     return partners, gaps
 
 
-def _edge_graph(mesh: Mesh) -> coo_array:
+def _edge_graph(mesh: Mesh) -> csr_array:
+    from scipy.sparse import coo_array
+
     ends = edges_of(mesh.faces).ends
     lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
     return coo_array((lengths, ends.T), shape=(mesh.n_vertices, mesh.n_vertices)).tocsr()

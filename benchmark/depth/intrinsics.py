@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
@@ -224,6 +223,8 @@ def _parsed(text: str) -> Any:
         return json.loads(text)
     if ":" not in text:
         return None
+    import yaml  # lazy
+
     plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
     if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(plain)):  # a few of them can hold gigabytes
         raise ValueError("it has aliases")

@@ -6,14 +6,16 @@ import glob
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from benchmark.errors import DepthError
 from benchmark.geometry.io import named_errors
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 Depths = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -191,6 +193,8 @@ def _pixels(path: Path) -> NDArray[Any]:
 
 def _opened(path: Path) -> Image.Image:
     """Open an image of one frame; a PNG with wrong checksums or without its end is damaged."""
+    from PIL import Image  # lazy: most verbs read no image
+
     with Image.open(path) as image:
         image.verify()
         if image.format == "PNG" and _END_OF_PNG not in path.read_bytes():
@@ -228,6 +232,8 @@ def is_depth_file(path: Path) -> bool:
         return False
     if suffix in (".npy", ".npz"):
         return True
+    from PIL import Image
+
     try:
         with Image.open(path) as image:
             return bool(image.mode == "F" or image.mode.startswith("I"))

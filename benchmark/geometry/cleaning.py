@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Edges, Mesh, Points, edges_of, sides_of
@@ -269,6 +268,8 @@ def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
 
 def _near_groups(points: Points, distance: float) -> IntArray | None:
     """Return the group of each point, joined by chains of points within a distance; None if all are single."""
+    from scipy.spatial import cKDTree  # lazy: most verbs clean nothing
+
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     n_pairs = tree.count_neighbors(tree, distance)  # of ordered pairs, with each point itself
     if n_pairs > _MOST_COPIES * len(points):
