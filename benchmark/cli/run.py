@@ -42,7 +42,10 @@ def _galleries(selection: Selection) -> list[Gallery]:
     names = sources(selection.datasets if named else own, selection.plugins)
     chosen = galleries(selection.tables, names, root, selection.quick)
     if selection.subjects:
-        chosen = [gallery.of_subjects(selection.subjects.split(",")) for gallery in chosen]
+        subjects = selection.subjects.split(",")
+        # Some tables show a part of a data set: those that have the subjects are meant.
+        fitting = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
+        chosen = [gallery.of_subjects(subjects) for gallery in fitting or chosen]
     if not selection.input:
         return chosen
     fitting = [replace(gallery, inputs=(selection.input,)) for gallery in chosen if selection.input in gallery.inputs]

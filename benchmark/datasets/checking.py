@@ -21,7 +21,7 @@ from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
 from benchmark.geometry.cleaning import compact, topology
 from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, camera_coordinates, common_half_width
-from benchmark.geometry.io import READABLE
+from benchmark.geometry.io import SURFACE
 from benchmark.geometry.preparation import prepare
 
 #: Factors between units of length: inches, centimetres, millimetres, feet, metres.
@@ -187,7 +187,7 @@ def _of_files(dataset: ShapeSet) -> Iterator[Anomaly]:
     if folder is None:
         return
     for path in skipped_files(folder):
-        hint = f"convert it to one of {', '.join(READABLE)}"
+        hint = f"make a surface of them: {SURFACE.format(name=path.name)}"
         yield Anomaly("warning", _relative(path, folder), "is skipped: it holds points, not a surface", hint)
     for place in dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)]):
         first: dict[str, Path] = {}

@@ -27,7 +27,7 @@ Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
 LARGEST_FILE = 2**30
 """Maximum number of bytes of a file, and of what is packed in it: some ten million vertices."""
 
-_SURFACE = (
+SURFACE = (
     "python -c \"import pymeshlab; m = pymeshlab.MeshSet(); m.load_new_mesh('{name}'); "
     "m.compute_normal_for_point_clouds(); m.generate_surface_reconstruction_screened_poisson(); "
     "m.save_current_mesh('surface.ply')\""
@@ -69,7 +69,7 @@ def read_mesh(path: Path | str) -> Mesh:
             warnings.filterwarnings("error", "string or file could not be read")  # numpy below 2.3 does not raise
             vertices, faces = _READERS[suffix](_load(path), path)
         if not len(faces):
-            raise InvalidMesh("there are no faces", f"make a surface of the points: {_SURFACE.format(name=path.name)}")
+            raise InvalidMesh("there are no faces", f"make a surface of the points: {SURFACE.format(name=path.name)}")
         return Mesh(vertices, _from_0(faces, len(vertices), 1 if suffix in _FROM_1 else 0))  # type: ignore[arg-type]
 
 
