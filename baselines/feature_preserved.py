@@ -80,6 +80,7 @@ class FeaturePreserved(CheckedParameters):
 
     def move_onto(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
         """Move the parts of a surface onto given positions of its vertices, shape (n, 3), or their mirror image."""
+        from baselines._kernels.arap import AsRigidAsPossible
         from baselines._kernels.few_rows import farthest_points
 
         surface = AsRigidAsPossible.of(shape)
