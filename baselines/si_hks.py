@@ -82,7 +82,8 @@ class ScaleInvariantHKS(CheckedParameters):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the sums of absolute differences of the bags of features, shape (N, N)."""
-        from scipy.spatial.distance import cdist, pdist
+        from scipy.spatial import cKDTree
+        from scipy.spatial.distance import cdist
         from sklearn.cluster import KMeans
 
         shapes = [descriptor.reshape(-1, 1 + self.frequencies) for descriptor in descriptors]
@@ -90,9 +91,10 @@ class ScaleInvariantHKS(CheckedParameters):
         vertices = np.unique(np.concatenate([shape[:, 1:] for shape in shapes]), axis=0)
         count = min(self.words, len(vertices))
         words = KMeans(count, n_init=1, random_state=0).fit(vertices).cluster_centers_
-        variance = 2 * np.median(pdist(words)) if count > 1 else 1.0
+        sigma = max(2 * np.median(cKDTree(words).query(vertices)[0]), 1e-9 * np.ptp(vertices)) or 1.0
         bags = []
         for shape in shapes:
-            closeness = np.exp(-cdist(shape[:, 1:], words, "sqeuclidean") / (2 * variance))
+            squares = cdist(shape[:, 1:], words, "sqeuclidean")
+            closeness = np.exp((squares.min(axis=1, keepdims=True) - squares) / (2 * sigma**2))
             bags.append(shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True)))
         return np.asarray(cdist(bags, bags, "cityblock"))

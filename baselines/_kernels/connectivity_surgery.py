@@ -17,7 +17,7 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 
     Collapsing vertex :math:`i` onto its neighbour :math:`j` costs
 
-    .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j + \|v_i - v_j\| \sum_{k \in N(i)} \|v_i - v_k\|,
+    .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j + \|v_i - v_j\| \sum_{k \in N(i), k \ne j} \|v_i - v_k\|,
 
     where :math:`Q_i` measures the squared distances to the lines of the edges merged into i. The first term preserves
     the shape of the curve, the second prefers short edges and hence even spacing; their weights are those of the code
@@ -114,6 +114,6 @@ def _evaluate(
             for a, left in enumerate((x, y, z, 1.0)):
                 for b, right in enumerate((x, y, z, 1.0)):
                     shape += left * right * (quadrics[i, a, b] + quadrics[j, a, b])
-            price = max(shape, 0.0) + lengths[place] * lengths.sum()
+            price = max(shape, 0.0) + lengths[place] * (lengths.sum() - lengths[place])
             if price < cost[i]:
                 cost[i], target[i] = price, j

@@ -18,7 +18,7 @@ from benchmark.geometry.mesh import Mesh, edges_of
 Indices = NDArray[np.int64]
 
 CENTREDNESS_GAIN = 0.9
-"""A junction absorbs a neighbour if that lowers the spread of its distances to the surface below this multiple."""
+"""A junction moves onto a neighbour if that lowers the spread of its distances to the surface below this multiple."""
 
 SPECK_SHARE = 0.002
 """Pieces of a band below this share of the area are ripples of the band's border, not limbs."""
@@ -78,8 +78,9 @@ def contraction_skeleton(mesh: Mesh) -> CurveSkeleton:
     """Contract a closed surface to a centred curve skeleton (Au et al. 2008, sections 4 to 6).
 
     Connectivity surgery gives the joints. Each moves back by the mean displacement, under the contraction, of the
-    border between its part and that of a neighbour, averaged over the neighbours; a leaf, by the mean over its whole
-    part. Junctions absorb neighbours as long as this centres them better in their part of the surface.
+    border between its part and that of a neighbour, weighted by the lengths of the border's edges and averaged over the
+    neighbours; a leaf, by the mean over its whole part. Junctions then move onto the neighbour from which the distances
+    to both parts spread least, as long as these spread less than those of the junction to its own part.
 
     A pocket, such as an open mouth, forms a branch like a limb, and straightening it would turn it inside out. The
     neighbours of leaves whose part of the surface faces its joint therefore absorb them.
@@ -94,11 +95,10 @@ def contraction_skeleton(mesh: Mesh) -> CurveSkeleton:
     ContractionFailed
         If the surface degenerates while more than a tenth of its area is left.
     """
-    contracted, areas = contract(mesh), mesh.vertex_areas
+    contracted, edges = contract(mesh), edges_of(mesh.faces).ends
     survivors, owners = np.unique(collapse(mesh.with_vertices(contracted)), return_inverse=True)
-    edges = edges_of(mesh.faces).ends
-    joints = contracted[survivors] + _mean_displacements(mesh.vertices - contracted, owners, edges, areas)
-    joints, owners = _merge_junctions(mesh.vertices, areas, edges, joints, owners)
+    joints = contracted[survivors] + _mean_displacements(mesh, mesh.vertices - contracted, owners)
+    joints, owners = _merge_junctions(mesh, joints, owners)
     joints, owners = _absorb_pockets(mesh, edges, joints, owners)
     return CurveSkeleton(joints, owners, _bones(owners, edges))
 
@@ -206,49 +206,41 @@ def _means(values: FloatArray, weights: FloatArray, groups: Indices) -> FloatArr
     return np.stack(sums, axis=1) / total[:, None]
 
 
-def _mean_displacements(displacements: FloatArray, owners: Indices, edges: Indices, areas: FloatArray) -> FloatArray:
-    k = int(owners.max()) + 1
-    border = edges[owners[edges[:, 0]] != owners[edges[:, 1]]]
-    ends = np.concatenate([border, border[:, ::-1]])
-    # A vertex may face a neighbouring part across several edges; it counts once in that loop.
-    loop_vertex = np.unique(np.stack([owners[ends[:, 0]] * k + owners[ends[:, 1]], ends[:, 0]], axis=1), axis=0)
-    loops, loop_of = np.unique(loop_vertex[:, 0], return_inverse=True)
-    whole = _means(displacements, areas, owners)
-    if not len(loops):
-        return whole
-    loop_means = _means(displacements[loop_vertex[:, 1]], areas[loop_vertex[:, 1]], loop_of)
-    joint_of_loop = loops // k
-    degree = np.bincount(joint_of_loop, minlength=k)
-    sums = np.stack([np.bincount(joint_of_loop, weights=column, minlength=k) for column in loop_means.T], axis=1)
-    return np.where((degree > 1)[:, None], sums / np.maximum(degree, 1)[:, None], whole)
+def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) -> FloatArray:
+    """Return the displacement of each joint, shape (k, 3); 0 where a part touches another in a single vertex."""
+    k, edges = int(owners.max()) + 1, edges_of(mesh.faces).ends
+    first, second = np.concatenate([edges, edges[:, ::-1]]).T
+    across = owners[first] != owners[second]
+    # A loop holds the vertices of a part that have an edge to one neighbouring part; its edges weigh its vertices.
+    loops = csr_array((across, (first, owners[first] * k + owners[second])), shape=(mesh.n_vertices, k * k), dtype=bool)
+    loops.eliminate_zeros()
+    lengths = csr_array((np.linalg.norm(mesh.vertices[first] - mesh.vertices[second], axis=1), (first, second)))
+    weights = loops.multiply(lengths @ loops)
+    with np.errstate(invalid="ignore"):
+        means = (weights.T @ displacements) / weights.sum(axis=0)[:, None]
+    faced = (loops.sum(axis=0) > 0).reshape(k, k, 1)
+    degrees = faced.sum(axis=1)
+    means = np.where(faced, means.reshape(k, k, 3), 0.0).sum(axis=1) / np.maximum(degrees, 1)
+    whole = _means(displacements, np.ones(len(owners)), owners)
+    return np.nan_to_num(np.where(degrees > 1, means, whole))
 
 
-def _merge_junctions(
-    vertices: FloatArray, areas: FloatArray, edges: Indices, joints: FloatArray, owners: Indices
-) -> tuple[FloatArray, Indices]:
-    """Let each junction absorb its best neighbour while that evens out its distances to its part."""
-    while True:
-        bones = _bones(owners, edges)
-        degrees = np.bincount(bones.ravel(), minlength=len(joints))
-        spreads = np.array([_spread(vertices[owners == j], areas[owners == j], joints[j]) for j in range(len(joints))])
-        best = (CENTREDNESS_GAIN, -1, -1)
-        for a, b in bones:
-            for junction, other in ((a, b), (b, a)):
-                if degrees[junction] < 3:
-                    continue
-                part = (owners == junction) | (owners == other)
-                weights = [areas[owners == junction].sum(), areas[owners == other].sum()]
-                centre = np.average(joints[[junction, other]], axis=0, weights=weights)
-                gain = _spread(vertices[part], areas[part], centre) / max(spreads[junction], np.finfo(float).tiny)
-                if gain < best[0]:
-                    best = (float(gain), int(junction), int(other))
-        _, junction, other = best
-        if junction < 0:
-            return joints, owners
-        weights = [areas[owners == junction].sum(), areas[owners == other].sum()]
-        joints = joints.copy()
-        joints[junction] = np.average(joints[[junction, other]], axis=0, weights=weights)
-        joints, owners = np.delete(joints, other, axis=0), _absorb(owners, other, junction)
+def _merge_junctions(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
+    """Move junctions onto their best neighbours, one after the other, while that evens out the distances of a part."""
+    edges, vertices, merged = edges_of(mesh.faces).ends, mesh.vertices, True
+    while merged:
+        merged = False
+        for junction in np.flatnonzero(np.bincount(_bones(owners, edges).ravel()) > 2):
+            while (part := owners == junction).any():
+                bones = _bones(owners, edges)
+                others = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
+                spreads = [_spread(vertices[part | (owners == other)], joints[other]) for other in others]
+                if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * _spread(vertices[part], joints[junction]):
+                    break
+                junction, merged = others[np.argmin(spreads)], True
+                owners = np.where(part, junction, owners)
+    kept, owners = np.unique(owners, return_inverse=True)
+    return joints[kept], owners
 
 
 def _absorb_pockets(mesh: Mesh, edges: Indices, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
@@ -276,9 +268,8 @@ def _absorb(owners: Indices, part: int, into: int) -> Indices:
     return np.asarray(joined - (joined > part))
 
 
-def _spread(points: FloatArray, weights: FloatArray, joint: FloatArray) -> float:
-    distances = np.linalg.norm(points - joint, axis=1)
-    return float(np.sqrt(np.average((distances - np.average(distances, weights=weights)) ** 2, weights=weights)))
+def _spread(points: FloatArray, joint: FloatArray) -> float:
+    return float(np.linalg.norm(points - joint, axis=1).std())
 
 
 def _pieces(edges: Indices, n: int) -> Indices:

@@ -69,9 +69,13 @@ def test_si_hks_is_the_spectrum_of_the_slope_of_the_logarithm():
 
 
 def test_si_hks_counts_the_words_of_a_gallery():
-    # Two words at distance 6: the share of a vertex in its own word is 1 / (1 + exp(-36 / (2 * 12))).
+    # Words at 1 and 5, so that each vertex is 1 from its nearest one, and sigma is 2.
     method = ScaleInvariantHKS(frequencies=1, words=2)
-    gallery = [np.ravel(rows) for rows in ([[1.0, 0]], [[0.5, 0], [0.5, 6]], [[0.3, 6], [0.7, 6]])]
-    share = 1 / (1 + np.exp(-1.5))
-    expected = (2 * share - 1) * np.array([[0, 1, 2], [1, 0, 1], [2, 1, 0]])
-    np.testing.assert_allclose(method.distances(gallery), expected, atol=1e-12)
+    gallery = [np.ravel(rows) for rows in ([[1.0, 0]], [[0.5, 2], [0.5, 6]], [[0.3, 4], [0.7, 6]])]
+    zero, two, four, six = (1 / (1 + np.exp(((x - 1) ** 2 - (x - 5) ** 2) / 8)) for x in (0, 2, 4, 6))
+    first = np.array([zero, (two + six) / 2, 0.3 * four + 0.7 * six])
+    np.testing.assert_allclose(method.distances(gallery), 2 * np.abs(first[:, None] - first), atol=1e-12)
+    # No vertex but the words: each belongs to its own alone.
+    two_places = [np.ravel(rows) for rows in ([[1.0, 0]], [[0.5, 0], [0.5, 6]], [[0.3, 6], [0.7, 6]])]
+    np.testing.assert_allclose(method.distances(two_places), [[0, 1, 2], [1, 0, 1], [2, 1, 0]], atol=1e-12)
+    np.testing.assert_array_equal(method.distances([np.array([1.0, 3.0])] * 2), 0)
