@@ -56,7 +56,8 @@ def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
             problems.append(_difference(*pair))
     if not lines:
         raise ConfigurationError(problems[0], "run both again on the same data")
-    return [f"{first} - {second}", *lines, *(f"not compared: {problem}" for problem in problems), LEGEND]
+    legend = [LEGEND] if any("  p " in line for line in lines) else []
+    return [f"{first} - {second}", *lines, *(f"not compared: {problem}" for problem in problems), *legend]
 
 
 def _lines(first: Record, second: Record) -> list[str]:
