@@ -405,12 +405,12 @@ def read_stl(data: bytes, _: Path) -> Arrays:
 
 
 def _stl_facets(text: bytes) -> NDArray[np.float64]:
-    vertices = list(re.finditer(rb"(?m)^[ \t]*vertex[ \t]+(\S.*)", text))
-    ends = [match.start() for match in re.finditer(rb"(?m)^[ \t]*endfacet", text)]
-    counts = np.diff(np.searchsorted([match.start() for match in vertices], ends), prepend=0)
-    for facet in np.flatnonzero(counts != 3)[:1]:
-        raise ValueError(f"facet {facet + 1} of {len(ends)} has {counted(int(counts[facet]), 'vertex', 'vertices')}")
-    return _table([match[1] for match in vertices])
+    found = re.findall(rb"(?m)^[ \t]*(?:vertex[ \t]+(\S+[ \t]+\S+[ \t]+\S+)[ \t]*$|endfacet)", text)
+    ends = np.flatnonzero([not numbers for numbers in found])
+    for facet in np.flatnonzero(np.diff(ends, prepend=-1) != 4)[:1]:
+        n_vertices = int(np.diff(ends, prepend=-1)[facet]) - 1
+        raise ValueError(f"facet {facet + 1} of {len(ends)} has {counted(n_vertices, 'vertex', 'vertices')}")
+    return _parsed(b" ".join(found))
 
 
 _READERS: dict[str, Callable[[bytes, Path], Arrays]] = {

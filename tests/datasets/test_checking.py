@@ -103,7 +103,9 @@ def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
     assert (len(report.dataset.shapes), len(report.rows)) == (7, 5)
     assert report.lines()[0] == "rods: 7 shapes, 2 classes, not a stand-in, 2 unreadable, which count as 0"
     skipped, broken, unknown = lines(rods)
-    assert skipped.startswith("warning  thin8.xyz  is skipped: it holds points, not a surface; make a surface of them: python -c")
+    assert skipped.startswith(
+        "warning  thin8.xyz  is skipped: it holds points, not a surface; make a surface of them: python -c"
+    )
     assert broken.startswith("error    thick0.off  ")
     assert unknown.startswith("error    thin7.vtk  unknown extension '.vtk'; convert it to one of .off,")
     assert [(row.file, row.subject, row.counts["vertices_before"], row.counts["holes"]) for row in report.rows][:2] == [
