@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Input, Shape
 from benchmark.depth_forms import form_maker, form_with_fit
+from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.registry import select, select_one
-from benchmark.text import DATA_VARIABLE, EVERY
+from benchmark.kernels import suite_sources
+from benchmark.registry import select
+from benchmark.text import DATA_VARIABLE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -72,26 +74,24 @@ def run(
     Raises
     ------
     ConfigurationError
-        If a name is unknown, or a value is invalid.
+        If a name is unknown, a value is invalid, or the code of the suite was edited since Python started.
     """
-    from benchmark.datasets.catalogue import sources
-    from benchmark.pipeline.records import read_records
-    from benchmark.protocols.galleries import galleries
+    from benchmark.pipeline.data_names import label_data_sets
     from benchmark.report.results import Results
-    from benchmark.runs.planning import plan
+    from benchmark.runs.planning import plan_selection
+    from benchmark.runs.runner import result_of
     from benchmark.runs.runner import run as run_jobs
 
-    files, folder = [Path(path).resolve() for path in plugins], Path(results)
-    root = data_root or os.environ.get(DATA_VARIABLE)
-    names = [str(name) for name in _listed(data)]
-    shapes = galleries((), sources(names, files), Path(root) if root else None, quick)
-    wanted = _listed(methods)
-    chosen, by = select(wanted, files), select_one(scorer, files, "scorer")
-    options: dict[str, Any] = {"scorer": by, "seed": seed, "named": bool(wanted) and EVERY not in wanted}
-    jobs = plan(shapes, [input], chosen, folder, again=["failed", "finished"] if again else ["failed"], **options)
+    _check_suite_is_unedited()
+    folder, root = Path(results), data_root or os.environ.get(DATA_VARIABLE)
+    jobs = plan_selection(
+        folder, datasets=[str(name) for name in _listed(data)], methods=_listed(methods),
+        plugins=[Path(path).resolve() for path in plugins], scorer=scorer, input=input,
+        data_root=Path(root) if root else None, quick=quick, seed=seed,
+        rerun=["failed", "finished"] if again else ["failed"],
+    )  # fmt: skip
     ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
-    records = {record.key: record for record in read_records(folder, published=False)} | ended
-    return Results(folder, tuple(records[job.record.key] for job in jobs if job.state != "unsupported")).jobs
+    return Results(folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))).jobs
 
 
 def canonicalise(
@@ -128,6 +128,15 @@ def canonicalise(
     prepared = prepare(Mesh(vertices, faces), n_vertices)  # type: ignore[arg-type]
     shape = Shape(identifier="shape", mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
     return form_with_fit(maker, shape, prepared.notes)
+
+
+def _check_suite_is_unedited() -> None:
+    import psutil
+
+    started = psutil.Process().create_time() + 1  # which may be a second off
+    for path in suite_sources():
+        if path.stat().st_mtime > started:
+            raise ConfigurationError(f"{path} was edited since Python started", "start Python again")
 
 
 def _listed(values: Any) -> list[Any]:

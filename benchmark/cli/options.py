@@ -5,9 +5,8 @@ Every ``--help`` imports this module, so it imports nothing heavy.
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import partial, wraps
 from inspect import Parameter, Signature, signature
@@ -102,10 +101,16 @@ class Selection:
         """Return whether camera, mask or unit of a depth image are given."""
         return bool(self.intrinsics or self.mask or self.depth_scale is not None)
 
-    def has_data(self, record: Record) -> bool:
-        """Return whether a record is of the selected data sets; of any if none is selected."""
-        names = {*self.datasets, *map(os.path.realpath, self.datasets)}
-        return not names or bool({record.data.name, record.data.source, os.path.realpath(record.data.source)} & names)
+    @property
+    def chosen_subjects(self) -> list[str]:
+        """Names of the selected subjects; empty for all."""
+        return [name for name in self.subjects.split(",") if name]
+
+    def records_of_data(self, records: Sequence[Record]) -> list[Record]:
+        """Return the labelled records of the selected data sets; all of them if none is selected."""
+        from benchmark.pipeline.data_names import records_of
+
+        return records_of(records, self.datasets) if self.datasets else [*records]
 
     def source(self, name: str) -> str:
         """Return what :func:`~benchmark.datasets.catalogue.open_dataset` takes for a data set on the command line."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import MEASURES
@@ -26,17 +27,18 @@ def recorded(options: Selection) -> list[Record]:
     ConfigurationError
         If there is none, or no record knows a table or data set.
     """
-    every = read_records(options.results, local=not options.published)
+    every = label_data_sets(read_records(options.results, local=not options.published))
     known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}
     for name in options.tables:
         if name not in known:
             raise did_you_mean("table", name, known)
-    chosen = chosen_records(every, quick=options.quick, scorer=options.scorer, seed=options.seed)
-    records = [record for record in chosen if options.has_data(record) and options.input in (None, record.input)]
+    of_data = options.records_of_data(every)
+    chosen = chosen_records(of_data, quick=options.quick, scorer=options.scorer, seed=options.seed)
+    records = [record for record in chosen if options.input in (None, record.input)]
     if not records:
         what = "published record" if options.published else "finished job"
         first = "pass --results CHECKOUT/results" if options.published else "run it first"
-        if not options.quick and any(record.data.quick and options.has_data(record) for record in every):
+        if not options.quick and any(record.data.quick for record in of_data):
             first = "pass --quick"
         problem = f"no {what} under {options.results} fits the selection"
         raise ConfigurationError(problem, f"{first}, or select less")

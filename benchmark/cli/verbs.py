@@ -46,8 +46,8 @@ def run(
 
     if forms:
         return score_forms(selection, forms)
-    again = ["failed", "finished"] if force else ["failed"] if retry else []
-    return run(selection, size=jobs, dask=dask, timeout=timeout, again=again)
+    rerun = ["failed", "finished"] if force else ["failed"] if retry else []
+    return run(selection, size=jobs, dask=dask, timeout=timeout, rerun=rerun)
 
 
 @verb(*_JOBS)
@@ -358,14 +358,18 @@ def forget(
 
     from benchmark.cli.results import outcome
     from benchmark.pipeline.cache import storing, writing
+    from benchmark.pipeline.data_names import label_data_sets
     from benchmark.pipeline.records import Record, read_records, unneeded
 
     if bool(selection.methods or selection.datasets) == unused:
         raise ConfigurationError("nothing is selected", "name methods with -m or data sets with -d, or pass --unused")
 
+    labelled = label_data_sets(read_records(selection.results, published=False))
+    of_data = {record.key for record in selection.records_of_data(labelled)}
+
     def is_unwanted(record: Record) -> bool:
         is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
-        return not unused and selection.has_data(record) and bool(is_of_method or not selection.is_narrow)
+        return not unused and record.key in of_data and bool(is_of_method or not selection.is_narrow)
 
     with writing(selection.results):
         records, files = unneeded(selection.results, is_unwanted)

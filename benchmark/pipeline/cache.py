@@ -112,9 +112,9 @@ class Cache:
         with storing(self.results):
             write_atomically(self._path(kind, key), lambda file: _write_arrays(file, arrays, kind != "signatures"))
 
-    def get(self, kind: Kind, key: str, compute: Callable[[], Arrays]) -> Arrays:
-        """Return the arrays under a key; compute and write them if they are missing."""
-        arrays: Arrays | None = self.read(kind, key)
+    def get(self, kind: Kind, key: str, compute: Callable[[], Arrays], *, anew: bool = False) -> Arrays:
+        """Return the arrays under a key; compute and write them if they are missing, or ``anew``."""
+        arrays: Arrays | None = None if anew else self.read(kind, key)
         if arrays is None:
             arrays = compute()
             self.write(kind, key, arrays)

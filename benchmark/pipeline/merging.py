@@ -28,22 +28,35 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
     StorageError
         If a folder holds no records.
     """
-    known = {record.row: record for record in read_records(results, published=False)}
+    known = read_records(results, published=False)
     added, n_known, conflicts = list[Record](), 0, list[tuple[Record, Record]]()
     for folder in folders:
         if not (folder / RUNS / "records").is_dir():
             raise StorageError(f"{folder} holds no records", "name a results folder, which has runs/records")
         for record in read_records(folder, published=False):
-            existing = known.get(record.row)
+            existing = next((other for other in known if other.row == record.row and other.has_data_of(record)), None)
             if existing is None or _replaces(record, existing):
-                known[record.row] = msgspec.structs.replace(record, files={})
-                write_record(results, known[record.row], existing.key if existing else "")
+                new = msgspec.structs.replace(_with_paths(record, existing), files={})
+                known = [*(other for other in known if other is not existing), new]
+                write_record(results, new, existing.key if existing else "")
                 added.append(record)
-            elif record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
+                continue
+            if record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
                 conflicts.append((existing, record))
             else:
                 n_known += 1
+            if (new := _with_paths(existing, record)) != existing:
+                known = [new if other is existing else other for other in known]
+                write_record(results, new)
     return Merged(added, n_known, conflicts)
+
+
+def _with_paths(record: Record, other: Record | None) -> Record:
+    """Return a record of a folder with the paths of another record of the same content, too."""
+    if other is None or other.gallery_digest != record.gallery_digest:
+        return record
+    paths = [*dict.fromkeys([*other.data.paths, *record.data.paths])]
+    return msgspec.structs.replace(record, data=msgspec.structs.replace(record.data, paths=paths))
 
 
 def _replaces(record: Record, other: Record) -> bool:

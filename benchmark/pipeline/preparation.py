@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.datasets import ShapeSet
-from benchmark.errors import InvalidMesh, ShapeError
+from benchmark.errors import InvalidMesh
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import clean
-from benchmark.geometry.depth import common_half_width, depth_surface, fit_half_width
+from benchmark.geometry.depth import depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 
@@ -84,17 +82,6 @@ def prepare_view(source: Mesh, camera: Camera, half_width: float, sensor: DepthS
 def fit_frame(source: Mesh, camera: Camera) -> float:
     """Return half the width of the frame that a mesh fills, in file units; raise ``ShapeError`` without a surface."""
     return fit_half_width([_surface(source)], camera)
-
-
-def frame_of(shapes: ShapeSet) -> float:
-    """Return half the width of the frame of all views of a data set, in file units; arbitrary without shapes."""
-    if shapes.half_width is not None:
-        return shapes.half_width
-    widths = []
-    for entry in shapes.shapes:
-        with suppress(ShapeError):  # this shape is refused when it is prepared
-            widths.append(fit_frame(shapes.load(entry), shapes.camera(entry)))
-    return common_half_width(widths) if widths else 1.0
 
 
 def _surface(source: Mesh) -> Mesh:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
 from benchmark.pipeline.cache import Arrays, Cache, Kind
-from benchmark.pipeline.stages import FIRST, NOTE, REFUSED, SECONDS, compute_distances
+from benchmark.pipeline.stages import NOTE, REFUSED, SECONDS, Incomplete, compute_distances
 from retrieval.measures import score_draws
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ STAGES: Mapping[Kind, str] = {"prepared": "prepare", "forms": "canonicalise", "s
 
 def rank(
     record: Record,
-    lost: Mapping[str, str],
     cache: Cache,
     remake: Callable[[int], object],
     comparing: Descriptor | Scorer,
@@ -39,8 +38,6 @@ def rank(
     ----------
     record
         The record of the job without its outcome: shapes, classes and keys of their files.
-    lost
-        Shapes that could not be prepared for any method, with the reason.
     cache
         The cached files.
     remake
@@ -54,22 +51,26 @@ def rank(
         What the record says of the outcome.
     dict
         ``distances`` of the answered shapes, shape (n, n), means over the draws; empty if all shapes are refused.
+
+    Raises
+    ------
+    Incomplete
+        If files of a shape are missing or damaged again.
     """
     answered: dict[int, dict[Kind, Arrays]] = {}
     unsupported: list[tuple[str, str]] = []
+    unprepared: list[str] = []
     for index, (shape, keys) in enumerate(zip(record.shapes, record.keys, strict=True)):
-        if shape in lost and not cache.has("forms", keys["forms"]):
-            unsupported.append((shape, lost[shape]))
-            continue
         stages = _read_stages(cache, keys)
         if stages is None:
             remake(index)
             stages = _read_stages(cache, keys)
         if stages is None:
-            raise OSError(f"the files of {shape} cannot be read again")
+            raise Incomplete(f"cannot read the files of {shape} again")
         *_, last = stages.values()
         if REFUSED in last:
             unsupported.append((shape, "; ".join(filter(None, last[REFUSED].tolist()))))
+            unprepared += [shape] if REFUSED in stages["prepared"] else []
         else:
             answered[index] = stages
     if not answered:
@@ -87,7 +88,7 @@ def rank(
     content = {
         **score_draws(summed(), record.labels, list(answered) if unsupported else None),
         "unsupported": unsupported,
-        "unprepared": [shape for shape, _ in unsupported if shape in lost],
+        "unprepared": unprepared,
         "notes": _summarise_notes(answered.values()),
         "seconds": _median_seconds(list(answered.values())),
     }
@@ -133,10 +134,9 @@ def _summarise_notes(answered: Iterable[Mapping[Kind, Arrays]]) -> dict[str, dic
 
 
 def _median_seconds(answered: Sequence[Mapping[Kind, Arrays]]) -> dict[str, float]:
-    """Return median seconds a shape by stage, without the first shape of each process unless there is no other."""
-    settled = [stages for stages in answered if FIRST not in stages["forms"]] or answered
+    """Return median seconds per shape by stage."""
     seconds = defaultdict[str, list[float]](list)
-    for stages in settled:
+    for stages in answered:
         for kind, arrays in stages.items():
             for name, took in arrays.items():
                 first, _, shared = name.partition(":")

@@ -25,7 +25,8 @@ Seconds = Annotated[float, Meta(ge=0, le=1e9)]
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=1000)]
 Key = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
 
-Status = Literal["ok", "failed", "crashed", "timeout", "memory", "unavailable", "unsupported"]
+#: ``"unavailable"`` is the state of a job in a plan; no record says it.
+Status = Literal["ok", "failed", "crashed", "timeout", "memory", "incomplete", "unavailable", "unsupported"]
 
 #: Scorer of the tables.
 DEFAULT_SCORER = "cm-bof"
@@ -38,7 +39,19 @@ EXTERNAL = "external"
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The data set of a job: ``source`` is what the command line calls it; 0 shapes are an unknown number."""
+    """The data set of a job.
+
+    Parameters
+    ----------
+    name, title, source
+        Its name, also in tables, and what the command line calls it.
+    stand_in_for
+        The official set that it replaces.
+    quick, n_shapes
+        Whether poses were omitted, and the number of shapes without that; 0 if unknown.
+    paths
+        Where a folder, or a plugin file, was found.
+    """
 
     name: Name
     title: Name
@@ -46,6 +59,7 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stand_in_for: Name = ""
     quick: bool = False
     n_shapes: int = 0
+    paths: list[Name] = []
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -143,8 +157,15 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     @property
     def row(self) -> Row:
-        """What the record is the result of; there is one for each row."""
+        """What the record is the result of; there is one for each row and data set."""
         return Row(self.gallery, self.input, self.method, self.seed, self.scorer)
+
+    def has_data_of(self, other: Record) -> bool:
+        """Return whether the shapes of a record of the same row are the same, or another version of them.
+
+        A folder is its content at its path: with other content, only the same path is the same data set.
+        """
+        return self.gallery_digest == other.gallery_digest or self.data.paths == other.data.paths
 
     @property
     def answered(self) -> list[int]:
@@ -196,8 +217,16 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
         for record in elsewhere
         if digests.get(record.gallery, record.gallery_digest) == record.gallery_digest
     ]
-    newest = {record.row: record for record in [*sorted(fitting, key=_age), *here]}
-    return sorted(newest.values(), key=_age)
+    return sorted(_newest([*fitting, *here]), key=_age)
+
+
+def _newest(records: Iterable[Record]) -> list[Record]:
+    """Return the newest record of each row and data set; those made here come before published ones."""
+    newest: dict[Row, list[Record]] = {}
+    for record in sorted(records, key=lambda record: (not record.published, *_age(record))):
+        of_row = newest.get(record.row, [])
+        newest[record.row] = [*(other for other in of_row if not other.has_data_of(record)), record]
+    return [record for of_row in newest.values() for record in of_row]
 
 
 def _age(record: Record) -> tuple[str, str]:
@@ -220,7 +249,8 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
             continue
         for number, line in enumerate([text] if path.suffix == ".json" else text.splitlines(), 1):
             try:
-                records.append(_decoder.decode(line))
+                record = _decoder.decode(line)
+                records += [record] if record.status != "unavailable" else []  # earlier versions wrote them
             except (msgspec.DecodeError, RecursionError) as error:  # ValidationError, which names the field, is one
                 where = f"{path}:{number}" if path.suffix == ".jsonl" else path
                 _skip(f"{where}: it is not a record: {error}; remove it")

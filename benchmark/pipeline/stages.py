@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,15 @@ from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Input
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.code_digest import code_of_modules, digest
-from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, ShapeError, UnsupportedShape, one_line
+from benchmark.errors import (
+    BenchmarkError,
+    InvalidForm,
+    InvalidMesh,
+    InvalidSignature,
+    ShapeError,
+    UnsupportedShape,
+    one_line,
+)
 from benchmark.pipeline.cache import Arrays, Cache
 
 #: Module with the code of all stages.
@@ -27,17 +36,31 @@ CODE = "benchmark.pipeline.stages"
 #: Prefix of the names of arrays that are notes on a shape.
 NOTE = "note:"
 
-#: Arrays that say why there is no result, how many seconds the result took, and that this includes loading.
-REFUSED, SECONDS, FIRST = "refused", "seconds", "first"
+#: Arrays that say why there is no result, and how many seconds the result took.
+REFUSED, SECONDS = "refused", "seconds"
 
-_SMALLER = "simplify the mesh, or use -j 1"
+#: Problem of a shape whose key is not the planned one, and what to do without a result for a passing reason.
+CHANGED, AGAIN = "changed during the run", "run again"
 
-#: Says that work begins which is charged to no method, such as ``"geodesics"``, and returns its ``with`` block.
-Aside = Callable[[str], AbstractContextManager[object]]
+#: Returns the context of work whose time is not charged to a method, such as ``"geodesics"``.
+Uncharged = Callable[[str], AbstractContextManager[object]]
 
 
 class Unprepared(UnsupportedShape):
-    """A shape cannot be read or prepared, or its geodesics cannot be had: it is refused for all methods."""
+    """The content of a shape cannot be prepared: it is refused for all methods."""
+
+
+class Incomplete(BenchmarkError):
+    """A shape has no result for a reason that is not in its content, such as a read error; nothing of it is kept.
+
+    Parameters
+    ----------
+    problem
+        What goes on after the name of the shape.
+    """
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(problem, AGAIN)
 
 
 # Prepared shapes -----------------------------------------------------------------------------------------------------
@@ -86,13 +109,48 @@ class Preparation:
     def _code_digest(self) -> str:
         return digest(self.code)
 
-    def arrays(self, entry: Entry) -> Arrays:
-        """Return the arrays of a prepared shape; raise :class:`Unprepared` if there are none."""
-        try:
-            arrays = self.cache.get("prepared", self.key(entry), lambda: timed(lambda: self._prepare(entry)))
-        except MemoryError as error:
-            raise Unprepared("no memory to prepare it", _SMALLER) from error
-        return require_result(arrays, Unprepared)
+    def get_ready(self) -> None:
+        """Do what belongs to no shape: import what prepares them, and fit the frame of the camera."""
+        import benchmark.pipeline.preparation  # noqa: F401
+
+        if self.input == "view":
+            self.half_width  # noqa: B018
+
+    def find(self, identifier: str, key: str) -> Entry:
+        """Return the shape with a name; raise :class:`Incomplete` unless its key is the planned one."""
+        with suppress(ShapeError):  # it can no longer be read
+            for entry in self.shapes.shapes:
+                if entry.identifier == identifier and self.key(entry) == key:
+                    return entry
+        raise Incomplete(CHANGED)
+
+    def arrays(self, entry: Entry, *, anew: bool = False) -> Arrays:
+        """Return the arrays of a prepared shape.
+
+        Parameters
+        ----------
+        entry
+            The shape.
+        anew
+            Whether to prepare it although it is in the cache.
+
+        Raises
+        ------
+        Unprepared
+            If its content is refused.
+        Incomplete
+            If it cannot be read now, memory is exhausted, or its file changes meanwhile.
+        """
+        key = self.key(entry)
+
+        def compute() -> Arrays:
+            before = last_change(entry)
+            arrays = timed(lambda: self._prepare(entry))
+            if self.key(entry) != key or last_change(entry) != before:
+                raise Incomplete(CHANGED)
+            return arrays
+
+        return require_result(self.cache.get("prepared", key, compute, anew=anew), Unprepared)
 
     @cached_property
     def half_width(self) -> float:
@@ -100,6 +158,12 @@ class Preparation:
         if self.shapes.half_width is not None:
             return self.shapes.half_width
         return float(self.cache.get("prepared", self.camera_key, self._fit_frame)["half_width"])
+
+    def _fit_frame(self) -> Arrays:
+        half_width = frame_of(self.shapes)
+        if replace(self).camera_key != self.camera_key:
+            raise Incomplete("has no camera: the data set changed during the run")
+        return {"half_width": np.asarray(half_width)}
 
     def _prepare(self, entry: Entry) -> Arrays:
         from benchmark.pipeline.preparation import prepare_mesh, prepare_view  # which takes a second
@@ -109,10 +173,37 @@ class Preparation:
             return prepare_mesh(shapes.load(entry))
         return prepare_view(shapes.load(entry), shapes.camera(entry), self.half_width, shapes.sensor(entry))
 
-    def _fit_frame(self) -> Arrays:
-        from benchmark.pipeline.preparation import frame_of
 
-        return {"half_width": np.asarray(frame_of(self.shapes))}
+def frame_of(shapes: ShapeSet) -> float:
+    """Return half the width of the frame of all views of a data set, in file units; arbitrary without shapes."""
+    from benchmark.geometry.depth import common_half_width
+    from benchmark.pipeline.preparation import fit_frame
+
+    def fitted(entry: Entry) -> Arrays:
+        return timed(lambda: {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))})
+
+    if shapes.half_width is not None:
+        return shapes.half_width
+    widths = [float(arrays["width"]) for arrays in map(fitted, shapes.shapes) if "width" in arrays]
+    return common_half_width(widths) if widths else 1.0
+
+
+def last_change(entry: Entry) -> int:
+    """Return when the file of a shape, or its attributes, changed last; 0 without a file."""
+    try:
+        return entry.path.stat().st_ctime_ns if entry.path else 0
+    except OSError:
+        return 0
+
+
+def _is_temporary(error: BaseException | None) -> bool:
+    """Return whether an error comes from memory, or from reading a file that is there."""
+    while error is not None:
+        is_read_error = isinstance(error, OSError) and error.errno not in (None, errno.ENOENT)
+        if is_read_error or isinstance(error, MemoryError):
+            return True
+        error = error.__cause__
+    return False
 
 
 def timed(compute: Callable[[], Arrays]) -> Arrays:
@@ -122,15 +213,17 @@ def timed(compute: Callable[[], Arrays]) -> Arrays:
     ------
     InvalidForm, InvalidSignature
         If a method or a scorer returned something else, which is not the fault of the shape.
-    Unprepared
-        If the shape is refused in this run only.
+    Incomplete
+        If memory or a read error is to blame, which may not happen again.
     """
     start = time.perf_counter()
     try:
         arrays = compute()
-    except (InvalidForm, InvalidSignature, Unprepared):
+    except (InvalidForm, InvalidSignature):
         raise
     except ShapeError as error:
+        if _is_temporary(error):
+            raise Incomplete(f"has no result: {error.problem}") from error
         arrays = {REFUSED: np.array([error.problem, error.hint])}
     return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
 
@@ -150,12 +243,12 @@ class SharedResults:
 
     Parameters
     ----------
-    aside
-        Told about work that is not charged to a method: geodesics. A form is charged to each method that uses it.
+    uncharged
+        Context of work that is not charged to a method: geodesics. A form is charged to each method that uses it.
     """
 
-    def __init__(self, aside: Aside = lambda _: nullcontext()) -> None:
-        self._aside = aside
+    def __init__(self, uncharged: Uncharged = lambda _: nullcontext()) -> None:
+        self._uncharged = uncharged
         self._results: dict[Hashable, tuple[Any, float]] = {}
         #: Seconds of the matrix that the current method used, and those that passed and are not its own.
         self.used = 0.0
@@ -166,17 +259,17 @@ class SharedResults:
 
         Raises
         ------
-        Unprepared
+        Incomplete
             If there is no memory for distances; the method is not to blame.
         """
         known, is_solver, start = key in self._results, isinstance(key, str), time.perf_counter()
         if not known:
             try:
-                with self._aside("geodesics") if is_solver else nullcontext():
+                with self._uncharged("geodesics") if is_solver else nullcontext():
                     result = compute()
             except MemoryError as error:
                 if is_solver:
-                    raise Unprepared("no memory for its geodesics", _SMALLER) from error
+                    raise Incomplete("has no geodesics: out of memory") from error
                 raise
             self._results[key] = result, time.perf_counter() - start
         result, seconds = self._results[key]

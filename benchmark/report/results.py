@@ -18,6 +18,7 @@ from pandas import DataFrame, concat
 
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_distances, read_form, read_records
 from benchmark.report.frames import chosen_records, fold_of, kind_of, scores_frame, seconds_of
 
@@ -166,4 +167,4 @@ def open_results(path: str | Path = "results") -> Results:
     folder = Path(path)
     if not folder.is_dir():
         raise ConfigurationError(f"{folder} is no folder", "name a results folder")
-    return Results(folder, tuple(read_records(folder)))
+    return Results(folder, tuple(label_data_sets(read_records(folder))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import secrets
 import threading
 import time
 from collections.abc import Iterator
@@ -10,18 +11,22 @@ from importlib.util import find_spec
 from typing import Any
 
 from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
 from benchmark.runs.workers import INTERVAL, Pool
 
-#: The worker process of each thread of a dask worker.
+#: The worker process of each thread of a dask worker, and the run that it serves.
 _of_thread = threading.local()
 
 
-def run_in_worker(task: Task, timeout: float, threads: int) -> list[tuple[Step, Outcome]]:
-    """Run a task on a dask worker, in a process of its own, which may crash."""
-    if not hasattr(_of_thread, "pool"):
-        _of_thread.pool = Pool(1, memory_per_process(threads), timeout)
+def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tuple[Step, Outcome]]:
+    """Run a task on a dask worker, in a process of its own, which may crash and serves one run."""
+    if getattr(_of_thread, "run", "") != run:
+        if hasattr(_of_thread, "pool"):
+            _of_thread.pool.close()
+        drop_stale_kernels()
+        _of_thread.run, _of_thread.pool = run, Pool(1, memory_per_process(threads), timeout)
     queue, ended = Queue(lambda step: True), list[tuple[Step, Outcome]]()
     queue.append(task)
     while len(ended) < len(task.steps):
@@ -55,7 +60,7 @@ class DaskPool:
             self._client = Client(url, timeout=10, set_as_default=False)
         except Exception as error:  # the type depends on the kind of address
             raise ConfigurationError(f"no dask scheduler answers at {url}", "start one or correct --dask") from error
-        self._timeout = timeout
+        self._timeout, self._run = timeout, secrets.token_hex(8)
         self._tasks: dict[Any, Task] = {}
 
     @property
@@ -67,7 +72,7 @@ class DaskPool:
         """Submit tasks of a queue, and yield the steps that have ended; dask moves those of a lost worker."""
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._tasks) < 2 * threads and (task := queue.take()):
-            future = self._client.submit(run_in_worker, task, self._timeout, threads, pure=False, retries=0)
+            future = self._client.submit(run_in_worker, task, self._run, self._timeout, threads, pure=False, retries=0)
             self._tasks[future] = task
         done = [future for future in self._tasks if future.done()]
         if not done:

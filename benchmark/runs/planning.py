@@ -6,7 +6,7 @@ import json
 import re
 import statistics
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -15,21 +15,25 @@ import msgspec
 
 from benchmark.api.contracts import Input
 from benchmark.code_digest import ROOT, code_of_modules, digest
-from benchmark.datasets.catalogue import is_known, is_path
+from benchmark.datasets.catalogue import is_known, is_path, sources
+from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.ranking import STAGES
 from benchmark.pipeline.records import Record, Row, read_records
 from benchmark.pipeline.stages import Preparation
-from benchmark.protocols.galleries import Gallery
+from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
+from benchmark.protocols.tables import INPUTS
 from benchmark.protocols.trainings import NoFolds
-from benchmark.registry import Component, select_one
+from benchmark.registry import Component, select, select_one
 from benchmark.runs.tasks import Job, Step
+from benchmark.text import EVERY
 
 #: Module with the code that ranks and measures.
 RANKING = "benchmark.pipeline.ranking"
 
-State = Literal["finished", "failed", "missing", "stale", "unavailable", "unsupported"]
+State = Literal["finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"]
 
 #: Trained model of each shape of a gallery; None for a method that does not learn.
 Models = Sequence[Model | None]
@@ -37,41 +41,124 @@ Models = Sequence[Model | None]
 
 @dataclass(frozen=True)
 class Planned:
-    """A job with its gallery, and what is known of it.
+    """A job with its galleries, and what is known of it.
 
     Parameters
     ----------
     job
         The job.
-    gallery
-        The shapes.
+    galleries
+        The shapes, once for each table that shows them.
     record
         Its record without the outcome.
     models
         Folder of the trained model for each shape.
     state, reason
         ``finished``: it has a record. ``failed``: its record says that it failed. ``stale``: its record is of other
-        code, data or parameters; the reason names them. ``missing``: it has none. ``unavailable``: a package or a
-        trained model is missing. ``unsupported``: the method does not take the input.
-    replaces
-        Key of the record that its own replaces; "" if there is none.
-    to_run
-        Whether a run would do it.
+        code, data or parameters; the reason names them. ``incomplete``: shapes have no result for a reason that is not
+        in their content. ``missing``: it has no record. ``unavailable``: a package or a trained model is missing.
+        ``unsupported``: the method does not take the input.
+    before
+        The record that its own replaces.
+    corrections
+        Records whose data set was found at another path, or no longer is at one of its paths, each with the key of a
+        record that it replaces or "".
+    is_pending
+        Whether ``run`` will execute this job.
     """
 
     job: Job
-    gallery: Gallery
+    galleries: tuple[Gallery, ...]
     record: Record = field(repr=False)
     models: tuple[Path | None, ...] = field(repr=False)
     state: State
     reason: str
-    replaces: str
-    to_run: bool
+    before: Record | None = field(repr=False)
+    corrections: tuple[tuple[Record, str], ...] = field(repr=False)
+    is_pending: bool
 
     def steps(self) -> list[Step]:
         """Return the step at each shape."""
-        places = zip(self.record.shapes, self.record.keys, self.models, strict=True)
-        return [Step(self.job, shape, keys, model) for shape, keys, model in places]
+        shapes = zip(self.record.shapes, self.record.keys, self.models, strict=True)
+        return [Step(self.job, shape, keys, model) for shape, keys, model in shapes]
+
+
+def plan_selection(
+    results: Path,
+    *,
+    tables: Iterable[str] = (),
+    datasets: Iterable[str] = (),
+    methods: Sequence[Any] = (),
+    plugins: Sequence[Path] = (),
+    scorer: str = "cm-bof",
+    input: Input | None = None,
+    data_root: Path | None = None,
+    quick: bool = False,
+    subjects: Sequence[str] = (),
+    seed: int = 0,
+    **options: Any,
+) -> list[Planned]:
+    """Plan what the command line, or a Python program, selects.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    tables, datasets
+        Identifiers of tables; names of data sets or folders.
+    methods, plugins, scorer
+        Names, or objects from Python; plugin files of methods, scorers and data sets.
+    input
+        ``"mesh"`` or ``"view"``; both by default.
+    data_root
+        The folder of the official data sets.
+    quick
+        Whether to leave out most poses.
+    subjects
+        Subjects to which galleries are restricted.
+    seed
+        Base seed of all methods.
+    **options
+        Others of :func:`plan`.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is unknown, or nothing is selected.
+    """
+    chosen = selected_galleries(tables, datasets, plugins, data_root, quick=quick, subjects=subjects, input=input)
+    jobs = plan(
+        chosen, [input] if input else INPUTS, select(methods, plugins), results,
+        scorer=select_one(scorer, plugins, "scorer"), seed=seed, are_named=bool(methods) and EVERY not in methods,
+        **options,
+    )  # fmt: skip
+    if not jobs:
+        raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
+    return jobs
+
+
+def selected_galleries(
+    tables: Iterable[str],
+    datasets: Iterable[str],
+    plugins: Sequence[Path] = (),
+    data_root: Path | None = None,
+    *,
+    quick: bool = False,
+    subjects: Sequence[str] = (),
+    input: Input | None = None,
+) -> list[Gallery]:
+    """Return the galleries of a selection, as for :func:`plan_selection`, with the inputs that they have."""
+    chosen = galleries(tables, sources(datasets, plugins), data_root, quick)
+    if subjects:  # some tables show a part of a data set: those that have the subjects are meant
+        having = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
+        chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
+    if input is None:
+        return chosen
+    fitting = [replace(gallery, inputs=(input,)) for gallery in chosen if input in gallery.inputs]
+    if not fitting and input not in (dataset := chosen[0].dataset).inputs:
+        problem = f"data set '{dataset.name}' has no complete surfaces, only views of one side of each shape"
+        raise ConfigurationError(problem, f"drop --input {input}")
+    return fitting
 
 
 def plan(
@@ -82,8 +169,9 @@ def plan(
     *,
     scorer: Component | None = None,
     seed: int = 0,
-    again: Collection[str] = (),
-    named: bool = False,
+    rerun: Collection[str] = (),
+    are_named: bool = False,
+    records: Iterable[Record] | None = None,
 ) -> list[Planned]:
     """List the jobs of a selection with their states.
 
@@ -97,18 +185,28 @@ def plan(
         Scorer of the forms; None for that of the tables.
     seed
         Base seed of all methods.
-    again
-        States of jobs that run again: ``"failed"``, ``"finished"``.
-    named
+    rerun
+        States of jobs that run again: ``"failed"``; ``"finished"``, which computes forms anew, too.
+    are_named
         Whether the methods were selected by name.
+    records
+        Records of the results folder; by default they are read.
     """
-    planning = _Planning(results.absolute(), scorer or select_one("cm-bof", kind="scorer"), seed, again)
+    known = read_records(results, published=False) if records is None else records
+    planning = _Planning(results.absolute(), scorer or select_one("cm-bof", kind="scorer"), seed, rerun, known)
     chosen, wanted = list(methods), list(inputs)
     jobs: dict[str, Planned] = {}
     for gallery in galleries:
         for input_ in wanted:
-            if input_ in gallery.inputs and (rows := gallery.rows(input_, chosen, results / "models", named=named)):
-                jobs |= {job.record.key: job for job in planning.jobs(gallery, input_, rows)}
+            if input_ not in gallery.inputs:
+                continue
+            rows = gallery.rows(input_, chosen, results / "models", named=are_named)
+            for job in planning.jobs(gallery, input_, rows) if rows else ():
+                first = jobs.setdefault(job.record.key, job)
+                if first is not job:
+                    paths = dict.fromkeys([*first.record.data.paths, *job.record.data.paths])
+                    record = _at(first.record, [*paths])
+                    jobs[record.key] = replace(first, galleries=(*first.galleries, gallery), record=record)
     return list(jobs.values())
 
 
@@ -119,12 +217,16 @@ class _Planning:
     results: Path
     scorer: Component
     seed: int
-    again: Collection[str]
+    rerun: Collection[str]
+    records: Iterable[Record]
 
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
         self._ranking = code_of_modules([RANKING])
-        self._records = {record.row: record for record in read_records(self.results, published=False)}
+        self._records: dict[Row, list[Record]] = {}
+        for record in self.records:
+            if not record.published:
+                self._records.setdefault(record.row, []).append(record)
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
@@ -133,11 +235,12 @@ class _Planning:
         source = gallery.source
         if is_path(source) and not is_known(source):  # workers may have another working directory
             source = str(Path(source).absolute())
-        data_root = gallery.data_root and gallery.data_root.absolute()
+        data_root, path = gallery.data_root and gallery.data_root.absolute(), path_of(source)
         for method in methods:
             scorer = None if method.missing_packages() or method.describes else self.scorer
             row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "")
-            before = self._records.get(row)
+            earlier = _earlier(self._records.get(row, []), facts["gallery_digest"], path)
+            before = earlier.record
             state, reason, models = _obstacle(gallery, input_, method, self.results / "models")
             seen = _seen(gallery, models)
             if seen and gallery.table.all_unseen:
@@ -154,6 +257,7 @@ class _Planning:
                 parts = self._parts(preparation, method, scorer, models) | {"the data": facts["gallery_digest"]}
                 state, reason = _state(before, key, parts)
             content = facts | {
+                "data": facts["data"] | {"paths": earlier.paths},
                 "key": key,
                 "status": "unavailable",
                 "method": method.name,
@@ -168,15 +272,20 @@ class _Planning:
                 "parts": parts,
                 "files": files,
             }
+            corrections = [(record, "") for record in earlier.moved]
+            if before and state in ("finished", "failed") and before.data.paths != earlier.paths:
+                corrections.append((_at(before, earlier.paths), earlier.version))
+            anew = "finished" in self.rerun
             yield Planned(
-                Job(key, row, source, data_root, method, self.scorer, self.results, code),
-                gallery,
+                Job(key, row, source, data_root, method, self.scorer, self.results, code, anew),
+                (gallery,),
                 msgspec.convert(content, Record),
                 tuple(model.folder if model else None for model in models),
                 state,
                 reason,
-                replaces=before.key if before else "",
-                to_run=state in ("missing", "stale", *self.again),
+                before,
+                corrections=tuple(corrections),
+                is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
             )
 
     def _files(
@@ -200,6 +309,45 @@ class _Planning:
             parts[f"{name} title"] = component.info.title
             parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
         return parts | {f"the model {model.training}": model.digest for model in models if model}
+
+
+class _Earlier(NamedTuple):
+    """What a results folder knows of a row and its shapes, which are the same wherever they lie.
+
+    Parameters
+    ----------
+    record
+        Record of these shapes, or of an earlier version of them: other shapes at the same path.
+    paths
+        Where these shapes lie.
+    version
+        Key of the record of an earlier version; "" if there is none.
+    moved
+        Records of other shapes that lay at this path, too, without it.
+    """
+
+    record: Record | None
+    paths: list[str]
+    version: str
+    moved: list[Record]
+
+
+def _earlier(records: Sequence[Record], gallery_digest: str, path: str) -> _Earlier:
+    same = next((record for record in records if record.gallery_digest == gallery_digest), None)
+    others = [record for record in records if record is not same]
+    version = next((record for record in others if record.data.paths == ([path] if path else [])), None)
+    moved = [_without(record, path) for record in others if record is not version and path in record.data.paths]
+    paths = [*(_without(same, path).data.paths if same else []), *([path] if path else [])]
+    return _Earlier(same or version, paths, version.key if version else "", moved)
+
+
+def _without(record: Record, path: str) -> Record:
+    return _at(record, [other for other in record.data.paths if other != path])
+
+
+def _at(record: Record, paths: list[str]) -> Record:
+    """Return a record whose data set lies at other paths."""
+    return msgspec.structs.replace(record, data=msgspec.structs.replace(record.data, paths=paths))
 
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
@@ -253,6 +401,8 @@ def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[S
         return "missing", "never run"
     if record.key != key:
         return "stale", describe_change(record.parts, parts)
+    if record.status == "incomplete":
+        return "incomplete", record.reason
     return ("finished", "") if record.status == "ok" else ("failed", f"{record.status}: {record.reason}")
 
 
@@ -290,10 +440,10 @@ def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_
     Seconds a shape are those of the same method and input on the same gallery, otherwise the median over other
     galleries, of the method with any parameters if need be. Jobs here count before published ones.
     """
-    to_run = [job.record for job in planned if job.to_run]
-    finished = [*read_records(published, local=False), *read_records(results, published=False)] if to_run else []
+    pending = [job.record for job in planned if job.is_pending]
+    finished = [*read_records(published, local=False), *read_records(results, published=False)] if pending else []
     unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
-    for record in to_run:
+    for record in pending:
         seconds = _seconds_a_shape(record, finished)
         unknown += not seconds
         for kind, keys in record.files.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,9 +22,6 @@ from benchmark.runs.planning import Planned
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
 from benchmark.runs.workers import Pool
 from benchmark.text import say
-
-#: A method that refuses as many shapes for one reason, before any other outcome, fails.
-_ALIKE = 3
 
 #: Bytes of memory of the smallest process.
 _SMALLEST = 2**29
@@ -71,19 +68,39 @@ def run(
     KeyboardInterrupt
         If the run is interrupted; finished jobs and forms are kept.
     """
-    if not any(job.to_run or job.state == "unavailable" for job in planned):
+    pending = {job.record.key: job for job in planned if job.is_pending}
+    corrections = [correction for job in planned for correction in job.corrections]
+    if not (pending or corrections):
         return
     with writing(results):
-        for job in planned:
-            if job.state == "unavailable":
-                write_record(results, msgspec.structs.replace(job.record, reason=job.reason), job.replaces)
-        if to_run := {job.record.key: job for job in planned if job.to_run}:
+        for record, replaced in corrections:
+            write_record(results, record, replaced)
+        if pending:
             drop_stale_kernels()
             workers = _workers(size, timeout, dask)
             try:
-                yield from _Run(to_run, results).records(workers, watch)
+                yield from _Run(pending, results).records(workers, watch)
             finally:
                 workers.close()
+
+
+def result_of(job: Planned, ended: Mapping[str, Record]) -> Record | None:
+    """Return the record of a job after a run, with those that ended in it by key; None for one that is unsupported."""
+    if job.state == "unavailable":
+        return msgspec.structs.replace(job.record, reason=job.reason)
+    return None if job.state == "unsupported" else ended.get(job.record.key, job.before)
+
+
+def with_results(records: Sequence[Record], planned: Iterable[Planned], ended: Mapping[str, Record]) -> list[Record]:
+    """Return records of before a run with those of its jobs in their place; a job that cannot run replaces none."""
+    merged = [*records]
+    for job in planned:
+        result = result_of(job, ended)
+        if result is not None:
+            others = [other for other in merged if other.row != result.row or not other.has_data_of(result)]
+            if len(others) == len(merged) or job.state != "unavailable":
+                merged = [*others, result]
+    return merged
 
 
 def _workers(size: int, timeout: float, dask: str) -> Any:
@@ -103,21 +120,21 @@ class _Run:
     def __init__(self, jobs: dict[str, Planned], results: Path) -> None:
         self.jobs, self.results = jobs, results
         self.queue = Queue(self._is_open)
-        #: Shapes without a result, by the key of the job.
+        #: Shapes without a result yet, by the key of the job.
         self.left: dict[str, set[str]] = {}
-        #: Reasons why the first shapes are refused, "" for one that is not, by the key of the job.
-        self.first: dict[str, list[str]] = {}
-        #: Shapes that are refused for all methods, with the reason, by data set and input.
-        self.lost = defaultdict[tuple[str, str], dict[str, str]](dict)
-        #: Messages about them, by data set.
+        #: Why shapes remain without one, by the key of the job.
+        self.incomplete = defaultdict[str, list[str]](list)
+        #: Steps, and shapes of a data set, that are tried for the second time.
+        self.retried = set[tuple[str, str, str]]()
+        #: Messages about shapes, by data set.
         self.announced = set[tuple[str, str]]()
 
     def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
         """Run the jobs."""
         self.queue.extend(self._tasks())
         total = self._n_left
-        for planned in self.jobs.values():
-            self._finish(planned)
+        for planned in [*self.jobs.values()]:
+            yield from self._finish(planned)
         while self.jobs:
             for step, outcome in workers.poll(self.queue):
                 if self._is_open(step):
@@ -138,53 +155,78 @@ class _Run:
         cache = Cache(self.results)
         for key, planned in self.jobs.items():
             job, steps = planned.job, planned.steps()
-            missing = [step for step in steps if not cache.has(*[*step.keys.items()][-1])]
+            missing = [step for step in steps if job.anew or not cache.has(*[*step.keys.items()][-1])]
             self.left[key] = {step.shape for step in missing}
-            self.first[key] = [] if missing == steps else [""]
             for step in missing:
                 tasks[job.source, job.plugin, job.row.seed, step.shape].append(step)
         return [Task(tuple(steps)) for steps in tasks.values()]
 
     def _take(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
-        """Note an outcome; yield the job with its record if it has ended."""
-        planned, first = self.jobs[step.job.key], self.first[step.job.key]
+        """Note an outcome; yield the jobs with their records that have ended."""
+        planned = self.jobs[step.job.key]
         if outcome.status == "stopped":
             raise BenchmarkError(outcome.reason)
-        if outcome.status == "lost":
-            self._lose(step, outcome.reason)
-        elif not step.shape or outcome.status not in ("ok", "refused"):
-            yield planned, self._end(planned, step.shape, outcome)
+        if outcome.status in ("incomplete", "crashed") and outcome.scope != "job" and self._is_first_try(step, outcome):
+            self.queue.appendleft(Task((step,)) if step.shape else self._ranking(planned))
+        elif outcome.status == "incomplete":
+            yield from self._leave(step, outcome)
+        elif step.shape and outcome.status in ("ok", "refused"):
+            if outcome.scope == "shape":
+                self._announce(step, outcome.reason)
+            yield from self._finish(planned, step.shape)
         else:
-            first.append(outcome.reason)
-            if len(first) == _ALIKE and set(first) == {outcome.reason} != {""}:
-                alike = Outcome("failed", f"the first {_ALIKE} shapes are refused alike: {outcome.reason}")
-                yield planned, self._end(planned, step.shape, alike)
-            else:
-                self._finish(planned, step.shape)
+            yield planned, self._end(planned, step.shape, outcome)
 
-    def _finish(self, planned: Planned, shape: str = "") -> None:
-        """Note that a job is done with a shape; rank its gallery after the last one."""
+    def _is_first_try(self, step: Step, outcome: Outcome) -> bool:
+        """Return whether a step, or its shape if that has no result for any job, has not been tried again before."""
+        job, is_for_all = step.job, outcome.scope == "shape"
+        tried = (job.source if is_for_all else job.key, job.row.input, step.shape)
+        is_first = tried not in self.retried
+        self.retried.add(tried)
+        return is_first
+
+    def _finish(self, planned: Planned, shape: str = "") -> Iterator[tuple[Planned, Record]]:
+        """Note that a job is done with a shape; after the last one, rank its gallery or say what it lacks."""
         left = self.left[planned.job.key]
         left.discard(shape)
-        if not left:
-            lost = self.lost[planned.job.source, planned.record.input]
-            self.queue.append(Task((Step(planned.job),), planned.record, planned.steps(), lost))
+        if left:
+            return
+        reason, *others = dict.fromkeys(self.incomplete[planned.job.key]) or [""]
+        if reason:
+            more = f" (and {len(others)} more)" if others else ""
+            yield planned, self._end(planned, "", Outcome("incomplete", reason + more))
+        else:
+            self.queue.append(self._ranking(planned))
 
-    def _lose(self, step: Step, reason: str) -> None:
-        """Refuse a shape for all jobs with its data and input."""
+    def _ranking(self, planned: Planned) -> Task:
+        return Task((Step(planned.job),), planned.record, planned.steps())
+
+    def _leave(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
+        """Leave a job incomplete at a shape, or all jobs at a shape of a data set, or the whole job."""
+        if outcome.scope == "shape":
+            self._announce(step, outcome.reason)
+        if outcome.scope == "job" or not step.shape:
+            self.left[step.job.key].clear()
+        same = (step.job.source, step.job.data_root, step.job.row.input)
+        for planned in [*self.jobs.values()]:
+            job = planned.job
+            is_at_shape = outcome.scope == "shape" and (job.source, job.data_root, job.row.input) == same
+            if job.key == step.job.key or (is_at_shape and step.shape in self.left[job.key]):
+                self.incomplete[job.key].append(outcome.reason)
+                yield from self._finish(planned, step.shape)
+
+    def _announce(self, step: Step, reason: str) -> None:
+        """Say once why a shape has no result."""
         file, _, problem = reason.partition(": ")
         is_file = mesh_suffix(Path(file)) in READABLE + EXTENSIONS  # its name when this content was first read
-        message = step.job.source, f"{step.shape}: {problem if is_file else reason}"
+        text = problem if is_file else reason
+        message = step.job.source, text if text.startswith(step.shape) else f"{step.shape}: {text}"
         if message not in self.announced:
             self.announced.add(message)
             say(message[1], err=True)
-        prepared_as = step.job.source, step.job.row.input
-        self.lost[prepared_as][step.shape] = reason
-        for key, other in self.jobs.items():
-            if (other.job.source, other.record.input) == prepared_as and step.shape in self.left[key]:
-                self._finish(other, step.shape)
 
     def _end(self, planned: Planned, shape: str, outcome: Outcome) -> Record:
+        """Return the record of a job; write it unless it says less than the one that it would replace."""
         reason = f"{shape}: {outcome.reason}" if shape else outcome.reason
         content = msgspec.to_builtins(planned.record) | {
             "status": outcome.status,
@@ -193,7 +235,9 @@ class _Run:
             "packages": packages(),
             **(outcome.content or {"reason": reason, "traceback": outcome.traceback}),
         }
-        record = msgspec.convert(content, Record)
-        write_record(self.results, record, planned.replaces)
+        record, before = msgspec.convert(content, Record), planned.before
+        says_less = record.status == "incomplete" or (before is not None and before.key == record.key)
+        if record.status == "ok" or before is None or before.status != "ok" or not says_less:
+            write_record(self.results, record, before.key if before else "")
         del self.jobs[planned.job.key], self.left[planned.job.key]
         return record

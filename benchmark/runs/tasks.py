@@ -17,12 +17,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any, Literal, NamedTuple
 
 from benchmark.api.contracts import Descriptor, Input, Shape
 from benchmark.api.datasets import ShapeSet
@@ -53,7 +51,9 @@ class Job:
     results
         The results folder.
     code
-        Digest of the code that the plan saw; a worker with other code refuses the job.
+        Digest of the code that the plan saw; a worker with other code leaves the job incomplete.
+    anew
+        Whether to compute everything although it is in the cache.
     """
 
     key: str
@@ -64,6 +64,7 @@ class Job:
     scorer: Component
     results: Path
     code: str
+    anew: bool = False
 
     @property
     def plugin(self) -> str:
@@ -90,26 +91,28 @@ class Task(NamedTuple):
     ----------
     steps
         The steps.
-    record, shapes, lost
-        For a ranking: the record without its outcome, the step at each shape, and why shapes were lost for all methods.
+    record, shapes
+        For a ranking: the record without its outcome, and the step at each shape.
     """
 
     steps: tuple[Step, ...]
     record: Record | None = None
     shapes: Sequence[Step] = ()
-    lost: Mapping[str, str] = {}
 
 
 class Outcome(NamedTuple):
-    """What became of a step.
+    """Result of a step.
 
     Parameters
     ----------
     status
-        ``"ok"``, ``"refused"`` (the shape by this method), ``"lost"`` (the shape for all methods), ``"stopped"`` (the
-        run cannot go on), or the status of the record of a job that failed.
+        ``"ok"``, ``"refused"`` (the content of the shape), ``"incomplete"`` (no result, for a reason that is neither in
+        the shape nor in the method), ``"stopped"`` (the run cannot go on), or the status of the record of a job that
+        failed.
     reason, traceback
         Why there is no result.
+    scope
+        What an outcome without a result holds for: this step, all jobs at this shape, or this job at all shapes.
     content
         Of a ranking: what its record says.
     """
@@ -117,6 +120,7 @@ class Outcome(NamedTuple):
     status: str
     reason: str = ""
     traceback: str = ""
+    scope: Literal["step", "shape", "job"] = "step"
     content: Mapping[str, Any] = {}
 
 
@@ -145,8 +149,65 @@ class Queue(deque[Task]):
 # Steps ---------------------------------------------------------------------------------------------------------------
 
 
-#: Methods that this process has used, with their input: the first use includes loading and compiling.
-_used: set[tuple[Component, str]] = set()
+class RunContext:
+    """What a process keeps in memory for one run: open data sets, methods with their models, and scorers.
+
+    It is made for a run and ends with it, in the program, in a worker and on a cluster alike, so that a later run sees
+    plugins that were edited and files that were written since.
+
+    Parameters
+    ----------
+    uncharged
+        Context of work that is charged to no method: ``"loading"``, ``"preparation"``, ``"geodesics"``.
+    """
+
+    def __init__(self, uncharged: stages.Uncharged = lambda _: nullcontext()) -> None:
+        self.uncharged = uncharged
+        self._components: dict[tuple[Job, Path | None], tuple[Any, Any]] = {}
+        self._datasets: dict[tuple[str, Path | None], ShapeSet] = {}
+        self._preparations: dict[tuple[str, Path | None, Input, Path], stages.Preparation] = {}
+
+    def components(self, job: Job, model: Path | None) -> tuple[Any, Any]:
+        """Return the method of a job with its model, and its scorer; raise ``CodeChanged`` if the plan saw others."""
+        if (job, model) not in self._components:
+            _check_code(job)
+            method, scorer = job.method.create(), job.scorer.create()
+            method = method.load(model) if model else method
+            _check_code(job)  # what was imported is what was planned
+            self._components[job, model] = method, scorer
+        return self._components[job, model]
+
+    def preparation(self, job: Job) -> stages.Preparation:
+        """Return the preparation of the shapes of a job, ready for the first one."""
+        data, key = (job.source, job.data_root), (job.source, job.data_root, job.row.input, job.results)
+        if data not in self._datasets:
+            try:
+                self._datasets[data] = _open(*data)
+            except BenchmarkError as error:  # the plan could open it
+                raise stages.Incomplete(f"{stages.CHANGED}: {error.problem}") from error
+        if key not in self._preparations:
+            preparation = stages.Preparation(self._datasets[data], job.row.input, Cache(job.results))
+            preparation.get_ready()
+            self._preparations[key] = preparation
+        return self._preparations[key]
+
+
+class CodeChanged(BenchmarkError):
+    """The code of a job is not that of its plan."""
+
+
+def _check_code(job: Job) -> None:
+    if digest([job.method.key(), job.scorer.key()]) != job.code:
+        raise CodeChanged("its code changed during the run, or is another one on this machine", "run again")
+
+
+def _open(source: str, data_root: Path | None) -> ShapeSet:
+    """Open a data set that loads a mesh once for both inputs, unless its file changes: generated ones take a second."""
+    from benchmark.datasets.catalogue import open_dataset
+
+    shapes = open_dataset(source, data_root)
+    load = lru_cache(1)(lambda entry, _key, _change: shapes.load(entry))
+    return replace(shapes, load=lambda entry: load(entry, shapes.key(entry), stages.last_change(entry)))
 
 
 class Work:
@@ -154,17 +215,17 @@ class Work:
 
     Parameters
     ----------
-    task
-        The task.
-    aside
-        Told about work that is charged to no method: ``"loading"``, ``"preparation"``, ``"geodesics"``.
+    task, context
+        The task, and what this process keeps for its run.
     rereading
         Whether files that exist are read to find damage; otherwise, the names of their arrays are enough.
     """
 
-    def __init__(self, task: Task, aside: stages.Aside = lambda _: nullcontext(), *, rereading: bool = False) -> None:
-        self.task, self._aside, self._rereading = task, aside, rereading
+    def __init__(self, task: Task, context: RunContext, *, rereading: bool = False) -> None:
+        self.task, self._context, self._rereading = task, context, rereading
         self._surfaces: dict[str, tuple[Arrays, Shape, stages.SharedResults]] = {}
+        #: Keys of what this task has computed.
+        self._computed: set[str] = set()
 
     def outcome(self, step: Step) -> Outcome:
         """Do a step; what goes wrong in it becomes its outcome.
@@ -174,15 +235,11 @@ class Work:
         KeyboardInterrupt
             If the run is interrupted, which no method is to blame for; so is ``BdbQuit``, with which a debugger ends.
         """
-        job = step.job
         try:
-            with self._aside("loading"):
-                if not _is_as_planned(job):
-                    problem = "its code changed during the run, or is another one on this machine"
-                    return Outcome("stopped", f"{job.row}: {problem}; run again: finished jobs are kept")
-                method, scorer = _load_method(job, step.model), _load_scorer(job)
+            with self._context.uncharged("loading"):
+                method, scorer = self._context.components(step.job, step.model)
             if self.task.record:
-                return self._rank(self.task.record, job, method if isinstance(method, Descriptor) else scorer)
+                return self._rank(self.task.record, step.job, method if isinstance(method, Descriptor) else scorer)
             return self._process(step, method, scorer)
         except (KeyboardInterrupt, BdbQuit):
             raise
@@ -190,12 +247,14 @@ class Work:
             return Outcome("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
         except StorageError as error:
             return Outcome("stopped", str(error))
-        except stages.Unprepared as error:
-            return Outcome("lost", str(error))
+        except CodeChanged as error:
+            return Outcome("incomplete", str(error), scope="job")
+        except stages.Incomplete as error:
+            return Outcome("incomplete", f"{step.shape} {error}".strip(), scope="shape" if step.shape else "step")
         except (InvalidForm, InvalidSignature) as error:
             return Outcome("failed", str(error))
         except ShapeError as error:
-            return Outcome("refused", str(error))
+            return Outcome("refused", str(error), scope="shape" if isinstance(error, stages.Unprepared) else "step")
         except BenchmarkError as error:
             return Outcome("failed", str(error))
         except BaseException as error:  # SystemExit included: a method must not end its worker
@@ -203,77 +262,59 @@ class Work:
 
     def _process(self, step: Step, method: Any, scorer: Any) -> Outcome:
         """Compute the files of a step that are missing."""
-        job, cache_, input_ = step.job, Cache(step.job.results), step.job.row.input
-        # Another job has made them, as a rule.
-        made = [] if self._rereading else [cache_.names(kind, key) for kind, key in step.keys.items()]
-        if made and all(made) and stages.REFUSED not in set().union(*made):
-            return Outcome("ok")
-        if input_ not in self._surfaces:
-            with self._aside("preparation"):
-                preparation = _preparation(job.source, job.data_root, input_, job.results)
-                entry = next(entry for entry in preparation.shapes.shapes if entry.identifier == step.shape)
-                prepared = preparation.arrays(entry)
-            shared = stages.SharedResults(self._aside)
-            self._surfaces[input_] = prepared, stages.shape_of(prepared, step.shape, job.row.seed, shared), shared
-        prepared, shape, shared = self._surfaces[input_]
-
-        def answer() -> Arrays:
-            is_first = (job.method, input_) not in _used
-            _used.add((job.method, input_))
-            arrays = stages.compute_output(method, shape, shared)
-            return {**arrays, stages.FIRST: np.asarray(True)} if is_first else arrays
-
-        form = stages.require_result(cache_.get("forms", step.keys["forms"], answer))
+        cache = Cache(step.job.results)
+        if not (self._rereading or step.job.anew):  # another job has made them, as a rule
+            names = [cache.names(kind, key) for kind, key in step.keys.items()]
+            if all(names) and stages.REFUSED not in set().union(*names):
+                return Outcome("ok")
+        prepared, shape, shared = self._surface(step)
+        form = self._stage(step, "forms", lambda: stages.compute_output(method, shape, shared))
         if "signatures" in step.keys:
             mesh = stages.mesh_of(form, prepared)
-            stages.require_result(cache_.get("signatures", step.keys["signatures"], lambda: stages.sign(scorer, mesh)))
+            self._stage(step, "signatures", lambda: stages.sign(scorer, mesh))
         return Outcome("ok")
+
+    def _surface(self, step: Step) -> tuple[Arrays, Shape, stages.SharedResults]:
+        """Return the prepared shape of a step, which must be that of the plan, and what methods get of it."""
+        job, uncharged = step.job, self._context.uncharged
+        if job.row.input not in self._surfaces:
+            try:
+                with uncharged("loading"):
+                    preparation = self._context.preparation(job)
+                with uncharged("preparation"):
+                    entry = preparation.find(step.shape, step.keys["prepared"])
+                    prepared = preparation.arrays(entry, anew=job.anew)
+            except MemoryError as error:
+                raise stages.Incomplete("was not prepared: out of memory") from error
+            shared = stages.SharedResults(uncharged)
+            shape = stages.shape_of(prepared, step.shape, job.row.seed, shared)
+            self._surfaces[job.row.input] = prepared, shape, shared
+        return self._surfaces[job.row.input]
+
+    def _stage(self, step: Step, kind: Kind, compute: Callable[[], Arrays]) -> Arrays:
+        """Return the arrays of a stage; with ``anew``, they are computed once in a task."""
+        key, cache = step.keys[kind], Cache(step.job.results)
+        anew = step.job.anew and key not in self._computed
+        self._computed.add(key)
+        return stages.require_result(cache.get(kind, key, compute, anew=anew))
 
     def _rank(self, record: Record, job: Job, comparing: Any) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
-        cache_ = Cache(job.results)
+        cache = Cache(job.results)
 
         def remake(index: int) -> None:
             step = self.task.shapes[index]
-            Work(Task((step,)), self._aside, rereading=True).outcome(step)
+            outcome = Work(Task((step,)), self._context, rereading=True).outcome(step)
+            if outcome.status == "incomplete":
+                raise stages.Incomplete(outcome.reason.removesuffix(f"; {stages.AGAIN}"))
 
-        content, distances = rank(record, self.task.lost, cache_, remake, comparing)
+        content, distances = rank(record, cache, remake, comparing)
         if not distances:
             name, reason = content["unsupported"][0]
             number = len(record.shapes)
             return Outcome("unsupported", f"none of {number} shapes could be processed; {name}: {reason}")
-        cache_.write("records", job.key, distances)
+        cache.write("records", job.key, distances)
         return Outcome("ok", content=content)
-
-
-@cache
-def _is_as_planned(job: Job) -> bool:
-    return digest([job.method.key(), job.scorer.key()]) == job.code
-
-
-@cache
-def _load_method(job: Job, model: Path | None) -> Any:
-    method = job.method.create()
-    return method.load(model) if model else method
-
-
-@cache
-def _load_scorer(job: Job) -> Any:
-    return job.scorer.create()
-
-
-@cache
-def _open(source: str, data_root: Path | None) -> ShapeSet:
-    """Open a data set, which loads a mesh once for both inputs: generated ones take a second."""
-    from benchmark.datasets.catalogue import open_dataset
-
-    shapes = open_dataset(source, data_root)
-    return replace(shapes, load=lru_cache(1)(shapes.load))
-
-
-@cache
-def _preparation(source: str, data_root: Path | None, input_: Input, results: Path) -> stages.Preparation:
-    return stages.Preparation(_open(source, data_root), input_, Cache(results))
 
 
 # The program of a worker ---------------------------------------------------------------------------------------------
@@ -288,7 +329,7 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
     connection, printed = Connection(descriptor), _Printed()
 
     @contextmanager
-    def aside(name: str) -> Iterator[None]:
+    def uncharged(name: str) -> Iterator[None]:
         connection.send(name)
         try:
             yield
@@ -304,9 +345,10 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
 
     event.register("numba:compile", Compiling())
     connection.send(None)  # started
+    context = RunContext(uncharged)
     with suppress(EOFError, OSError), redirect_stdout(printed):  # the program has ended
         while True:
-            work = Work(connection.recv(), aside)
+            work = Work(connection.recv(), context)
             for step in work.task.steps:
                 printed.name = str(step)
                 try:

@@ -15,13 +15,22 @@ from contextlib import suppress
 from multiprocessing.connection import Pipe, wait
 
 from benchmark.errors import BenchmarkError
-from benchmark.runs.tasks import Outcome, Queue, Step, Task, Work
+from benchmark.pipeline.stages import Incomplete
+from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
 #: Seconds between looks at the workers.
 INTERVAL = 0.2
 
 #: Work during which nothing is stopped: kernels may take minutes to compile, and the program has imported plugins, too.
 _UNLIMITED = frozenset({"starting", "loading", "compiling"})
+
+#: Signals that a process gets for what its own code does; all others come from outside.
+_OWN_SIGNALS = frozenset(
+    {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGTRAP, signal.SIGSYS}
+)
+
+#: Work before a method's own, which all methods at a shape share.
+_SHARED = frozenset({"preparation", "geodesics"})
 
 #: The program of a worker; a module of its own would exist twice in it, as ``__main__``.
 _PROGRAM = "import sys; from benchmark.runs.tasks import serve; serve(*map(int, sys.argv[1:]))"
@@ -49,7 +58,7 @@ class Worker:
         #: Plugin that it serves; "" for the suite, None before its start.
         self.plugin: str | None = None
         #: Work under way that is charged to no method.
-        self._asides: list[str] = []
+        self._uncharged: list[str] = []
         #: Seconds for a step, and the time at which the process is stopped.
         self._limit = self._deadline = 0.0
 
@@ -83,10 +92,10 @@ class Worker:
         except OSError as error:
             problem = f"no process can be started: {error.strerror}"
             raise BenchmarkError(problem, "end other programs, or use -j 0") from error
-        self._asides = ["starting"]
+        self._uncharged = ["starting"]
 
     def _set_deadline(self) -> None:
-        limit = self._limit if _UNLIMITED.isdisjoint(self._asides) else float("inf")
+        limit = self._limit if _UNLIMITED.isdisjoint(self._uncharged) else float("inf")
         self._deadline = time.monotonic() + limit
 
     def outcomes(self) -> Iterator[tuple[Step, Outcome]]:
@@ -99,9 +108,9 @@ class Worker:
                 if isinstance(message, Outcome):
                     yield self.waiting.popleft(), message
                 elif message is None:
-                    self._asides.pop()
+                    self._uncharged.pop()
                 else:
-                    self._asides.append(message)
+                    self._uncharged.append(message)
                 self._set_deadline()
         except (EOFError, OSError, pickle.UnpicklingError):
             with suppress(subprocess.TimeoutExpired):
@@ -109,17 +118,21 @@ class Worker:
         if self.waiting and not self.is_alive:
             code = self._process.returncode
             ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-            yield self._blame("crashed", f"the process ended with {ending}")
+            is_own = "starting" not in self._uncharged and (code >= 0 or -code in _OWN_SIGNALS)
+            yield self._blame("crashed" if is_own else "incomplete", f"the process ended with {ending}")
         elif self.waiting and time.monotonic() > self._deadline:
             self.close()
             yield self._blame("timeout", f"stopped after {self._limit:g} s; pass a longer --timeout")
 
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
-        """Blame the step at work, or the shape if it died over what all methods share."""
-        for aside in self._asides if self.task.record is None else ():
-            if aside in ("preparation", "geodesics"):
-                status, reason = "lost", f"its {aside}: {reason}"
-        return self.waiting.popleft(), Outcome(status, reason)
+        """Blame the step at work, unless the process ended from outside, or over what all methods share."""
+        step, shared = self.waiting.popleft(), _SHARED.intersection(() if self.task.record else self._uncharged)
+        for work in shared:
+            problem = Incomplete(f"{step.shape} has no result: its {work}: {reason}")
+            return step, Outcome("incomplete", str(problem), scope="shape")
+        if status == "incomplete":
+            reason = str(Incomplete(f"{step.shape or 'the ranking'} has no result: {reason}"))
+        return step, Outcome(status, reason)
 
     def close(self) -> None:
         """End the process and its children."""
@@ -149,7 +162,7 @@ class Pool:
 
     def __init__(self, size: int, memory: int, timeout: float) -> None:
         self._workers = [Worker(memory, timeout) for _ in range(size)]
-        self._died: set[str] = set()
+        self._context = RunContext()
 
     @property
     def working(self) -> list[str]:
@@ -159,7 +172,7 @@ class Pool:
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
         """Begin tasks of a queue, and yield the steps that have ended."""
         if not self._workers and (task := queue.take()):
-            work = Work(task)
+            work = Work(task, self._context)
             for step in task.steps:
                 yield step, work.outcome(step)
         free = [worker for worker in self._workers if not worker.waiting]
@@ -169,12 +182,7 @@ class Pool:
         busy = [worker for worker in self._workers if worker.waiting]
         wait([worker.connection for worker in busy], INTERVAL if busy else 0)
         for worker in busy:
-            for step, outcome in worker.outcomes():
-                if outcome.status == "crashed" and step.job.key not in self._died:
-                    self._died.add(step.job.key)  # another job of the task, or a user, may be the cause
-                    queue.appendleft(worker.task._replace(steps=(step,)))
-                else:
-                    yield step, outcome
+            yield from worker.outcomes()
             if not worker.is_alive:
                 queue.appendleft(worker.task._replace(steps=tuple(worker.waiting)))
                 worker.waiting.clear()

@@ -83,6 +83,8 @@ def finished(tmp_path_factory):
 def world(finished, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
     world = World(shutil.copytree(finished, tmp_path / "world"))
+    for record in (world.results / "runs" / "records").glob("*.json"):  # as if it had always been there
+        record.write_text(record.read_text().replace(str(finished), str(tmp_path / "world")))
     assert world.stale() == {}
     return world
 

@@ -1,7 +1,10 @@
 """A plugin of methods of which most go wrong; ``FAULTS`` is a folder where they say which processes they are."""
 
 import ctypes
+import errno
+import importlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -89,6 +92,20 @@ def refuses(shape):
     raise UnsupportedShape("not today")
 
 
+@canonical_form(name="first-three", title="Refuses the first three")
+def first_three(shape):
+    if shape.identifier != "thin1":
+        raise UnsupportedShape("too early")
+    return shape.mesh.vertices
+
+
+@canonical_form(name="last-three", title="Refuses the last three")
+def last_three(shape):
+    if shape.identifier != "thick0":
+        raise UnsupportedShape("too late")
+    return shape.mesh.vertices
+
+
 @canonical_form(name="waits-once", title="Waits once")
 def waits_once(shape):
     if not (NOTES / "waits-once").exists():
@@ -126,23 +143,25 @@ def flat(shape):
     return shape.mesh.vertices * [1.0, 1.0, 0.5]
 
 
-def sleep_once(real):
-    """Let a stage that methods share hang at the first shape of a run."""
+def fail(real, how, times):
+    """Let a function that methods share fail in one way, as often as that, and work from then on."""
 
-    def late(*arguments):
-        if not (NOTES / "slept").exists():
-            note("slept", os.getpid())
+    def failing(*arguments):
+        if len((NOTES / "failed").read_text().split() if (NOTES / "failed").exists() else ()) >= times:
+            return real(*arguments)
+        note("failed", os.getpid())
+        if how == "sleep":
             time.sleep(3600)
-        return real(*arguments)
+        elif how == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        elif how == "memory":
+            raise MemoryError
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    return late
+    return failing
 
 
-if "benchmark.runs.tasks" in " ".join(sys.orig_argv) and os.environ.get("HANGS"):
-    import benchmark.geometry.geodesics
-    import benchmark.pipeline.preparation
-
-    if os.environ["HANGS"] == "geodesics":
-        benchmark.geometry.geodesics.all_pairs = sleep_once(benchmark.geometry.geodesics.all_pairs)
-    else:
-        benchmark.pipeline.preparation.prepare_mesh = sleep_once(benchmark.pipeline.preparation.prepare_mesh)
+if "benchmark.runs.tasks" in " ".join(sys.orig_argv) and os.environ.get("FAILS"):
+    module, name, how, times = os.environ["FAILS"].split()
+    module = importlib.import_module(module)
+    setattr(module, name, fail(getattr(module, name), how, int(times)))

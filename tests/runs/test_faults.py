@@ -16,20 +16,19 @@ from tests.toy import wait_for
 
 FAULTY = (
     "fine", "bug", "exits", "os-exit", "segfault", "hang", "memory", "nan", "short", "picky",
-    "refuses", "prints",
+    "refuses", "first-three", "last-three", "prints",
 )  # fmt: skip
 
 #: Status and reason of each.
 ENDINGS = {
-    "bug": ("failed", "thick0: faults.py:36: ZeroDivisionError: division by zero"),
-    "exits": ("failed", "thick0: faults.py:41: SystemExit: 3"),
+    "bug": ("failed", "thick0: faults.py:39: ZeroDivisionError: division by zero"),
+    "exits": ("failed", "thick0: faults.py:44: SystemExit: 3"),
     "os-exit": ("crashed", "thick0: the process ended with exit code 3"),
     "segfault": ("crashed", "thick0: the process ended with SIGSEGV"),
     "hang": ("timeout", "thick0: stopped after 4 s; pass a longer --timeout"),
     "memory": ("memory", "thick0: out of memory; run with fewer jobs (-j 1) or on a larger machine"),
     "nan": ("failed", "thick0: faults.py: method 'nan' returned no canonical form"),
     "short": ("failed", "thick0: faults.py: method 'short' returned no canonical form"),
-    "refuses": ("failed", "thin0: the first 3 shapes are refused alike: not today"),
 }
 
 
@@ -64,8 +63,11 @@ def test_the_others_are_scored_and_a_refused_shape_counts_as_zero(faulty):
     assert {record.method for record in read_records(faulty[1] / "results")} == set(FAULTY)
 
 
-def test_a_method_that_refuses_its_first_three_shapes_alike_sees_no_other(faulty):
-    assert len((faulty[1] / "refuses").read_text().split()) <= 3 + 1  # one may be under way
+def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_most_has_whichever_they_are(faulty):
+    assert (faulty[0]["refuses"].status, len(faulty[0]["refuses"].shapes)) == ("unsupported", 4)
+    assert faulty[0]["refuses"].reason == "none of 4 shapes could be processed; thick0: not today"
+    assert faulty[0]["first-three"].scores == faulty[0]["last-three"].scores
+    assert faulty[0]["first-three"].coverage == faulty[0]["last-three"].coverage == 0.25
 
 
 def test_the_traceback_is_kept(faulty):
@@ -80,9 +82,9 @@ def test_children_of_a_stopped_method_end(faulty):
 
 def test_failed_jobs_run_again_only_when_asked(rods, faulty):
     results = faulty[1] / "results"
-    for again, runs in (((), False), (("failed",), True), (("finished", "failed"), True), (("finished",), False)):
-        (job,) = planned(rods, results, "bug", plugins=(FAULTS,), again=again)
-        assert (job.to_run, job.state) == (runs, "failed")
+    for rerun, runs in (((), False), (("failed",), True), (("finished", "failed"), True), (("finished",), False)):
+        (job,) = planned(rods, results, "bug", plugins=(FAULTS,), rerun=rerun)
+        assert (job.is_pending, job.state) == (runs, "failed")
 
 
 def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, monkeypatch):
@@ -115,15 +117,70 @@ def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_pat
     assert [line[:30] for line in capsys.readouterr().err.splitlines()] == ["thin2: not a readable off file"]
 
 
-@pytest.mark.parametrize("stage", ["preparation", "geodesics"])
-def test_a_shape_whose_shared_stage_hangs_is_refused_for_all_and_no_method_is_to_blame(
-    rods, tmp_path, monkeypatch, stage
-):
+PREPARATION, GEODESICS = "benchmark.pipeline.preparation prepare_mesh", "benchmark.geometry.geodesics all_pairs"
+READING = "benchmark.geometry.io _load"
+
+
+@pytest.fixture
+def failing(rods, tmp_path, monkeypatch):
+    """Return a function that runs two methods while a function fails in some way, so many times."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
-    monkeypatch.setenv("HANGS", stage)
-    records = run_toy(rods, tmp_path / "results", "needs-geodesics", "fine", size=1, timeout=8.0, plugins=(FAULTS,))
-    assert {record.status for record in records.values()} == {"ok"}
-    refused = [record.unsupported for record in records.values() if record.unsupported]
-    reason = f"its {stage}: stopped after 8 s; pass a longer --timeout"
-    assert refused in ([[("thick0", reason)]], [[("thick0", reason)]] * 2)
-    assert records["needs-geodesics"].unprepared == ["thick0"]
+
+    def run_failing(function="", how="", times=0):
+        monkeypatch.setenv("FAILS", f"{function} {how} {times}" if function else "")
+        options = {"size": 1, "timeout": 8.0 if how == "sleep" else 60.0, "plugins": (FAULTS,)}
+        return run_toy(rods, tmp_path / "results", "needs-geodesics", "fine", **options)
+
+    return run_failing
+
+
+@pytest.mark.parametrize(
+    ("function", "how"),
+    [
+        (PREPARATION, "kill"),
+        *(
+            pytest.param(*fault, marks=pytest.mark.slow)
+            for fault in [
+                (PREPARATION, "sleep"), (PREPARATION, "memory"), (GEODESICS, "sleep"), (GEODESICS, "kill"),
+                (GEODESICS, "memory"), (READING, "read"), ("retrieval.measures score_draws", "kill"),
+                ("benchmark.pipeline.stages compute_form", "kill"),
+            ]
+        ),
+    ],
+)  # fmt: skip
+def test_a_result_that_is_missing_for_a_passing_reason_is_tried_again_in_the_same_run(
+    undisturbed, failing, function, how
+):
+    records = failing(function, how, times=1)
+    assert {name: (record.status, record.per_query) for name, record in records.items()} == undisturbed
+
+
+@pytest.fixture(scope="module")
+def undisturbed(rods, tmp_path_factory):
+    records = run_toy(rods, tmp_path_factory.mktemp("quiet"), "needs-geodesics", "fine", plugins=(FAULTS,))
+    return {name: (record.status, record.per_query) for name, record in records.items()}
+
+
+@pytest.mark.parametrize(
+    ("function", "how", "reason"),
+    [
+        (PREPARATION, "kill", "thick0 has no result: its preparation: the process ended with SIGKILL"),
+        (GEODESICS, "memory", "thick0 has no geodesics: out of memory"),
+        (READING, "read", "Input/output error"),
+    ],
+)
+def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
+    undisturbed, rods, tmp_path, failing, function, how, reason
+):
+    results = tmp_path / "results"
+    records = failing(function, how, times=99)
+    assert {(record.status, bool(record.scores)) for record in records.values()} == {("incomplete", False)}
+    assert all(reason in record.reason and record.reason.count("run again") == 1 for record in records.values())
+    assert all(planned.is_pending for planned in planned_of(rods, results))
+    records = failing()
+    assert {name: (record.status, record.per_query) for name, record in records.items()} == undisturbed
+    assert not any(planned.is_pending for planned in planned_of(rods, results))
+
+
+def planned_of(rods, results):
+    return planned(rods, results, "needs-geodesics", "fine", plugins=(FAULTS,))

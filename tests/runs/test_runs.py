@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -15,7 +14,6 @@ from pathlib import Path
 import psutil
 import pytest
 
-from benchmark.api import UnsupportedShape
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.cache import Cache, StorageError, writing
 from benchmark.pipeline.records import read_records
@@ -23,7 +21,7 @@ from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
 from benchmark.runs.tasks import Task, Work
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
-from tests.toy import SMALL_SCORER, files_of_at_most, wait_for, write_rods
+from tests.toy import files_of_at_most, wait_for
 
 #: A program that runs slow methods.
 PROGRAM = """
@@ -123,7 +121,7 @@ def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, kind
     middle = len(content) // 2
     content[middle] ^= 255
     path.write_bytes({"truncated": content[:middle], "flipped": content, "empty": b""}[damage])
-    after = run_toy(rods, results, "identity", again=("finished",))["identity"]
+    after = run_toy(rods, results, "identity", rerun=("finished",))["identity"]
     assert (after.scores, after.per_query) == (before.scores, before.per_query)
 
 
@@ -156,15 +154,6 @@ def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
     assert made[0] == made[1]
 
 
-def test_an_edit_during_a_run_ends_it(rods, tmp_path):
-    plugin = tmp_path / "edited.py"
-    plugin.write_text(FAULTS.read_text())
-    jobs = planned(rods, tmp_path / "results", "fine", plugins=(plugin,))
-    plugin.write_text(FAULTS.read_text() + "CONSTANT = 1\n")
-    with pytest.raises(BenchmarkError, match=re.escape(f"fine by {SMALL_SCORER}: its code changed during")):
-        list(run(jobs, tmp_path / "results", size=1))
-
-
 def test_a_function_that_is_defined_again_runs_again(rods, tmp_path):
     scores = []
     for factor in (1.0, 2.0):
@@ -179,18 +168,6 @@ def test_a_function_that_is_defined_again_runs_again(rods, tmp_path):
     assert len(set(scores)) == 2
 
 
-def test_shapes_that_were_refused_alike_before_do_not_fail_a_method_that_runs_again(tmp_path):
-    def picky(shape):
-        if shape.identifier.startswith("thin"):
-            raise UnsupportedShape("too thin")
-        return shape.mesh.vertices
-
-    folder = write_rods(tmp_path / "rods", bends=(0.0, 0.6, 1.2))
-    for _ in range(2):
-        record = run_toy(folder, tmp_path / "results", picky, again=("finished",))["picky"]
-        assert (record.status, len(record.unsupported)) == ("ok", 3)
-
-
 def test_progress_reaches_its_total(rods, tmp_path):
     seen = []
     jobs = planned(rods, tmp_path, "identity", "surface-area")
@@ -202,7 +179,7 @@ def test_progress_reaches_its_total(rods, tmp_path):
 def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(rods, tmp_path):
     run_toy(rods, tmp_path, "classic-mds", "identity")
     record = {record.method: record for record in read_records(tmp_path)}
-    jobs = planned(rods, tmp_path, "classic-mds", "identity", "fine", again=("finished",), plugins=(FAULTS,))
+    jobs = planned(rods, tmp_path, "classic-mds", "identity", "fine", rerun=("finished",), plugins=(FAULTS,))
     found = estimate(jobs, tmp_path)
     each = [sum(record[name].seconds[stage] for stage in ("canonicalise", "signature")) for name in record]
     shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]

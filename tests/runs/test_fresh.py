@@ -1,0 +1,208 @@
+"""A run returns what was asked: code and shapes of today, under planned keys, whatever ran before or meanwhile."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+import benchmark
+from benchmark.errors import ConfigurationError
+from benchmark.geometry import io
+from benchmark.pipeline.data_names import label_data_sets
+from benchmark.pipeline.records import read_records
+from benchmark.runs.planning import plan_selection
+from tests.registry.plugin import write_plugin
+from tests.runs.toy import FAULTS, done, planned, run_toy
+from tests.toy import SMALL_SCORER, rod, write_off, write_rods
+from tests.verbs import call, refusal
+
+STRETCHED = "def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices * factor())"
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A folder of rods of one's own, and the current folder."""
+    monkeypatch.chdir(tmp_path)
+    return write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+
+
+def distances_of(folder, method, results="results", **options):
+    """Run a method from Python; return its distances."""
+    jobs = benchmark.run(folder, method, results=results, scorer=SMALL_SCORER, **options)
+    assert list(jobs["status"]) == ["ok"], jobs["reason"].tolist()
+    return benchmark.open_results(results).distances(jobs.index[0])
+
+
+def test_an_edited_plugin_or_helper_is_imported_again_by_the_next_run_of_a_session(own, tmp_path):
+    plugin, helper = tmp_path / "smooth.py", tmp_path / "lengthen.py"
+    write_plugin(plugin, imports="from lengthen import factor", methods=STRETCHED)
+    for number, factor in enumerate(("[1, 1, 1]", "[3, 1, 1]", "[1, 1, 5]")):
+        helper.write_text(f"def factor():\n    return {factor}\n")
+        if number == 2:
+            plugin.write_text(plugin.read_text().replace("* factor()", "* factor()[::-1]"))
+        here = distances_of(own, "smooth", plugins=[plugin])
+        edited = "shape.mesh.vertices * [5, 1, 1]" if number == 2 else f"shape.mesh.vertices * {factor}"
+        other = write_plugin(
+            tmp_path / f"other{number}" / "other.py",
+            methods=STRETCHED.replace("shape.mesh.vertices * factor()", edited),
+        )
+        clean = distances_of(own, "smooth", f"clean{number}", plugins=[other])
+        assert here.equals(clean)
+
+
+def test_the_suite_may_not_be_edited_in_a_session(own, monkeypatch):
+    source = Path(benchmark.__file__).parent / "notebook.py"
+    times = source.stat()
+    os.utime(source, None)
+    try:
+        with pytest.raises(
+            ConfigurationError, match=r"notebook.py was edited since Python started; start Python again"
+        ):
+            benchmark.run(own, "identity")
+    finally:
+        os.utime(source, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
+def test_meshes_that_are_written_again_or_added_in_a_session_are_seen(own, tmp_path):
+    first = distances_of(own, "surface-area")
+    write_off(own / "thin1.off", rod(0.06, 0.3))
+    write_off(own / "thick2.off", rod(0.18, 2.0))
+    second = distances_of(own, "surface-area")
+    assert list(second.index) == ["thick0", "thick1", "thick2", "thin0", "thin1"]
+    assert second.equals(distances_of(own, "surface-area", tmp_path / "clean"))
+    assert not second.loc[first.index, first.index].equals(first)
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size):
+    results, mesh = tmp_path / "results", own / "thin1.off"
+    jobs, original = planned(own, results, "identity", "gps", inputs=("mesh", "view")), mesh.read_bytes()
+    write_off(mesh, rod(0.06, 0.3))
+    records = done(jobs, results, size=size)
+    assert {record.status for record in records.values()} == {"incomplete"}
+    assert {record.reason for record in records.values()} <= {
+        "thin1 changed during the run; run again",  # all views share a frame, which is fitted to all shapes
+        *(
+            f"{name} changed during the run; run again (and {n} more)"
+            for name in ("thick0", "thick1", "thin0")
+            for n in (1, 2, 3)
+        ),
+    }
+    mesh.write_bytes(original)
+    records = done(planned(own, results, "identity", "gps", inputs=("mesh", "view")), results)
+    clean = run_toy(own, tmp_path / "clean", "identity", "gps", inputs=("mesh", "view"))
+    assert {name: (r.status, r.key, r.per_query) for name, r in records.items()} == {
+        name: ("ok", r.key, r.per_query) for name, r in clean.items()
+    }
+
+
+def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monkeypatch):
+    real, original = io.read_mesh, (own / "thin1.off").read_bytes()
+    seen = []
+
+    def change_meanwhile(path):
+        if path.name == "thin1.off" and not seen:
+            seen.append(path)
+            write_off(path, rod(0.06, 0.3))
+            mesh = real(path)
+            path.write_bytes(original)
+            return mesh
+        return real(path)
+
+    monkeypatch.setattr("benchmark.api.datasets.read_mesh", change_meanwhile)
+    record = run_toy(own, tmp_path / "results", "gps")["gps"]
+    assert seen
+    clean = run_toy(own, tmp_path / "clean", "gps")["gps"]
+    assert (record.status, record.per_query) == ("ok", clean.per_query)
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone(rods, tmp_path, size):
+    plugin = tmp_path / "edited.py"
+    plugin.write_text(FAULTS.read_text())
+    jobs = planned(rods, tmp_path / "results", "fine", "identity", plugins=(plugin,))
+    plugin.write_text(FAULTS.read_text() + "CONSTANT = 1\n")
+    records = done(jobs, tmp_path / "results", size=size)
+    assert {name: record.status for name, record in records.items()} == {"fine": "incomplete", "identity": "ok"}
+    assert records["fine"].reason == "its code changed during the run, or is another one on this machine; run again"
+
+
+def test_force_computes_forms_anew_and_replaces_scores_by_scores_alone(own, tmp_path):
+    table, results = tmp_path / "table.txt", tmp_path / "results"
+    table.write_text("1 1 1")
+    methods = STRETCHED.replace("factor()", f"[float(x) for x in open({str(table)!r}).read().split()]")
+    plugin = write_plugin(tmp_path / "smooth.py", methods=methods)
+    first = distances_of(own, "smooth", plugins=[plugin])
+    table.write_text("1 1 7")
+    assert distances_of(own, "smooth", plugins=[plugin]).equals(first)
+    assert not distances_of(own, "smooth", plugins=[plugin], again=True).equals(first)
+    before = read_records(results)
+    table.write_text("nothing")
+    assert list(benchmark.run(own, "smooth", plugins=[plugin], scorer=SMALL_SCORER, again=True)["status"]) == ["failed"]
+    assert read_records(results) == before
+
+
+def test_what_cannot_run_replaces_no_record(own, tmp_path):
+    info = 'requires=("benchmark_absent",)'
+    plugin = write_plugin(tmp_path / "smooth.py")
+    distances_of(own, "smooth", plugins=[plugin])
+    before = read_records(tmp_path / "results")
+    write_plugin(plugin, info=info)
+    options = ("run", "-d", own, "--input", "mesh", "--scorer", SMALL_SCORER, "-m", "smooth", "--plugin", plugin)
+    assert "unavailable  rods mesh smooth  needs benchmark_absent" in call(*options, code=1)
+    assert read_records(tmp_path / "results") == before
+
+
+def paths_and_states(folder, results):
+    run_toy(folder, results, "identity")
+    return sorted(([Path(path).parent.name for path in r.data.paths], r.status) for r in read_records(results))
+
+
+def test_a_folder_is_its_content_at_its_path(tmp_path):
+    results = tmp_path / "results"
+    one, two = (write_rods(tmp_path / name / "rods", bends=(0.0, bend)) for name, bend in (("a", 1.0), ("b", 0.5)))
+    paths_and_states(one, results)
+    assert paths_and_states(two, results) == [(["a"], "ok"), (["b"], "ok")]
+    write_off(two / "thin1.off", rod(0.06, 0.3))
+    assert paths_and_states(two, results) == [(["a"], "ok"), (["b"], "ok")], "a change replaces its own record"
+    copy = shutil.copytree(one, tmp_path / "c" / "rods")
+    assert not any(job.is_pending for job in planned(copy, results, "identity"))
+    assert paths_and_states(copy, results) == [(["a", "c"], "ok"), (["b"], "ok")]
+    write_off(copy / "thin1.off", rod(0.06, 0.4))
+    assert paths_and_states(copy, results) == [(["a"], "ok"), (["b"], "ok"), (["c"], "ok")], "an edited copy is new"
+    shutil.copytree(one, tmp_path / "b" / "rods", dirs_exist_ok=True)
+    assert paths_and_states(two, results) == [(["a", "b"], "ok"), (["c"], "ok")]
+
+
+def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    results = tmp_path / "results"
+    for name, bend in (("a/x", 1.0), ("b/x", 0.5)):
+        run_toy(write_rods(tmp_path / name / "rods", bends=(0.0, bend)), results, "identity", scorer=None)
+    assert {record.data.name for record in label_data_sets(read_records(results))} == {"a/x/rods", "b/x/rods"}
+    table = call("tables", "--results", results, "-d", tmp_path / "b" / "x" / "rods")
+    assert "b/x/rods" in table
+    assert "a/x/rods" not in table
+    assert call("tables", "--results", results, "-d", "b/x/rods") == table
+    assert len({*call("tables", "--results", results, "--format", "csv").split()} & {"a/x/rods", "b/x/rods"}) <= 2
+    files = call("tables", "--results", results, "-o", tmp_path / "tables")
+    assert files
+    assert {"table-a-x-rods.md", "table-b-x-rods.md"} <= {path.name for path in (tmp_path / "tables").iterdir()}
+    both = f"'rods' names results of {tmp_path}/a/x/rods and of {tmp_path}/b/x/rods; pass the path that you mean"
+    assert refusal("tables", "--results", results, "-d", "rods") == both
+    write_rods(tmp_path / "rods", bends=(0.0, 2.0))
+    assert f"'rods' names results of {tmp_path}/rods and of {tmp_path}/a/x/rods" in refusal(
+        "tables", "--results", results, "-d", "rods"
+    )
+    call("forget", "--results", results, "-d", "a/x/rods", "--yes")
+    assert [record.data.paths for record in read_records(results)] == [[str(tmp_path / "b" / "x" / "rods")]]
+
+
+def test_a_plan_has_a_job_once_with_all_tables_that_show_it(tmp_path):
+    jobs = plan_selection(tmp_path, tables=["I"], methods=["learned"])
+    shown = {(table.table.identifier, job.record.gallery) for job in jobs for table in job.galleries}
+    assert {("I", "people[draw=0]"), ("I-view", "people[draw=0]")} <= shown
+    assert len({job.record.key for job in jobs}) == len(jobs)
