@@ -148,7 +148,7 @@ def test_every_row_of_the_paper_is_a_method_with_a_title():
 def test_a_model_that_saw_the_test_shapes_has_no_row_where_none_may_have(tmp_path):
     fold = gallery("IV")
     method = select_one(f"learned[training={FIRST.partition('[')[0]}-fold-1]")
-    (job,) = plan([fold], ["view"], [method], tmp_path, named=True)
+    (job,) = plan([fold], ["view"], [method], tmp_path, are_named=True)
     assert (fold.part, job.state) == ("fold 0", "unsupported")
     assert "100 shapes were seen in training" in job.reason
     (allowed,) = plan([replace(fold, table=replace(fold.table, all_unseen=False))], ["view"], [method], tmp_path)

@@ -174,12 +174,15 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
 ):
     results = tmp_path / "results"
     records = failing(function, how, times=99)
+    if function == GEODESICS:
+        records.pop("fine")  # it needs none
     assert {(record.status, bool(record.scores)) for record in records.values()} == {("incomplete", False)}
     assert all(reason in record.reason and record.reason.count("run again") == 1 for record in records.values())
-    assert all(planned.is_pending for planned in planned_of(rods, results))
-    records = failing()
-    assert {name: (record.status, record.per_query) for name, record in records.items()} == undisturbed
-    assert not any(planned.is_pending for planned in planned_of(rods, results))
+    assert {job.record.method for job in planned_of(rods, results) if job.is_pending} >= records.keys()
+    failing()
+    records = {record.method: (record.status, record.per_query) for record in read_records(results)}
+    assert records == undisturbed
+    assert not any(job.is_pending for job in planned_of(rods, results))
 
 
 def planned_of(rods, results):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ STRETCHED = "def canonicalise(self, shape):\n        return shape.form(shape.mes
 def own(tmp_path, monkeypatch):
     """A folder of rods of one's own, and the current folder."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
     return write_rods(tmp_path / "rods", bends=(0.0, 1.0))
 
 
@@ -37,8 +39,8 @@ def distances_of(folder, method, results="results", **options):
 
 
 def test_an_edited_plugin_or_helper_is_imported_again_by_the_next_run_of_a_session(own, tmp_path):
-    plugin, helper = tmp_path / "smooth.py", tmp_path / "lengthen.py"
-    write_plugin(plugin, imports="from lengthen import factor", methods=STRETCHED)
+    plugin, helper = tmp_path / "smooth.py", tmp_path / "lengthening.py"
+    write_plugin(plugin, imports="from lengthening import factor", methods=STRETCHED)
     for number, factor in enumerate(("[1, 1, 1]", "[3, 1, 1]", "[1, 1, 5]")):
         helper.write_text(f"def factor():\n    return {factor}\n")
         if number == 2:
