@@ -364,6 +364,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
             "source": gallery.source,
             "stand_in_for": shapes.stand_in_for,
             "quick": gallery.quick,
+            "paths": list(filter(None, [path_of(gallery.source)])),
             "n_shapes": len(shapes.shapes),
         },
         "shapes": [entry.identifier for entry in gallery.entries],

@@ -19,11 +19,13 @@ from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.files import file_digest
 from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline.cache import Cache, writing
+from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, write_record
 from benchmark.pipeline.stages import compute_distances, compute_signature
 from benchmark.protocols.galleries import Gallery
 from benchmark.registry import Component
+from benchmark.report.frames import fold_of
 from benchmark.runs.planning import gallery_facts
 from benchmark.scoring.evaluation import Evaluation
 from retrieval.measures import score_draws
@@ -84,13 +86,16 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
 
 def _facts(results: Path, dataset: str, input_: Input, method: str, labels: Mapping[str, str]) -> dict[str, Any]:
     """Return the facts of the gallery beside whose rows an external row is shown, or else of a table of its own."""
-    name = Path(dataset).resolve().name if Path(dataset).is_dir() else dataset
-    rows = [record for record in read_records(results) if (record.gallery, record.input) == (name, input_)]
+    every = read_records(results)
+    whole = [record for record in every if not (fold_of(record) or record.data.quick)]
+    of_data = {record.key for record in records_of(label_data_sets(whole), [dataset])}
+    of_gallery = [record for record in every if record.key in of_data or record.gallery == dataset]
+    rows = [record for record in of_gallery if record.input == input_]
     if beside := [record for record in rows if record.status == "ok" and record.method != method]:
         facts = ("gallery", "gallery_digest", "data", "shapes", "labels")
         return {fact: getattr(beside[-1], fact) for fact in facts}
-    if is_known(name):
-        problem = f"no row of '{name}', {input_}, is here, so its shapes are unknown"
+    if is_known(dataset):
+        problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
     if "/" in dataset or not dataset.strip():
         raise ConfigurationError(f"'{dataset}' is neither a data set nor a folder", "name the table: --dataset mine")
@@ -185,7 +190,11 @@ def _keep(results: Path, key: str, title: str, content: Mapping[str, Any], dista
     }
     record = msgspec.convert({**msgspec.to_builtins(content), **own}, Record)
     with writing(results):
-        before = [other for other in read_records(results, published=False) if other.row == record.row]
+        before = [
+            other
+            for other in read_records(results, published=False)
+            if other.row == record.row and other.has_data_of(record)
+        ]
         if before and before[0].title != title:
             problem = f"'{before[0].title}' and '{title}' have one name, {record.method}"
             raise ConfigurationError(problem, "choose another title")
