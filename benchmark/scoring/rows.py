@@ -94,7 +94,7 @@ def _facts(results: Path, dataset: str, input_: Input, method: str, labels: Mapp
     if beside := [record for record in rows if record.status == "ok" and record.method != method]:
         facts = ("gallery", "gallery_digest", "data", "shapes", "labels")
         return {fact: getattr(beside[-1], fact) for fact in facts}
-    if is_known(dataset):
+    if is_known(dataset) or Path(dataset).is_dir():
         problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
     if "/" in dataset or not dataset.strip():

@@ -19,7 +19,7 @@ from benchmark.pipeline.cache import Cache, StorageError, writing
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
-from benchmark.runs.tasks import Task, Work
+from benchmark.runs.tasks import RunContext, Task, Work
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import files_of_at_most, wait_for
 
@@ -129,7 +129,7 @@ def test_a_second_job_at_a_form_reads_no_file(rods, finished, monkeypatch):
     (job,) = planned(rods, finished[0], "identity")
     monkeypatch.setattr(Cache, "read", lambda *_: pytest.fail("a file is read"))
     for step in job.steps():
-        assert Work(Task((step,))).outcome(step).status == "ok"
+        assert Work(Task((step,)), RunContext()).outcome(step).status == "ok"
 
 
 def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
+from msgspec.structs import replace
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import read_distances, read_records, write_record
@@ -61,10 +62,14 @@ def test_what_cannot_stand_beside_is_named(labels, dataset, problem, beside):
         keep_distances(beside, score(D, labels), "Theirs", dataset, "mesh")
 
 
-def test_a_folder_stands_for_the_data_set_of_its_name(beside, tmp_path):
+def test_a_folder_stands_for_the_data_set_at_its_path(beside, tmp_path):
     (tmp_path / "line").mkdir()
+    with pytest.raises(ConfigurationError, match="no row of '.*line', mesh, is here"):
+        keep_distances(beside, score(D, NAMED), "Theirs", str(tmp_path / "line"), "mesh")
+    for record in read_records(beside):
+        write_record(beside, replace(record, data=replace(record.data, paths=[str(tmp_path / "line")])))
     record = keep_distances(beside, score(D, NAMED), "Theirs", str(tmp_path / "line"), "mesh")
-    assert record.gallery == "line"
+    assert (record.gallery, record.data.paths) == ("line", [str(tmp_path / "line")])
 
 
 def test_a_row_replaces_its_earlier_one_but_none_of_another_title(beside):
