@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmark.api.parameters import CheckedParameters, Interval, Matches
 from benchmark.errors import InvalidMesh, UnsupportedShape
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, read_only
 from benchmark.text import NAME
 
 if TYPE_CHECKING:
@@ -159,9 +160,9 @@ ResultCache = Callable[[Hashable, Callable[[], Any]], Any]
 """Returns the result under a key; calls the function, which computes it, if it is missing."""
 
 
-@dataclass(eq=False, kw_only=True, repr=False)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Shape:
-    """Mesh of one subject in one pose, prepared identically for every method.
+    """Mesh of one subject in one pose, prepared identically for every method; methods share it, so it is read-only.
 
     Parameters
     ----------
@@ -188,7 +189,10 @@ class Shape:
     seed: int = 0
     cache: ResultCache | None = None
     _results: dict[Hashable, Any] = field(default_factory=dict, init=False)
-    _laplacian: Laplacian | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        if self.depth is not None:
+            object.__setattr__(self, "depth", read_only(np.array(self.depth)))
 
     @classmethod
     def from_arrays(cls, vertices: ArrayLike, faces: ArrayLike, name: str = "shape") -> Shape:
@@ -240,12 +244,7 @@ class Shape:
         from benchmark.geometry import geodesics
 
         name = geodesics.resolve_solver(solver)
-
-        def compute() -> FloatArray:
-            matrix = geodesics.rounded(geodesics.all_pairs(self.mesh, name))
-            matrix.flags.writeable = False
-            return matrix
-
+        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh, name)))  # noqa: E731
         matrix: FloatArray = self.compute_once(name, compute)
         return matrix
 
@@ -278,24 +277,26 @@ class Shape:
         Returns
         -------
         numpy.ndarray
-            Shape (k, n), in units of the prepared mesh.
+            Shape (k, n), in units of the prepared mesh; read-only.
 
         Raises
         ------
         UnsupportedShape
             If a vertex cannot be reached.
         """
-        from benchmark.geometry import geodesics
+        from benchmark.geometry.geodesics import from_sources
 
-        return geodesics.from_sources(self.mesh, np.asarray(sources, dtype=np.int64), geodesics.resolve_solver(solver))
+        return read_only(from_sources(self.mesh, np.asarray(sources, dtype=np.int64), solver))
 
     def laplacian(self) -> Laplacian:
-        """Return the cotangent Laplacian and lumped mass of the mesh; see :mod:`benchmark.geometry.laplacian`."""
-        if self._laplacian is None:
-            from benchmark.geometry.laplacian import cotangent_laplacian
+        """Return the cotangent Laplacian and lumped mass, read-only; see :mod:`benchmark.geometry.laplacian`."""
+        return self._laplacian.shared()
 
-            self._laplacian = cotangent_laplacian(self.mesh)
-        return self._laplacian
+    @cached_property
+    def _laplacian(self) -> Laplacian:
+        from benchmark.geometry.laplacian import cotangent_laplacian
+
+        return cotangent_laplacian(self.mesh)
 
     def random(self, purpose: str = "") -> np.random.Generator:
         """Return a random generator seeded by the seed, the purpose and a few measurements of the mesh, not by names.

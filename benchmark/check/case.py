@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import FrozenInstanceError, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,8 @@ def explained(error: BaseException) -> str:
         return str(error)
     if isinstance(error, ImportError):
         return f"{locate(error)}; name packages beyond the core in info.requires"
-    return f"{locate(error)}{'; it writes into its input: work on a copy' if 'read-only' in str(error) else ''}"
+    writes = "read-only" in str(error) or isinstance(error, FrozenInstanceError)
+    return f"{locate(error)}{'; it writes into its input: work on a copy' if writes else ''}"
 
 
 @dataclass

@@ -158,7 +158,6 @@ def _input_untouched(case: Case) -> str:
         parts = {
             "vertices": shape.mesh.vertices, "faces": shape.mesh.faces, "geodesics": shape.geodesics(),
             "Laplacian": laplacian.stiffness, "vertex areas": laplacian.mass, "depth": shape.depth,
-            "attributes": (shape.identifier, shape.source_area, shape.seed),
         }  # fmt: skip
         return {name: pickle.dumps(part) for name, part in parts.items()}
 

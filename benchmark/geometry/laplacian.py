@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import UnsupportedShape
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, read_only
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -25,7 +25,7 @@ _SMALLEST_SHARE_OF_MEAN_MASS = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Laplacian:
-    """Discretisation of the Laplace-Beltrami operator by linear finite elements.
+    """Discretisation of the Laplace-Beltrami operator by linear finite elements; its arrays are read-only.
 
     Parameters
     ----------
@@ -39,6 +39,16 @@ class Laplacian:
 
     stiffness: csr_array
     mass: FloatArray
+
+    def __post_init__(self) -> None:
+        for array in (self.stiffness.data, self.stiffness.indices, self.stiffness.indptr, self.mass):
+            read_only(array)
+
+    def shared(self) -> Laplacian:
+        """Return the same arrays in a matrix of its own, whose entries cannot be set for others."""
+        matrix = self.stiffness
+        arrays = (matrix.data, matrix.indices, matrix.indptr)
+        return Laplacian(type(matrix)(arrays, shape=matrix.shape, copy=False), self.mass)
 
 
 def cotangent_laplacian(mesh: Mesh) -> Laplacian:

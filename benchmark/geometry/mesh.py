@@ -37,8 +37,8 @@ class Mesh:
     faces: Faces
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", _read_only(self.vertices, np.float64, "vertices", "fiu"))
-        object.__setattr__(self, "faces", _read_only(self.faces, np.int32, "faces", "iu"))
+        object.__setattr__(self, "vertices", _checked(self.vertices, np.float64, "vertices", "fiu"))
+        object.__setattr__(self, "faces", _checked(self.faces, np.int32, "faces", "iu"))
         if not np.isfinite(self.vertices).all():
             bad = int((~np.isfinite(self.vertices).all(axis=1)).sum())
             raise InvalidMesh(
@@ -64,15 +64,13 @@ class Mesh:
     def face_areas(self) -> Points:
         """Area of each triangle, shape (m,), in squared units of the coordinates; read-only."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        areas = np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
-        areas.flags.writeable = False
-        return areas
+        return read_only(np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)))
 
     @cached_property
     def vertex_areas(self) -> Points:
-        """A third of the area of the triangles around each vertex, shape (n,), in squared units of the coordinates."""
+        """A third of the area of the triangles around each vertex, shape (n,), in squared units; read-only."""
         shares = np.repeat(self.face_areas / 3, 3)
-        return np.asarray(np.bincount(self.faces.ravel(), shares, self.n_vertices), dtype=np.float64)
+        return read_only(np.asarray(np.bincount(self.faces.ravel(), shares, self.n_vertices), dtype=np.float64))
 
     @property
     def area(self) -> float:
@@ -89,7 +87,13 @@ class Mesh:
         return Mesh(vertices, self.faces)  # type: ignore[arg-type]
 
 
-def _read_only(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array, which can no longer be written to."""
+    array.flags.writeable = False
+    return array
+
+
+def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
     try:
         values = np.asarray(array)
     except (TypeError, ValueError, RuntimeError) as error:
@@ -103,9 +107,7 @@ def _read_only(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[
         raise InvalidMesh(f"{what} are of type {values.dtype}, not {expected}", f"pass {expected}")
     if "f" not in kinds and values.size and not 0 <= values.min() <= values.max() <= np.iinfo(dtype).max:
         raise InvalidMesh(f"{what} name vertices {values.min()} to {values.max()}", "count the vertices from 0")
-    copy: NDArray[Any] = np.array(values, dtype=dtype, order="C", copy=True)
-    copy.flags.writeable = False
-    return copy
+    return read_only(np.array(values, dtype=dtype, order="C", copy=True))
 
 
 IntArray = NDArray[np.int64]

@@ -17,6 +17,7 @@ from benchmark.api.contracts import Input
 from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
+from benchmark.reference.paper import MEASURES
 from benchmark.text import say
 from retrieval.measures import DECIMALS
 
@@ -271,7 +272,10 @@ def _faults(record: Record) -> Iterator[str]:
     for field_name, names in (("unprepared", record.unprepared), ("seen", record.seen), ("unsupported", unsupported)):
         if not set(names) <= set(record.shapes):
             yield f"`{field_name}` names a shape that is not in `shapes`"
-    if (record.status == "ok") != bool(record.scores) or not record.scores.keys() >= record.per_query.keys():
+    if any(len(keys) != len(record.shapes) for keys in record.files.values()):
+        yield "`files` has other lengths than `shapes`"
+    expected = {*MEASURES} if record.status == "ok" else set[str]()
+    if not expected <= record.per_query.keys() <= record.scores.keys() or bool(expected) != bool(record.scores):
         yield "`scores`, `per_query` and `status` do not fit together"
         return
     members = Counter(record.labels)
@@ -324,9 +328,9 @@ def _files_of(record: Record) -> Iterator[str]:
 
 
 def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
-    """Return the distances of the shapes with a result, shape (n, n), means over draws; None if not kept here."""
-    arrays = Cache(results).read("records", record.key)
-    return None if arrays is None else arrays.get("distances")
+    """Return the distances of the shapes with a result, shape (n, n), means over draws; None if not here."""
+    distances = (Cache(results).read("records", record.key) or {}).get("distances", np.empty(0))
+    return distances if distances.shape == (len(record.answered),) * 2 else None
 
 
 def read_prepared(results: Path, record: Record, shape: str) -> Mesh | None:

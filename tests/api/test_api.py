@@ -2,11 +2,13 @@
 
 import subprocess
 import sys
+from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
 
-from benchmark.api import CanonicalForm, MethodInfo, ScorerInfo, Shape, canonical_form
+from baselines.smacof import LeastSquaresMDS
+from benchmark.api import CanonicalForm, Mesh, MethodInfo, ScorerInfo, Shape, canonical_form
 from benchmark.errors import ConfigurationError
 
 VERTICES, FACES = np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
@@ -54,7 +56,32 @@ def test_the_draws_of_a_scorer_are_limited():
         ScorerInfo(name="mine", title="Mine", draws=0)
 
 
-def test_a_shape_keeps_its_geodesics():
-    shape = Shape.from_arrays(VERTICES, FACES)
+def arrays_in(value, seen):
+    """Yield each array that can be reached from a value."""
+    if id(value) in seen or isinstance(value, type | str):
+        return
+    seen.add(id(value))
+    if isinstance(value, np.ndarray):
+        yield value
+    values = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    for part in (*values, *getattr(value, "__dict__", {}).values()):
+        yield from arrays_in(part, seen)
+
+
+def test_what_methods_share_is_read_only():
+    depth = np.ones((4, 4), np.float32)
+    shape = Shape(identifier="corner", mesh=Mesh(VERTICES, FACES), depth=depth)
     assert shape.geodesics() is shape.geodesics()
-    assert not shape.geodesics().flags.writeable
+    given = [shape.mesh.vertex_areas, shape.laplacian(), shape.geodesics_from([0]), shape.form(VERTICES)]
+    LeastSquaresMDS().canonicalise(shape)
+    for name in dir(Mesh):
+        getattr(shape.mesh, name)
+    shape.laplacian().stiffness.data = np.ones(16)  # of a matrix of its own
+    arrays = [*arrays_in([shape, *given, shape.laplacian()], set())]
+    assert len(arrays) >= 12
+    assert not any(array.flags.writeable for array in arrays)
+    np.testing.assert_allclose(shape.laplacian().stiffness.sum(axis=1), np.zeros(4), atol=1e-12)
+    with pytest.raises(FrozenInstanceError):
+        shape.seed = 7
+    depth[:] = 2  # that of the caller
+    assert shape.depth.max() == 1

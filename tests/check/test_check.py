@@ -92,7 +92,7 @@ FAULTS = [
     ("answer", FORM + "sys.exit(3)", "", r"^tried.py:32: SystemExit: 3$"),
     ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
     ("input untouched", FORM + WRITES, "", "changes the geodesics of the shape"),
-    ("input untouched", FORM + "shape.seed = 7\n        return shape.form(x)", "", "changes the attributes"),
+    ("answer", FORM + "shape.seed = 7\n        return shape.form(x)", "", "work on a copy"),
     ("repeatable", FORM + COUNTS.format("len(CALLS)"), "", "two runs on one shape differ; draw from .*, keep no state"),
     ("repeatable", FORM + COUNTS.format("(1 + (len(CALLS) > 2))"), "", "the answer differs after another shape"),
     ("repeatable", FORM + SIGNS, "", r"differ by signs; .* a fixed start \(v0=...\), fix the signs"),

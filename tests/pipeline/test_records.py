@@ -12,6 +12,7 @@ from benchmark.pipeline import environment
 from benchmark.pipeline.cache import StorageError
 from benchmark.pipeline.merging import merge
 from benchmark.pipeline.records import Record, read_records, unneeded, write_record
+from benchmark.reference.paper import MEASURES
 from benchmark.runs.planning import describe_change
 from tests.runs.toy import run_toy
 from tools import publish as publishing
@@ -23,7 +24,8 @@ def made(method="gps", *, nn=0.5, finished="2026-01-01", key="a", **changes):
         "key": key * 32, "status": "ok", "gallery": "pets", "gallery_digest": "1", "input": "mesh", "method": method,
         "title": method, "family": "paper", "data": {"name": "pets", "title": "Pets", "source": "pets"},
         "shapes": ["cat0", "cat1", "dog0", "dog1", "owl0"], "labels": ["cat", "cat", "dog", "dog", "owl"],
-        "scores": {"NN": nn}, "per_query": {"NN": [nn, nn, nn, nn, None]}, "finished": finished, "commit": "c0ffee",
+        "scores": dict.fromkeys(MEASURES, nn), "per_query": {name: [nn, nn, nn, nn, None] for name in MEASURES},
+        "finished": finished, "commit": "c0ffee",
     } | changes  # fmt: skip
     return msgspec.convert(facts, Record)
 
@@ -45,8 +47,11 @@ def failed(**changes):
         ({"labels": ["cat"]}, "another length than `labels`"),
         ({"seen": ["cow0"]}, "`seen` names a shape that is not in `shapes`"),
         ({"unsupported": [["cow0", "no"]]}, "`unsupported` names a shape that is not in `shapes`"),
-        ({"scores": {"NN": 0.75}}, "`scores.NN` is not the mean of its queries"),
-        ({"per_query": {"NN": [0.5, 0.5]}}, "`per_query.NN` does not fit `labels`"),
+        ({"scores": dict.fromkeys(MEASURES, 0.75)}, "`scores.NN` is not the mean of its queries"),
+        ({"per_query": {name: [0.5, 0.5] for name in MEASURES}}, "`per_query.NN` does not fit `labels`"),
+        ({"per_query": {}}, "`scores`, `per_query` and `status` do not fit together"),
+        ({"scores": {"NN": 0.5}, "per_query": {"NN": [0.5] * 5}}, "`per_query` and `status` do not fit together"),
+        ({"files": {"forms": ["0" * 32]}}, "`files` has other lengths than `shapes`"),
         ({"status": "failed"}, "`scores`, `per_query` and `status` do not fit together"),
     ],
 )
@@ -99,7 +104,7 @@ def test_merge_joins_records_prefers_results_to_failures_and_refuses_contradicti
     write_record(two, made("gps"))
     merged = merge([one, two], here)
     assert [record.method for record in merged.added] == ["gps", "identity"]
-    assert (merged.known, [pair[1].scores for pair in merged.conflicts]) == (1, [{"NN": 0.25}])
+    assert (merged.known, [pair[1].scores["NN"] for pair in merged.conflicts]) == (1, [0.25])
     assert {record.method: record.scores["NN"] for record in read_records(here)} == {"gps": 0.5, "identity": 0.5}
     with pytest.raises(StorageError, match=r"holds no records; name a results folder"):
         merge([tmp_path / "none"], here)

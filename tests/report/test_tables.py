@@ -1,15 +1,21 @@
 """Rows, means, marks and notes of tables, by hand."""
 
+import json
 import random
+from contextlib import suppress
+from pathlib import Path
 
+import msgspec
 import pytest
 
+from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
-from benchmark.report.formats import markdown
+from benchmark.report.formats import latex, markdown, text
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
+from benchmark.report.results import Results
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, failed, record
@@ -213,3 +219,19 @@ def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_
         "|noise|5|--|.25|",
     ]
     assert robustness_markdown([record("gps", dataset="rods")]) == ""
+
+
+def test_every_record_that_is_read_makes_tables():
+    more = {"seen": ["cat0"], "unsupported": [("cat1", "no")], "files": {"forms": ["0" * 32] * 12}}
+    good = json.loads(msgspec.json.encode(record("gps", **more)))
+    beside = [record("identity"), failed("skeleton")]
+    for name in good:
+        for value in ([], {}, "", 0, ["cat0"], {"NN": 0.5}, {"forms": []}, "failed"):
+            with suppress(msgspec.DecodeError):
+                read = msgspec.json.decode(json.dumps(good | {name: value}), type=Record)
+                for table in table_views([read, *beside]):
+                    assert markdown(table)
+                    assert latex(table)
+                    assert text(table)
+                assert len(Results(Path(), (read, *beside)).jobs) == 3
+                assert len(read.keys) in (0, 12)
