@@ -115,7 +115,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The undirected edges of a set of triangles.
+    """The undirected edges of a set of triangles; the arrays are read-only.
 
     Parameters
     ----------
@@ -133,6 +133,10 @@ class Edges:
     counts: IntArray
     of_sides: IntArray
     grouped_sides: IntArray
+
+    def __post_init__(self) -> None:
+        for array in (self.ends, self.counts, self.of_sides, self.grouped_sides):
+            read_only(array)
 
     @property
     def first(self) -> IntArray:
