@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from benchmark.cli.options import Selection
 from benchmark.cli.progress import Bar, counting
@@ -18,12 +19,13 @@ from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
+from benchmark.protocols.galleries import selected_galleries
 from benchmark.protocols.tables import TABLES, Table, own_table
 from benchmark.registry import by_name, select_one
 from benchmark.report.frames import changed, chosen_records
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
-from benchmark.runs.planning import Planned, estimate, plan_selection, selected_galleries
+from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
 from benchmark.scoring.rows import score_forms as score_folder
@@ -33,20 +35,22 @@ from benchmark.text import aligned, brief, say, say_lines
 _SCREEN, _REASONS = 18, 5
 
 
-def _data_sets(selection: Selection) -> list[str]:
-    """Return the selected data sets; without tables and data sets, those of the plugin files."""
-    if selection.datasets or selection.tables or selection.everything:
-        return selection.datasets
-    return [name for name, component in by_name("data set", selection.plugins).items() if component.plugin]
+def _data(selection: Selection) -> dict[str, Any]:
+    """Return what selects galleries; without tables and data sets, the data sets of the plugin files are meant."""
+    names = selection.datasets
+    if not (names or selection.tables or selection.everything):
+        names = [name for name, component in by_name("data set", selection.plugins).items() if component.plugin]
+    return {
+        "tables": selection.tables, "datasets": names, "plugins": selection.plugins, "input": selection.input,
+        "data_root": selection.require_data_root(), "quick": selection.quick, "subjects": selection.chosen_subjects,
+    }  # fmt: skip
 
 
 def planned_jobs(selection: Selection, records: Sequence[Record], rerun: Collection[str] = ()) -> list[Planned]:
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
     return plan_selection(
-        selection.results, tables=selection.tables, datasets=_data_sets(selection), methods=selection.methods,
-        plugins=selection.plugins, scorer=selection.scorer, input=selection.input,
-        data_root=selection.require_data_root(), quick=selection.quick, subjects=selection.chosen_subjects,
-        seed=selection.seed, records=records, rerun=rerun,
+        selection.results, methods=selection.methods, scorer=selection.scorer, seed=selection.seed, rerun=rerun,
+        records=records, **_data(selection),
     )  # fmt: skip
 
 
@@ -147,12 +151,8 @@ def score_forms(selection: Selection, forms: Sequence[str]) -> bool:
         problem = "--forms scores the meshes of folders as forms of a data set"
         raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
     scorer = select_one(selection.scorer, selection.plugins, "scorer")
-    chosen = selected_galleries(
-        selection.tables, _data_sets(selection), selection.plugins, selection.require_data_root(),
-        quick=selection.quick, subjects=selection.chosen_subjects, input=selection.input,
-    )  # fmt: skip
     shown = []
-    for gallery in chosen:
+    for gallery in selected_galleries(**_data(selection)):
         for input_ in gallery.inputs:
             for title, folder in folders.items():
                 watched = partial(counting, f"scoring {title}")

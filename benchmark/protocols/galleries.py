@@ -16,6 +16,7 @@ from benchmark.datasets.catalogue import (
     is_path,
     is_present,
     open_dataset,
+    sources,
     table_name,
 )
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name
@@ -207,6 +208,30 @@ def galleries(
             if not table.part_of or table.identifier in wanted:
                 raise
     return chosen
+
+
+def selected_galleries(
+    tables: Iterable[str] = (),
+    datasets: Iterable[str] = (),
+    data_root: Path | None = None,
+    *,
+    plugins: Sequence[Path] = (),
+    quick: bool = False,
+    subjects: Sequence[str] = (),
+    input: Input | None = None,
+) -> list[Gallery]:
+    """Return the :func:`galleries` of a selection, with data sets of plugin files, some subjects, or one input."""
+    chosen = galleries(tables, sources(datasets, plugins), data_root, quick)
+    if subjects:  # some tables show a part of a data set: those that have the subjects are meant
+        having = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
+        chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
+    if input is None:
+        return chosen
+    fitting = [replace(gallery, inputs=(input,)) for gallery in chosen if input in gallery.inputs]
+    if not fitting and input not in (dataset := chosen[0].dataset).inputs:
+        problem = f"data set '{dataset.name}' has no complete surfaces, only views of one side of each shape"
+        raise ConfigurationError(problem, f"drop --input {input}")
+    return fitting
 
 
 def _is_selected(table: Table, tables: Sequence[str], sets: Sequence[str], quick: bool) -> bool:

@@ -15,14 +15,14 @@ import msgspec
 
 from benchmark.api.contracts import Input
 from benchmark.code_digest import ROOT, code_of_modules, digest
-from benchmark.datasets.catalogue import is_known, is_path, sources
+from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.ranking import STAGES
 from benchmark.pipeline.records import Record, Row, read_records
 from benchmark.pipeline.stages import Preparation
-from benchmark.protocols.galleries import Gallery, galleries
+from benchmark.protocols.galleries import Gallery, selected_galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.tables import INPUTS
 from benchmark.protocols.trainings import NoFolds
@@ -86,17 +86,14 @@ class Planned:
 def plan_selection(
     results: Path,
     *,
-    tables: Iterable[str] = (),
-    datasets: Iterable[str] = (),
     methods: Sequence[Any] = (),
     plugins: Sequence[Path] = (),
     scorer: str = "cm-bof",
     input: Input | None = None,
-    data_root: Path | None = None,
-    quick: bool = False,
-    subjects: Sequence[str] = (),
     seed: int = 0,
-    **options: Any,
+    rerun: Collection[str] = (),
+    records: Iterable[Record] | None = None,
+    **data: Any,
 ) -> list[Planned]:
     """Plan what the command line, or a Python program, selects.
 
@@ -104,61 +101,28 @@ def plan_selection(
     ----------
     results
         The results folder.
-    tables, datasets
-        Identifiers of tables; names of data sets or folders.
     methods, plugins, scorer
         Names, or objects from Python; plugin files of methods, scorers and data sets.
     input
         ``"mesh"`` or ``"view"``; both by default.
-    data_root
-        The folder of the official data sets.
-    quick
-        Whether to leave out most poses.
-    subjects
-        Subjects to which galleries are restricted.
-    seed
-        Base seed of all methods.
-    **options
-        Others of :func:`plan`.
+    seed, rerun, records
+        As for :func:`plan`.
+    **data
+        Tables and data sets, as for :func:`~benchmark.protocols.galleries.selected_galleries`.
 
     Raises
     ------
     ConfigurationError
         If a name is unknown, or nothing is selected.
     """
-    chosen = selected_galleries(tables, datasets, plugins, data_root, quick=quick, subjects=subjects, input=input)
     jobs = plan(
-        chosen, [input] if input else INPUTS, select(methods, plugins), results,
-        scorer=select_one(scorer, plugins, "scorer"), seed=seed, are_named=bool(methods) and EVERY not in methods,
-        **options,
+        selected_galleries(plugins=plugins, input=input, **data), [input] if input else INPUTS,
+        select(methods, plugins), results, scorer=select_one(scorer, plugins, "scorer"), seed=seed, rerun=rerun,
+        are_named=bool(methods) and EVERY not in methods, records=records,
     )  # fmt: skip
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
     return jobs
-
-
-def selected_galleries(
-    tables: Iterable[str],
-    datasets: Iterable[str],
-    plugins: Sequence[Path] = (),
-    data_root: Path | None = None,
-    *,
-    quick: bool = False,
-    subjects: Sequence[str] = (),
-    input: Input | None = None,
-) -> list[Gallery]:
-    """Return the galleries of a selection, as for :func:`plan_selection`, with the inputs that they have."""
-    chosen = galleries(tables, sources(datasets, plugins), data_root, quick)
-    if subjects:  # some tables show a part of a data set: those that have the subjects are meant
-        having = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
-        chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
-    if input is None:
-        return chosen
-    fitting = [replace(gallery, inputs=(input,)) for gallery in chosen if input in gallery.inputs]
-    if not fitting and input not in (dataset := chosen[0].dataset).inputs:
-        problem = f"data set '{dataset.name}' has no complete surfaces, only views of one side of each shape"
-        raise ConfigurationError(problem, f"drop --input {input}")
-    return fitting
 
 
 def plan(
