@@ -64,7 +64,7 @@ def latex_text(text: str) -> str:
 
 def _breakable(title: str) -> str:
     """Return a title as LaTeX, where lines may also end within parameters."""
-    return r"\allowbreak{}".join(map(latex_text, re.split(r"(?<=[\[\]=,_/.:])(?=\w)", title)))
+    return r"\allowbreak{}".join(map(latex_text, re.split(r"(?<=[\[\]=,_/:])(?=[\w.])", title)))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.report.formats import as_json, duration, hundredths, latex, latex_text, markdown, markdown_text, text
+from benchmark.report.formats import (
+    _breakable,
+    as_json,
+    duration,
+    hundredths,
+    latex,
+    latex_text,
+    markdown,
+    markdown_text,
+    text,
+)
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 
@@ -59,6 +69,11 @@ def test_every_name_is_text_in_markdown():
 def test_every_name_is_text_in_a_terminal():
     shown = text(views()[0], 80)
     assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", shown)
+
+
+def test_latex_may_break_a_title_within_parameters_and_needs_no_help_elsewhere():
+    assert _breakable("m[k=1,size=.5]") == r"m{[}\allowbreak{}k=\allowbreak{}1,\allowbreak{}size=\allowbreak{}.5]"
+    assert _breakable("Non-metric MDS (all, none)") == "Non-metric MDS (all, none)"
 
 
 def test_every_name_is_text_in_latex():

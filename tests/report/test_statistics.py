@@ -54,6 +54,17 @@ def test_three_rows_and_two_measures_are_permuted_together():
         assert p_values[a, b, measure] == pytest.approx(reached, abs=0.03)
 
 
+def test_a_measure_that_stands_there_twice_changes_nothing():
+    values = np.random.default_rng(5).random((4, 10, 1)).round(3)
+    twice = tukey_test(values.repeat(2, axis=2), range(10))
+    assert twice == pytest.approx(tukey_test(values, range(10)).repeat(2, axis=2))
+
+
+def test_no_p_value_is_below_what_the_permutations_can_show():
+    values = np.array([np.ones((20, 1)), np.zeros((20, 1))])
+    assert tukey_test(values, range(20))[0, 1, 0] == least_p(20) == 1e-4
+
+
 def test_equal_rows_and_few_classes_have_no_difference():
     assert np.all(tukey_test(np.ones((3, 16, 4)), [*range(8)] * 2) == 1)
     assert np.isnan(tukey_test(np.random.default_rng(0).random((2, 14, 4)), [*range(7)] * 2)).all()

@@ -95,14 +95,14 @@ def eight(method, *values, **more):
 def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat_are_italic():
     descriptor = {"scorer": "", "scorer_title": ""}
     rows = [
-        eight("best", *[0.9] * 8),
+        eight("top", *[0.9] * 8),
         eight("near", *[1.0] * 4, *[0.6] * 4),
         eight("far", *[0.2] * 8),
         eight("dna", *[0.4] * 8, **descriptor),
         eight("area", *[0.5] * 4, *[0.2] * 4, **descriptor),
     ]
     table = view(*rows)
-    assert marks(table) == {"best": "bold", "near": "italic", "far": "", "dna": "bold", "area": ""}
+    assert marks(table) == {"top": "bold", "near": "italic", "far": "", "dna": "bold", "area": ""}
     assert "No difference is certain: Descriptors (mesh)." in table_notes(table)
     assert "bold" in table.marks["area", "mesh"]
 
@@ -154,6 +154,16 @@ def test_a_note_says_how_many_bridges_join_pieces_across_which_gap():
         "(at most 2 per shape, across at most 0.79 times the root of the area)."
     )
     assert joined(2.0, 0.789) == [words]
+
+
+def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_training():
+    seen = record("learned", dataset="tosca", input_="view", models=[], seen=["cat0", "owl8"])
+    table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"])
+    found = "\n".join(table_notes(table))
+    assert "s: median seconds per shape for form and geodesics." in found
+    assert "Depth network (no model was trained for this data, or it was not run)" in found
+    assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
+    assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
 
 
 def test_notes_name_each_kind_of_fact_once_and_are_at_most_eight():
