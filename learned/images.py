@@ -132,6 +132,24 @@ def enlarged(prediction: Tensor) -> Floats:
     return np.asarray(torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0).numpy(), dtype=np.float32)
 
 
+def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:
+    """Return the pixels of a mask, shape (k, 2), on which pixels near the threshold of its enlargement depend.
+
+    Parameters
+    ----------
+    mask
+        Shape (r, r).
+    decided
+        Pixels to leave out, shape (r, r).
+    tolerance
+        Largest distance from the threshold.
+    """
+    fine = functional.interpolate(mask[None, None], size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0, 0]
+    near = ((fine - COVERED).abs() < tolerance).nonzero()
+    places = ((near + 0.5) * (len(mask) / SIZE) - 0.5).floor().clamp(min=0).long()
+    return places[~decided[tuple(places.T)]]
+
+
 def outline_blur(mask: Tensor) -> float:
     """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r); 0 for an empty one.
 

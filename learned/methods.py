@@ -174,17 +174,9 @@ class Learned(TrainedNetwork):
 
     def predict(self, depth: DepthImage) -> Tensor:
         """Return the depth of each side and the mask, shape (sides + 1, r, r), predicted from a depth image."""
-        import torch
+        from learned.models import predict
 
-        from learned.images import checked_image, resampled
-        from learned.models import load
-
-        network, card = load(self.model_folder)
-        resolution = card.schedule.resolution if card.schedule else 128
-        image = resampled(checked_image(depth), resolution, card.configuration.crop)[:1]
-        with torch.inference_mode():
-            tensor = torch.from_numpy(image).double()[None].contiguous(memory_format=torch.channels_last)
-            return cast("Tensor", network(tensor)[0])
+        return predict(self.model_folder, depth)
 
     def measure_fit(self, shape: Shape) -> dict[str, float | str]:
         """Return the width of the predicted outline in pixels, and a doubt if it is unusual.

@@ -29,6 +29,29 @@ MASK_LOGIT = -2.5
 mostly background, saturate the sigmoid, and the mask stays at zero."""
 
 
+REACH = 80
+"""Pixels of the input around those of an output on which they depend, besides whole blocks that are pooled."""
+
+_POOLED = 16
+"""Pixels of a side that are pooled to one."""
+
+
+def window_around(place: int, size: int) -> tuple[slice, slice, slice]:
+    """Return a window along one side of an image, its part that depends on nothing else, and that within the window.
+
+    Parameters
+    ----------
+    place
+        First of two pixels that must be in the part.
+    size
+        Length of the side.
+    """
+    first = max(place - REACH, 0) // _POOLED * _POOLED
+    last = min((place + 2 + REACH + _POOLED - 1) // _POOLED * _POOLED, size)
+    start, stop = first + REACH if first else 0, last - REACH if last < size else size
+    return slice(first, last), slice(start, stop), slice(start - first, stop - first)
+
+
 def _block(before: int, after: int, dilation: int = 1) -> nn.Sequential:
     # In place, because no gradient needs the input of the activation.
     convolution = nn.Conv2d(before, after, 3, padding=dilation, dilation=dilation)

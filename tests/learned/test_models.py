@@ -19,9 +19,22 @@ from safetensors.torch import save
 
 from benchmark.api.learning import CARD, WEIGHTS, TrainingPair, digest_of
 from benchmark.errors import ConfigurationError, TrainingError
+from learned import models
 from learned.fitting import train
-from learned.models import HISTORY, load
-from tests.learned.toy import BUILDS, OPTIONS, TINY, edit_card, files, quiet, replace_weights, toy_data, toy_pairs
+from learned.images import resampled
+from learned.models import HISTORY, load, predict
+from tests.learned.toy import (
+    BUILDS,
+    OPTIONS,
+    TINY,
+    edit_card,
+    ellipsoid,
+    files,
+    quiet,
+    replace_weights,
+    toy_data,
+    toy_pairs,
+)
 
 IMAGE = torch.linspace(0, 1, 32 * 32, dtype=torch.float64).reshape(1, 1, 32, 32)
 
@@ -62,6 +75,20 @@ def test_predictions_are_those_of_the_weights_on_disk(trained: Path) -> None:
     network.load_state_dict({name: tensor.float() for name, tensor in stored.items()})
     with torch.no_grad():
         torch.testing.assert_close(load(trained)[0](IMAGE), network.double()(IMAGE), rtol=0, atol=1e-12)
+
+
+def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
+    trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    depth = ellipsoid(0.5, 0.7)
+    image = torch.from_numpy(resampled(depth, 32)[:1]).double()[None]
+    with torch.no_grad():
+        expected = load(trained)[0](image)[0]
+    for rounding, is_exact in ((1.0, True), (0.0, False)):
+        monkeypatch.setattr(models, "ROUNDING", rounding)
+        error = float((predict(trained, depth) - expected).abs().max())
+        assert error < 1e-5
+        assert (error < 1e-12) == is_exact
 
 
 def test_a_folder_whose_model_was_replaced_is_read_again(copied: Path) -> None:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from learned.models import CONFIGURATIONS, _in_stripes
-from learned.paper_network import MASK_LOGIT, PaperNetwork
+from learned.paper_network import MASK_LOGIT, PaperNetwork, window_around
 
 IMAGE_NETWORKS = [name for name, each in CONFIGURATIONS.items() if each.architecture != "field"]
 
@@ -75,3 +75,19 @@ def test_stripes_of_a_convolution_are_the_whole(dilation: int) -> None:
     with torch.no_grad():
         striped = _in_stripes(module, x, module.weight, module.bias)
         torch.testing.assert_close(striped, module(x), rtol=0, atol=1e-12)
+
+
+def test_a_window_determines_its_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d)  # all pixels of a block count
+    network, image = PaperNetwork(2).double(), images(1, 420, 40).double()
+    for parameter in network.parameters():
+        parameter.data.abs_()  # no two paths cancel
+    with torch.inference_mode():
+        whole = network(image)[0]
+        for place in (0, 90, 203, 211, 339, 419):
+            window, part, within = window_around(place, 420)
+            assert part.start <= place < part.stop
+            assert part.stop > min(place + 1, 419)
+            found = network(image[:, :, window])[0]
+            torch.testing.assert_close(found[:, within], whole[:, part], rtol=1e-12, atol=0)
+        assert window_around(203, 420)[0] != slice(0, 420)
