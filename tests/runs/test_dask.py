@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 
 import psutil
 import pytest
 
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.records import read_distances
+from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
+from tests.toy import rod, write_off
 
 pytestmark = pytest.mark.slow
 
@@ -46,6 +50,30 @@ def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path,
     }  # fmt: skip
     for name, record in here.items():
         assert (records[name].scores, records[name].per_query) == (record.scores, record.per_query)
+
+
+def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
+    folder, plugin = shutil.copytree(rods, tmp_path / "rods"), tmp_path / "smooth.py"
+    for number, factor in enumerate((1, 3)):
+        write_plugin(
+            plugin,
+            methods=f"def canonicalise(self, shape):\n        return shape.form({factor} * shape.mesh.vertices ** 3)",
+        )
+        write_off(folder / "thin1.off", rod(0.06, 0.5 + number))
+        options = {"plugins": (plugin,), "scorer": None}
+        records = done(planned(folder, tmp_path / "results", "smooth", **options), tmp_path / "results", dask=cluster)
+        clean = done(planned(folder, tmp_path / f"clean{number}", "smooth", **options), tmp_path / f"clean{number}")
+        assert (records["smooth"].status, records["smooth"].per_query) == ("ok", clean["smooth"].per_query)
+        there, here = (read_distances(tmp_path / name, records["smooth"]) for name in ("results", f"clean{number}"))
+        assert (there == here).all()
+
+
+def test_a_later_run_has_its_own_time_limit(rods, tmp_path, cluster):
+    records = done(planned(rods, tmp_path / "one", "fine", plugins=(FAULTS,)), tmp_path / "one", dask=cluster)
+    jobs = planned(rods, tmp_path / "two", "hang", plugins=(FAULTS,))
+    limited = done(jobs, tmp_path / "two", dask=cluster, timeout=3.0)
+    assert (records["fine"].status, limited["hang"].status) == ("ok", "timeout")
+    assert "stopped after 3 s" in limited["hang"].reason
 
 
 def test_a_scheduler_that_does_not_answer_is_named(rods, tmp_path, monkeypatch):
