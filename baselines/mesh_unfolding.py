@@ -65,15 +65,15 @@ class MeshUnfolding(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the unfolded surface; notes are its edge strains, the number of cascades and the final stiffness."""
         from baselines._kernels.arap import AsRigidAsPossible
-        from baselines._kernels.repulsion import relax
+        from baselines._kernels.repulsion import PROXIMITY, relax
 
         areas = shape.mesh.vertex_areas
         unit, masses = float(np.sqrt(areas.sum())), areas / areas.sum()
         surface = AsRigidAsPossible.of(shape, unit)
-        stiffness, cascades = self.first_stiffness, 1
-        positions = relax(surface, masses, surface.rest, stiffness, self.iterations)
+        solve, stiffness, cascades = surface.factorise(PROXIMITY * masses), self.first_stiffness, 1
+        positions = relax(surface, solve, masses, surface.rest, stiffness, self.iterations)
         while surface.strains(positions)["mean_edge_strain"] > self.strain_bound and cascades < self.max_cascades:
             stiffness, cascades = 2 * stiffness, cascades + 1
-            positions = relax(surface, masses, positions, stiffness, self.later_iterations)
+            positions = relax(surface, solve, masses, positions, stiffness, self.later_iterations)
         notes = surface.strains(positions)
         return shape.form(unit * positions, **notes, cascades=cascades, stiffness=stiffness)

@@ -42,7 +42,8 @@ class SDGDM(CheckedParameters):
 
     def describe(self, shape: Shape) -> FloatArray:
         """Return the singular values over their sum, largest first, shape (count,)."""
-        from scipy.sparse.linalg import eigsh
+        from scipy.linalg.blas import dsymv
+        from scipy.sparse.linalg import LinearOperator, eigsh
 
         distances = shape.geodesics()
         if self.count >= len(distances):
@@ -52,7 +53,9 @@ class SDGDM(CheckedParameters):
         # The matrix is symmetric, so its singular values are the absolute values of its eigenvalues. The start has no
         # symmetry: from a constant vector, the iteration would miss half of the eigenvalues of a symmetric shape.
         start = np.random.default_rng(0).standard_normal(len(distances))
-        values = eigsh(distances, k=self.count, which="LM", v0=start, return_eigenvectors=False)
+        # A product that reads one half of the matrix; transposed, it is in the order of BLAS and is not copied.
+        product = LinearOperator(distances.shape, lambda vector: dsymv(1.0, distances.T, vector), dtype=np.float64)
+        values = eigsh(product, k=self.count, which="LM", v0=start, return_eigenvectors=False)
         sizes = np.sort(np.abs(values))[::-1]
         return np.asarray(sizes / sizes.sum())
 

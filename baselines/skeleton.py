@@ -17,7 +17,7 @@ from benchmark.api.contracts import (
     Shape,
     UnsupportedShape,
 )
-from benchmark.geometry.mesh import Mesh, edges_of
+from benchmark.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
     from baselines._kernels.curve_skeleton import CurveSkeleton
@@ -142,12 +142,11 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
 
 def border_length(mesh: Mesh) -> float:
     """Return the total length of the edges that belong to a single triangle, in units of the mesh."""
-    border = edges_of(mesh.faces).boundary
-    return float(np.linalg.norm(mesh.vertices[border[:, 0]] - mesh.vertices[border[:, 1]], axis=1).sum())
+    return float(mesh.edge_lengths[mesh.edges.counts == 1].sum())
 
 
 def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int64]) -> FloatArray:
-    """Return the minimal rotation of each bone, without twist, shape (b, 3, 3) (Rodrigues' formula).
+    """Return the minimal rotation of each bone, without twist, shape (b, 3, 3).
 
     Parameters
     ----------
@@ -156,20 +155,11 @@ def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int6
     bones
         Pairs of joints, shape (b, 2).
     """
+    from scipy.spatial.transform import Rotation
+
     old, new = (_unit(joints[bones[:, 1]] - joints[bones[:, 0]]) for joints in (before, after))
-    cosine = np.einsum("bi,bi->b", old, new)
-    axis = np.cross(old, new)
-    # The minimal rotation of a reversed bone is not unique; any half turn about a perpendicular axis will do.
-    reversed_ = cosine < -1 + 1e-12
-    axis[reversed_] = 0.0
-    skew = np.zeros((len(bones), 3, 3))
-    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -axis[:, 2], axis[:, 1], -axis[:, 0]
-    skew -= skew.transpose(0, 2, 1)
-    rotations = np.eye(3) + skew + skew @ skew / np.where(reversed_, 1.0, 1.0 + cosine)[:, None, None]
-    for b in np.flatnonzero(reversed_):
-        perpendicular = _unit(np.cross(old[b], np.eye(3)[np.abs(old[b]).argmin()])[None])[0]
-        rotations[b] = 2 * np.outer(perpendicular, perpendicular) - np.eye(3)
-    return rotations
+    turns = [Rotation.align_vectors(b, a)[0] for a, b in zip(old, new, strict=True)]
+    return np.asarray(Rotation.concatenate(turns).as_matrix())
 
 
 def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]:

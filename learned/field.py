@@ -201,8 +201,7 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
         owners.append(np.repeat(of_size, len(weights)))
     candidates = np.concatenate(points)
     chosen = _farthest_points(np.ascontiguousarray(candidates), candidates @ _TIE_BREAKER, count)
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces[np.concatenate(owners)[chosen]]], 1, 0)
-    normals = np.cross(b - a, c - a)
+    normals = mesh.face_normals[np.concatenate(owners)[chosen]]
     return candidates[chosen], normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
 
 

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import FloatArray
-from benchmark.geometry.mesh import Mesh, edges_of
+from benchmark.geometry.mesh import Mesh
 
 Links = NDArray[np.int16]
 
@@ -33,7 +33,7 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
     numpy.ndarray
         The vertex into which each vertex collapsed, shape (n,); survivors map to themselves.
     """
-    n, edges = mesh.n_vertices, edges_of(mesh.faces)
+    n, edges = mesh.n_vertices, mesh.edges
     # For each pair of vertices 0 if no edge joins them, else 1 and the number of triangles at the edge.
     links = np.zeros((n, n), dtype=np.int16)
     first, second = edges.ends.T

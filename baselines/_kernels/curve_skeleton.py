@@ -13,7 +13,7 @@ from baselines._kernels.arap import factorise_definite
 from baselines._kernels.connectivity_surgery import collapse
 from benchmark.api.contracts import FloatArray
 from benchmark.geometry.laplacian import cotangent_laplacian
-from benchmark.geometry.mesh import Mesh, edges_of
+from benchmark.geometry.mesh import Mesh
 
 Indices = NDArray[np.int64]
 
@@ -95,12 +95,12 @@ def contraction_skeleton(mesh: Mesh) -> CurveSkeleton:
     ContractionFailed
         If the surface degenerates while more than a tenth of its area is left.
     """
-    contracted, edges = contract(mesh), edges_of(mesh.faces).ends
+    contracted = contract(mesh)
     survivors, owners = np.unique(collapse(mesh.with_vertices(contracted)), return_inverse=True)
     joints = contracted[survivors] + _mean_displacements(mesh, mesh.vertices - contracted, owners)
     joints, owners = _merge_junctions(mesh, joints, owners)
-    joints, owners = _absorb_pockets(mesh, edges, joints, owners)
-    return CurveSkeleton(joints, owners, _bones(owners, edges))
+    joints, owners = _absorb_pockets(mesh, joints, owners)
+    return CurveSkeleton(joints, owners, _bones(mesh, owners))
 
 
 class ContractionFailed(Exception):
@@ -184,18 +184,16 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
         than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls apart.
     """
     areas = mesh.vertex_areas
-    edges = edges_of(mesh.faces).ends
-    span = levels.max() - levels.min()
-    edge_length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1).mean()
-    bands = max(2, min(bands, int(span / (EDGES_PER_BAND * edge_length))))
+    edges, span = mesh.edges.ends, levels.max() - levels.min()
+    bands = max(2, min(bands, int(span / (EDGES_PER_BAND * mesh.edge_lengths.mean()))))
     band = np.minimum((bands * (levels - levels.min()) / span).astype(np.int64), bands - 1)
     owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)
-    return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(owners, edges))
+    return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(mesh, owners))
 
 
-def _bones(owners: Indices, edges: Indices) -> Indices:
-    pairs = np.sort(owners[edges], axis=1)
+def _bones(mesh: Mesh, owners: Indices) -> Indices:
+    pairs = np.sort(owners[mesh.edges.ends], axis=1)
     return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
 
 
@@ -208,13 +206,12 @@ def _means(values: FloatArray, weights: FloatArray, groups: Indices) -> FloatArr
 
 def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) -> FloatArray:
     """Return the displacement of each joint, shape (k, 3); 0 where a part touches another in a single vertex."""
-    k, edges = int(owners.max()) + 1, edges_of(mesh.faces).ends
-    first, second = np.concatenate([edges, edges[:, ::-1]]).T
+    k, lengths = int(owners.max()) + 1, mesh.edge_graph()
+    first, second = lengths.tocoo().coords
     across = owners[first] != owners[second]
     # A loop holds the vertices of a part that have an edge to one neighbouring part; its edges weigh its vertices.
     loops = csr_array((across, (first, owners[first] * k + owners[second])), shape=(mesh.n_vertices, k * k), dtype=bool)
     loops.eliminate_zeros()
-    lengths = csr_array((np.linalg.norm(mesh.vertices[first] - mesh.vertices[second], axis=1), (first, second)))
     weights = loops.multiply(lengths @ loops)
     with np.errstate(invalid="ignore"):
         means = (weights.T @ displacements) / weights.sum(axis=0)[:, None]
@@ -227,12 +224,12 @@ def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) 
 
 def _merge_junctions(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
     """Move junctions onto their best neighbours, one after the other, while that evens out the distances of a part."""
-    edges, vertices, merged = edges_of(mesh.faces).ends, mesh.vertices, True
+    vertices, merged = mesh.vertices, True
     while merged:
         merged = False
-        for junction in np.flatnonzero(np.bincount(_bones(owners, edges).ravel()) > 2):
+        for junction in np.flatnonzero(np.bincount(_bones(mesh, owners).ravel()) > 2):
             while (part := owners == junction).any():
-                bones = _bones(owners, edges)
+                bones = _bones(mesh, owners)
                 others = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
                 spreads = [_spread(vertices[part | (owners == other)], joints[other]) for other in others]
                 if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * _spread(vertices[part], joints[junction]):
@@ -243,16 +240,17 @@ def _merge_junctions(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[F
     return joints[kept], owners
 
 
-def _absorb_pockets(mesh: Mesh, edges: Indices, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
-    normals = np.cross(b - a, c - a)
-    outwards = np.sign(np.einsum("fi,fi->", normals, a))
+def _absorb_pockets(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
+    corners_of_faces = mesh.vertices[mesh.faces]
+    outwards = np.sign(np.einsum("fi,fi->", mesh.face_normals, corners_of_faces[:, 0]))
     while True:
         corners = np.sort(owners[mesh.faces], axis=1)
         joint_of_face = corners[:, 1]
-        flux = outwards * np.einsum("fi,fi->f", normals, (a + b + c) / 3 - joints[joint_of_face])
+        flux = outwards * np.einsum(
+            "fi,fi->f", mesh.face_normals, corners_of_faces.mean(axis=1) - joints[joint_of_face]
+        )
         flux = np.bincount(joint_of_face, weights=flux, minlength=len(joints))
-        bones = _bones(owners, edges)
+        bones = _bones(mesh, owners)
         degrees = np.bincount(bones.ravel(), minlength=len(joints))
         pockets = np.flatnonzero((degrees == 1) & (flux < 0))
         if not len(pockets):

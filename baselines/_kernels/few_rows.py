@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
 
+from baselines._kernels.arap import factorise_definite
 from baselines._kernels.orientation import oriented
 from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import FloatArray, Shape
-from benchmark.geometry.mesh import edges_of
 
 
 def farthest_points(shape: Shape, count: int) -> list[int]:
@@ -19,7 +18,7 @@ def farthest_points(shape: Shape, count: int) -> list[int]:
     The first is the vertex farthest from the geodesic centre, which is the vertex with the smallest maximum distance to
     four mutually far vertices.
     """
-    graph, vertices = _edge_graph(shape), shape.mesh.vertices
+    graph, vertices = shape.mesh.edge_graph(), shape.mesh.vertices
     outermost = int(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1).argmax())
     centre = int(dijkstra(graph, indices=_spread(graph, outermost, 4)).max(axis=0).argmin())
     return _spread(graph, int(dijkstra(graph, indices=centre).argmax()), count)
@@ -32,14 +31,6 @@ def _spread(graph: csr_array, first: int, count: int) -> list[int]:
         # No vertex is farther than this from its nearest sample, so the search can stop there.
         np.minimum(nearest, dijkstra(graph, indices=chosen[-1], limit=nearest.max()), out=nearest)
     return chosen
-
-
-def _edge_graph(shape: Shape) -> csr_array:
-    vertices, n = shape.mesh.vertices, shape.mesh.n_vertices
-    ends = edges_of(shape.mesh.faces).ends
-    start, end = np.concatenate([ends, ends[:, ::-1]]).T
-    lengths = np.linalg.norm(vertices[start] - vertices[end], axis=1)
-    return csr_array(coo_array((lengths, (start, end)), shape=(n, n)))
 
 
 def smooth_interpolation(
@@ -77,12 +68,11 @@ def smooth_interpolation(
     weights = laplacian.mass if weights is None else weights
     n, p, shares = len(weights), len(samples), weights / weights.sum()
     # Only constants are in the null space of the Laplacian: without its first row and column it can be factorised.
-    grounded = laplacian.stiffness.tocsc()[1:, 1:]
-    factor = splu(grounded, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    solve_grounded = factorise_definite(laplacian.stiffness[1:, 1:])
 
     def solve(loads: FloatArray) -> FloatArray:
         balanced = loads - np.outer(shares, loads.sum(axis=0))
-        solution = np.vstack([np.zeros((1, p)), factor.solve(balanced[1:])])
+        solution = np.vstack([np.zeros((1, p)), solve_grounded(balanced[1:])])
         return np.asarray(solution - shares @ solution)
 
     units = np.zeros((n, p))

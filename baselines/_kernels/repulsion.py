@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
@@ -14,7 +16,12 @@ system needs a hold; a weak hold of every vertex at its current position keeps t
 
 
 def relax(
-    surface: AsRigidAsPossible, masses: FloatArray, positions: FloatArray, stiffness: float, steps: int
+    surface: AsRigidAsPossible,
+    solve: Callable[[FloatArray], FloatArray],
+    masses: FloatArray,
+    positions: FloatArray,
+    stiffness: float,
+    steps: int,
 ) -> FloatArray:
     r"""Let the vertices of a surface repel each other against its elastic energy.
 
@@ -27,6 +34,8 @@ def relax(
     ----------
     surface
         Elastic energy and rest positions.
+    solve
+        Solves the system of the surface with ``PROXIMITY * masses`` added, which does not depend on the stiffness.
     masses
         Weight of each vertex in the repulsion, shape (n,), sum 1.
     positions
@@ -41,12 +50,10 @@ def relax(
     numpy.ndarray
         Positions after the last step, shape (n, 3); the centroid under ``masses`` does not change.
     """
-    hold = PROXIMITY * masses
-    solve = surface.factorise(hold)
     centroid = masses @ positions
     for _ in range(steps):
         load = surface.load(surface.rotations(positions)) + repulsion(positions, masses) / (2 * stiffness)
-        positions = solve(load + hold[:, None] * positions)
+        positions = solve(load + PROXIMITY * masses[:, None] * positions)
         positions += centroid - masses @ positions
     return positions
 

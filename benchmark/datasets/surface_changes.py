@@ -5,18 +5,13 @@ Random draws do not depend on the amount. Lengths are fractions of the longest s
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact, extent_of, largest_component
-from benchmark.geometry.mesh import Mesh, edges_of
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
+from benchmark.geometry.mesh import Mesh
 
 Random = np.random.Generator
 Floats = NDArray[np.float64]
@@ -160,14 +155,15 @@ def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple
     """Return the nearest triangle that each start can be joined with, and its distance; infinite if there is none."""
     from scipy.sparse.csgraph import dijkstra  # lazy
 
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    if np.einsum("ij,ij", a, normals) < 0:  # six times the volume is negative: the mesh is inside out
+    normals = mesh.face_normals
+    if (
+        np.einsum("ij,ij", mesh.vertices[mesh.faces[:, 0]], normals) < 0
+    ):  # six times the volume is negative: the mesh is inside out
         normals = -normals
-    own, graph, extent = np.einsum("ij,ij->i", middles, normals), _edge_graph(mesh), extent_of(mesh)
+    own, graph, extent = np.einsum("ij,ij->i", middles, normals), mesh.edge_graph(), extent_of(mesh)
     partners, gaps = np.zeros(len(starts), dtype=np.int64), np.full(len(starts), np.inf)
     for number, start in enumerate(starts):  # one at a time: all pairs would take gigabytes
-        along = dijkstra(graph, directed=False, indices=mesh.faces[start, 0])[mesh.faces[:, 0]]
+        along = dijkstra(graph, indices=mesh.faces[start, 0])[mesh.faces[:, 0]]
         straight = np.linalg.norm(middles - middles[start], axis=1)
         distant = (along > FARTHEST * extent) & (along > DETOUR * straight)
         # The outer sides must face each other, so that the tube lies outside.
@@ -176,14 +172,6 @@ def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple
         partners[number] = straight.argmin()
         gaps[number] = straight[partners[number]]
     return partners, gaps
-
-
-def _edge_graph(mesh: Mesh) -> csr_array:
-    from scipy.sparse import coo_array
-
-    ends = edges_of(mesh.faces).ends
-    lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-    return coo_array((lengths, ends.T), shape=(mesh.n_vertices, mesh.n_vertices)).tocsr()
 
 
 def _tube(vertices: Floats, first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -212,7 +200,7 @@ def _rest(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
 
 def _halved(mesh: Mesh) -> Mesh:
     """Split each triangle into four at the edge midpoints."""
-    edges = edges_of(mesh.faces)
+    edges = mesh.edges
     of_sides = edges.of_sides.reshape(-1, 3) + mesh.n_vertices
     middles = (mesh.vertices[edges.ends[:, 0]] + mesh.vertices[edges.ends[:, 1]]) / 2
     (a, b, c), (ab, bc, ca) = mesh.faces.T.astype(np.int64), of_sides.T

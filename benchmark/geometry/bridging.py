@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.cleaning import compact, connected_components
-from benchmark.geometry.mesh import Mesh, edges_of
+from benchmark.geometry.mesh import Mesh
 
 IntArray = NDArray[np.int64]
 
@@ -79,7 +79,7 @@ def _links(mesh: Mesh, labels: IntArray) -> Iterator[tuple[float, int, int]]:
 def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
     """Return the boundary vertices of open components and all vertices of closed ones."""
     on_boundary = np.zeros(mesh.n_vertices, dtype=bool)
-    on_boundary[edges_of(mesh.faces).boundary] = True
+    on_boundary[mesh.edges.boundary] = True
     is_open = np.zeros(int(labels.max()) + 1, dtype=bool)
     is_open[labels[on_boundary]] = True
     return np.flatnonzero(on_boundary | ~is_open[labels])

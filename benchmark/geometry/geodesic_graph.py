@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from benchmark.geometry.mesh import Mesh, edges_of, sides_of
+from benchmark.geometry.mesh import Mesh, sides_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -44,9 +44,8 @@ class Graph:
 
 def edge_graph(mesh: Mesh) -> Graph:
     """Return the edge graph of the mesh with Euclidean lengths."""
-    tails, heads = edges_of(mesh.faces).ends.T
-    lengths = np.linalg.norm(mesh.vertices[heads] - mesh.vertices[tails], axis=1)
-    return _undirected(mesh.n_vertices, tails, heads, lengths)
+    edges = mesh.edge_graph()
+    return Graph(edges.indptr.astype(np.int64), edges.indices.astype(np.int64), edges.data)
 
 
 def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
@@ -135,7 +134,7 @@ class _Sides:
         self.apex_x = (towards_apex * along).sum(axis=1)
         self.apex_y = np.linalg.norm(towards_apex - self.apex_x[:, None] * along, axis=1)
 
-        edges = edges_of(mesh.faces)
+        edges = mesh.edges
         pair = edges.first[edges.counts == 2]
         first, second = edges.grouped_sides[pair], edges.grouped_sides[pair + 1]
         proper = self.lengths[first] > 0

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from benchmark.errors import UnsupportedShape, did_you_mean
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.geodesic_graph import Graph, edge_graph, geodesic_graph
-from benchmark.geometry.mesh import Mesh, edges_of
+from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
 
 FloatArray = NDArray[np.float64]
@@ -56,9 +56,7 @@ def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
 
 def _require_proper_manifold(mesh: Mesh) -> None:
     # On anything else, libigl reads out of bounds and crashes the process.
-    edges = edges_of(mesh.faces)
-    lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
-    if (edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (lengths > 0).all():
+    if (mesh.edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (mesh.edge_lengths > 0).all():
         raise UnsupportedShape(
             "the exact solver needs a manifold without edges of length zero",
             "clean the mesh (benchmark.geometry.cleaning), or use the solver 'default'",

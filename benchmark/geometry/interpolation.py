@@ -44,7 +44,7 @@ def interpolate(
     nearest = igl.point_mesh_squared_distance(queries, mesh.vertices, mesh.faces.astype(np.int64))
     triangles, places = np.array(nearest[1], dtype=np.int64), np.array(nearest[2])
     corners = mesh.vertices[mesh.faces]
-    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = mesh.face_normals
     turned = np.flatnonzero(np.einsum("mk,mk->m", facing[triangles], directions) < 0)
     if len(turned):
         others, at = _same_side(corners, facing, queries[turned], directions[turned])
@@ -57,11 +57,9 @@ def interpolate(
 
 def vertex_normals(mesh: Mesh) -> Points:
     """Return area-weighted vertex normals, not normalised, shape (n, 3)."""
-    corners = mesh.vertices[mesh.faces]
-    of_faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros((mesh.n_vertices, 3))
     for corner in range(3):
-        np.add.at(normals, mesh.faces[:, corner], of_faces)
+        np.add.at(normals, mesh.faces[:, corner], mesh.face_normals)
     return normals
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import InvalidMesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Points = NDArray[np.float64]
 Faces = NDArray[np.int32]
@@ -61,10 +64,15 @@ class Mesh:
         return len(self.faces)
 
     @cached_property
+    def face_normals(self) -> Points:
+        """Normal of each triangle, twice as long as its area, shape (m, 3); read-only."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        return read_only(np.cross(b - a, c - a))
+
+    @cached_property
     def face_areas(self) -> Points:
         """Area of each triangle, shape (m,), in squared units of the coordinates; read-only."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return read_only(np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)))
+        return read_only(np.asarray(0.5 * np.linalg.norm(self.face_normals, axis=1)))
 
     @cached_property
     def vertex_areas(self) -> Points:
@@ -81,6 +89,19 @@ class Mesh:
     def edges(self) -> Edges:
         """The edges of the triangles, for all who ask."""
         return edges_of(self.faces)
+
+    @cached_property
+    def edge_lengths(self) -> Points:
+        """Length of each edge, shape (e,), in units of the coordinates; read-only."""
+        first, second = self.vertices[self.edges.ends.T]
+        return read_only(np.asarray(np.linalg.norm(first - second, axis=1)))
+
+    def edge_graph(self) -> csr_array:
+        """Return the lengths of the edges as a symmetric matrix, shape (n, n)."""
+        from scipy.sparse import csr_array  # lazy
+
+        tails, heads = np.concatenate([self.edges.ends, self.edges.ends[:, ::-1]]).T
+        return csr_array((np.tile(self.edge_lengths, 2), (tails, heads)), shape=(self.n_vertices, self.n_vertices))
 
     def with_vertices(self, vertices: ArrayLike) -> Mesh:
         """Return a mesh with the same triangles and new vertex positions."""

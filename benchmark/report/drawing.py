@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import FRONT, Camera
-from benchmark.geometry.mesh import Mesh, Points, edges_of
+from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
 
 #: Direction of the light in image coordinates: right, up, towards the viewer.
@@ -39,11 +38,8 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     This averages the mean distance along edges to samples all over the surface, scaled to [0, 1], and its rank. Both
     hardly change when a limb bends, so each part of a body has the same colour in every pose.
     """
-    edges = edges_of(mesh.faces).ends
-    lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
-    graph = coo_matrix((lengths + 1e-12, (edges[:, 0], edges[:, 1])), shape=(mesh.n_vertices,) * 2).tocsr()
     sources = np.unique(np.linspace(0, mesh.n_vertices - 1, _SOURCES).astype(int))
-    along = dijkstra(graph, directed=False, indices=sources)
+    along = dijkstra(mesh.edge_graph(), indices=sources)
     along[~np.isfinite(along)] = np.nan
     far = np.nan_to_num(np.nanmean(along, axis=0))
     share = (far - far.min()) / max(float(np.ptp(far)), 1e-12)
