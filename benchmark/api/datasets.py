@@ -52,9 +52,12 @@ def read_entry(entry: Entry) -> Mesh:
 
 def digest_of_entry(entry: Entry) -> str:
     """Return the digest of the mesh file of a shape; "" if it has none."""
-    if entry.path is None:
-        return ""
-    return "+".join(file_digest(path) for path in (entry.path, *companions(entry.path)))
+    return "+".join(map(file_digest, files_of(entry)))
+
+
+def files_of(entry: Entry) -> list[Path]:
+    """Return the mesh file of a shape and the files beside it that belong to it."""
+    return [entry.path, *companions(entry.path)] if entry.path else []
 
 
 def front(entry: Entry) -> Camera:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Input, Mesh, Method, Shape
-from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.datasets import Entry, ShapeSet, files_of
 from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import (
@@ -189,11 +189,10 @@ def frame_of(shapes: ShapeSet) -> float:
 
 
 def last_change(entry: Entry) -> int:
-    """Return when the file of a shape, or its attributes, changed last; 0 without a file."""
-    try:
-        return entry.path.stat().st_ctime_ns if entry.path else 0
-    except OSError:
-        return 0
+    """Return when a file of a shape, or its attributes, changed last; 0 without a file."""
+    with suppress(OSError):
+        return max((path.stat().st_ctime_ns for path in files_of(entry)), default=0)
+    return 0
 
 
 def _is_temporary(error: BaseException | None) -> bool:
