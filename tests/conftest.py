@@ -10,9 +10,17 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import pin_threads
 
 pin_threads()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let no test run a kernel that was compiled before an edit; with several processes, the first one sees to it."""
+    if not hasattr(config, "workerinput"):
+        drop_stale_kernels()
+
 
 # Thousands of tests and their modules stay to the end: looking for garbage among them takes an eighth of the time.
 gc.set_threshold(20_000, 20, 50)

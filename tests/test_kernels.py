@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from benchmark.kernels import compiled_kernels, drop_stale_kernels
+from benchmark.code_digest import ROOT
+from benchmark.kernels import compiled_kernels, drop_stale_kernels, kernel_folder, suite_sources
 
 KERNEL = (
     "from numba import njit\nfrom {origin} import {name}\n\n\n@njit(cache=True)\ndef kernel(x):\n    return {name}\n"
@@ -49,6 +50,18 @@ def test_what_was_compiled_from_other_code_goes(sources, edited, kept):
     path.write_text(path.read_text() + "MORE = 1\n")
     drop_stale_kernels(sources)
     assert {source.stem for source in sources if compiled_kernels(source)} == kept
+
+
+def test_pytest_drops_stale_kernels_before_its_tests(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    (source,) = (path for path in suite_sources() if path.name == "pose.py")
+    folder = kernel_folder(source)
+    folder.mkdir(parents=True)
+    (folder / "pose.kernels").write_text("that of another code")
+    (folder / "pose.kernel-1.py311.nbi").write_text("")
+    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--collect-only", "tests/test_text.py"]
+    subprocess.run(words, cwd=ROOT, capture_output=True, check=False)
+    assert compiled_kernels(source) == []
 
 
 def test_kernels_stay_after_an_edit_of_a_docstring(sources):

@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,13 +30,13 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.preparation import N_VERTICES, fit_frame, prepare_mesh, prepare_view
-from benchmark.pipeline.records import Row, read_form, read_records
+from benchmark.pipeline.records import read_form
 from benchmark.pipeline.search import search
 from benchmark.pipeline.stages import Preparation, shape_of
-from benchmark.protocols.models import find_models
 from benchmark.registry import Component, select_one
 from benchmark.report.drawing import check_ending, save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
+from benchmark.runs.planning import Planned, plan_selection
 from benchmark.text import aligned, say
 
 
@@ -212,20 +213,14 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int) ->
     scorer = select_one(options.scorer, options.plugins, "scorer")
     shapes = options.open_dataset(name)
     input_ = _input(query, shapes, component)
-    records = {record.row: record for record in read_records(options.results, published=False)}
-    row = Row(shapes.name, input_, component.name, options.seed, "" if component.describes else scorer.name)
-    if row not in records:
-        command = f"python -m benchmark run -m {component.name} -d {shlex.quote(name)} --input {input_}"
-        raise ConfigurationError(f"no form of {row} is kept in {options.results}", f"run `{command}` first")
-    record = records[row]
+    job = _job(name, shapes, component, options, input_)
     itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]
     preparation = Preparation(shapes, input_, Cache(options.results))
     if itself and not options.has_camera:
         shape = shape_of(preparation.arrays(itself[0]), query.stem, options.seed)
     else:
         shape = _query_shape(query, preparation, options, of_gallery=bool(itself))
-    models = find_models(component, shapes, shapes.shapes, options.data_root, options.results / "models").values()
-    maker = next((component.create().load(model.folder) for model in models), component.create())
+    maker, record = _with_model(component, job, [entry.identifier for entry in itself]), job.before or job.record
     nearest = search(options.results, record, shape, maker, scorer.create(), [entry.identifier for entry in itself])
     hits = nearest.hits[:k]
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
@@ -238,6 +233,33 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int) ->
         save_png(retrieved_picture(panels), options.picture)
     margin = f"by a margin of {nearest.margin:.1%} over the second class"
     say(f"class {hits[0].subject}, {margin}; {time.perf_counter() - start:.1f} s")
+
+
+def _job(name: str, shapes: ShapeSet, component: Component, options: Selection, input_: Input) -> Planned:
+    """Return the finished job of a gallery; raise ``ConfigurationError`` if there is none, or it is of other code."""
+    planned = plan_selection(
+        options.results, datasets=[name], methods=[component.name], plugins=options.plugins, scorer=options.scorer,
+        input=input_, data_root=options.require_data_root(), seed=options.seed,
+    )  # fmt: skip
+    command = f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} --input {input_}` first"
+    jobs = [job for job in planned if job.record.gallery == shapes.name]
+    if jobs and jobs[0].state == "stale":
+        raise ConfigurationError(f"the gallery is stale: {jobs[0].reason}", command)
+    if not jobs or jobs[0].state != "finished":
+        why = f": {jobs[0].reason}" if jobs else ""
+        raise ConfigurationError(f"no form of {shapes.name} {input_} {component.name} is kept{why}", command)
+    return jobs[0]
+
+
+def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
+    """Return a method with the model that made the forms of a gallery, or of a query that is one of its shapes."""
+    of_shape = dict(zip(job.record.shapes, job.models, strict=True))
+    models = {of_shape[name] for name in itself} or set(of_shape.values())
+    if len(models) > 1:
+        problem = f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no fold"
+        raise ConfigurationError(problem, "choose one model: -m 'METHOD[training=NAME]'; see 'list models'")
+    method, (model,) = component.create(), models
+    return method.load(model) if model else method
 
 
 def _input(query: Path, shapes: ShapeSet, component: Component) -> Input:

@@ -44,14 +44,16 @@ def suite_sources() -> list[Path]:
 def compiled_kernels(source: Path) -> list[Path]:
     """Return numba's files with the compiled kernels of a source file."""
     return [
-        path for ending in ("nbi", "nbc") for path in _folder(source).glob(f"{glob.escape(source.stem)}.*.{ending}")
+        path
+        for ending in ("nbi", "nbc")
+        for path in kernel_folder(source).glob(f"{glob.escape(source.stem)}.*.{ending}")
     ]
 
 
 def _drop_if_stale(source: Path) -> None:
     is_ours = source.is_relative_to(ROOT) and source.relative_to(ROOT).parts[0] in FIRST_PARTY
     target = ".".join(source.relative_to(ROOT).with_suffix("").parts) if is_ours else str(source)
-    digest, mark = code_digest(target), _folder(source) / f"{source.stem}.kernels"
+    digest, mark = code_digest(target), kernel_folder(source) / f"{source.stem}.kernels"
     if mark.is_file() and mark.read_text(encoding="utf-8") == digest:
         return
     compiled = compiled_kernels(source)
@@ -62,7 +64,7 @@ def _drop_if_stale(source: Path) -> None:
     write_text(mark, digest)
 
 
-def _folder(source: Path) -> Path:
+def kernel_folder(source: Path) -> Path:
     """Return the folder where numba stores the compiled kernels of a source file."""
     if not os.environ.get(VARIABLE):
         return source.parent / "__pycache__"

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry
-from benchmark.code_digest import digest, digest_of_bytes
+from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
 from benchmark.datasets.catalogue import is_known
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.files import file_digest
@@ -26,7 +26,7 @@ from benchmark.pipeline.stages import compute_distances, compute_signature
 from benchmark.protocols.galleries import Gallery
 from benchmark.registry import Component
 from benchmark.report.frames import fold_of
-from benchmark.runs.planning import gallery_facts
+from benchmark.runs.planning import RANKING, gallery_facts
 from benchmark.scoring.evaluation import Evaluation
 from retrieval.measures import score_draws
 
@@ -79,7 +79,9 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
-    key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes())])
+    key = digest(
+        [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), code_of_modules([RANKING])]
+    )
     content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score_draws([matrix], facts["labels"])}
     return _keep(results, key, title, content, matrix)
 
@@ -141,7 +143,7 @@ def score_forms(
     files = _files(gallery.entries, folder)
     facts = gallery_facts(gallery, input_)
     digests = {name: file_digest(path) for name, path in files.items()}
-    key = digest([facts["gallery_digest"], input_, title, digests, scorer.key()])
+    key = digest([facts["gallery_digest"], input_, title, digests, scorer.key(), code_of_modules([RANKING])])
     for record in read_records(results, published=False):
         if record.key == key:
             return record

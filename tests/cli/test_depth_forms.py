@@ -1,10 +1,15 @@
 """``canonicalise`` of depth images, and ``retrieve``."""
 
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from PIL import Image
 
+from benchmark import code_digest
+from benchmark.cli.forms import _with_model
+from benchmark.errors import ConfigurationError
 from tests.datasets.test_frames import write_frames
 from tests.toy import SMALL_SCORER
 from tests.verbs import call, refusal
@@ -41,7 +46,7 @@ def test_the_settings_of_a_folder_hold_for_its_images_unless_the_command_line_ha
     assert narrow.count("more than the 2.00 m of the frame") == 2
 
 
-def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
+def test_a_gallery_that_was_run_is_searched(frames, tmp_path, monkeypatch):
     results, picture = tmp_path / "results", tmp_path / "found.png"
     small = ("--scorer", SMALL_SCORER, "--results", results)
     asked = ("retrieve", "-m", "identity", "-d", frames, *small, frames / "two" / "1.png")
@@ -57,6 +62,25 @@ def test_a_gallery_that_was_run_is_searched(frames, tmp_path):
         assert drawn.width > drawn.height
     described = call(*(word if word != "identity" else "surface-area" for word in asked))
     assert re.search(r"class (one|two), by a margin of", described)
+    real = code_digest._parsed
+    edited = lambda path: real(path)._replace(digest="e" * 16) if path.name == "identity.py" else real(path)  # noqa: E731
+    monkeypatch.setattr(code_digest, "_parsed", edited)
+    stale = refusal(*asked)
+    assert "the gallery is stale: identity.py changed; run `python -m benchmark run -m identity -d" in stale
+
+
+def test_a_query_takes_the_model_that_made_the_gallery():
+    job = SimpleNamespace(
+        models=(Path("a"), Path("b"), Path("b")), record=SimpleNamespace(gallery="g", shapes=[*"123"])
+    )
+    learner = SimpleNamespace(create=lambda: SimpleNamespace(load=lambda folder: folder))
+    assert [_with_model(learner, job, [name]) for name in "13"] == [Path("a"), Path("b")]
+    with pytest.raises(
+        ConfigurationError, match="the forms of g are of 2 models, and a query is in no fold; choose one"
+    ):
+        _with_model(learner, job, [])
+    job.models = (Path("b"),) * 3
+    assert _with_model(learner, job, []) == Path("b")
 
 
 def test_a_query_of_the_gallery_is_prepared_with_its_settings(tmp_path):

@@ -107,6 +107,9 @@ def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
     assert record.per_query["NN"][record.shapes.index("thin0")] == 0
     monkeypatch.setattr("benchmark.scoring.rows.compute_signature", None)
     assert score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path) == record
+    with monkeypatch.context() as patch, pytest.raises(TypeError):  # it is scored again by other measures
+        patch.setattr("benchmark.scoring.rows.code_of_modules", lambda names: {"retrieval/measures.py": "edited"})
+        score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path)
     with pytest.raises(ConfigurationError, match="name them like the shapes: thick0.off"):
         score_forms(gallery, "mesh", "Mine", tmp_path, scorer, tmp_path)
     with pytest.raises(ConfigurationError, match="nowhere is not a folder"):
