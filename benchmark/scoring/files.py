@@ -226,17 +226,24 @@ def _read_text(path: Path, count: int) -> Any:
 
 
 def _is_number(cell: str) -> bool:
-    return re.fullmatch(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?inf(inity)?|nan", cell.lower()) is not None
+    return isinstance(_number(cell), float)
+
+
+def _number(cell: str) -> Any:
+    """Return a cell as a number, in which a comma is decimal; what is none stays, as it may lie on the diagonal."""
+    try:
+        return cell if "_" in cell else float(cell.replace(",", "."))
+    except ValueError:
+        return cell
 
 
 def _numbers(rows: Sequence[Sequence[str]], path: Path) -> list[list[Any]]:
-    """Return cells as numbers; what is none stays, as it may lie on the diagonal."""
-    cells = [cell for row in rows for cell in row if _is_number(cell)]
-    commas = [cell for cell in cells if "," in cell]
-    may_be_thousands = all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", cell) for cell in commas)
-    if commas and (may_be_thousands or any("." in cell for cell in cells)):
-        raise ConfigurationError(f"{path}: commas may be decimal or divide thousands", "write decimal points")
-    return [[float(cell.replace(",", ".")) if _is_number(cell) else cell for cell in row] for row in rows]
+    cells = [cell for row in rows for cell in row]
+    if commas := [cell for cell in cells if "," in cell and _is_number(cell)]:
+        may_be_thousands = all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", cell) for cell in commas)
+        if may_be_thousands or any("." in cell for cell in cells):
+            raise ConfigurationError(f"{path}: commas may be decimal or divide thousands", "write decimal points")
+    return [[_number(cell) for cell in row] for row in rows]
 
 
 def _separator(lines: Sequence[str]) -> str | None:

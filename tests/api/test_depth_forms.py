@@ -29,6 +29,9 @@ def test_every_way_to_pass_a_camera_and_depths_gives_the_same(camera):
 def test_the_method_is_by_default_the_network_that_a_loop_loads_once():
     form = canonical_form_of_depth(frame()[0], CAMERA)
     assert (form.notes["mask"], form.notes["up"], form.notes["predicted_pieces"]) == ("found", "floor", 1)
+    small = canonical_form_of_depth(0.4 * frame()[0], CAMERA, frame()[1])
+    assert str(small.notes["doubt"]).startswith(f"{small.notes['size']} m is small for a person")
+    assert "person" not in str(form.notes.get("doubt"))
     assert method_of_depth("learned-streamed") is method_of_depth("learned-streamed")
 
 
