@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 #: Confidence level of the intervals.
 LEVEL = 0.95
 
+#: Precision of intervals.
+_ROUNDING = 1e-6
+
 _REVERSED = "the nearest are of other classes more often than by chance: are these similarities, or in another order?"
 
 
@@ -95,7 +98,7 @@ def score(distances: object, labels: object, order: str = "") -> Evaluation:
     ends = bootstrap_intervals(values[is_query], of_queries, LEVEL)
     columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes)}
     table = DataFrame(columns, index=list(scores.means))
-    is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"])
+    is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"] - _ROUNDING)
     is_farthest = np.isfinite(diagonal).all() and (diagonal >= matrix.max(axis=1)).all() and diagonal.min() > 0
     if is_farthest and np.unique(matrix).size > 2 and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
         hint = "pass distances, not similarities; set the diagonal of distances to 0"

@@ -141,8 +141,8 @@ def _read(path: Path, count: int) -> Any:
     if path.stat().st_size > _LARGEST:
         raise ConfigurationError(f"{path} has more than {_LARGEST // 2**30} GiB", "write it in single precision (.npy)")
     with path.open("rb") as file:
-        head = file.read(520)
-    if b"\x89HDF" in (head[:4], head[512:516]) or head.startswith(b"MATLAB 7.3"):
+        is_hdf5 = file.read(10).startswith((b"\x89HDF", b"MATLAB 7.3"))
+    if is_hdf5:
         raise ConfigurationError(f"{path} is an HDF5 file, such as MATLAB writes with -v7.3", _HINT)
     suffix = path.suffix.lower()
     try:
@@ -178,8 +178,6 @@ def _read_psb(path: Path) -> NDArray[np.float32]:
     """Read the distances of the tools of the Princeton Shape Benchmark: N x N floats, rows in the order of the list."""
     content = path.read_bytes()
     count = math.isqrt(len(content) // 4)
-    if 4 * count * count != len(content):
-        raise ConfigurationError(f"{path} has {len(content)} bytes, which are not N x N floats", "write it again")
     matrix = np.frombuffer(content, dtype="<f4").reshape(count, count)
     if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
         raise ConfigurationError(f"{path} has numbers below {_SMALLEST}", "write it with the lowest byte first")
@@ -212,10 +210,9 @@ def _read_text(path: Path, count: int) -> Any:
     for number, row in enumerate(rows, 1):
         if len(row) != width:
             raise ConfigurationError(f"{path}: row {number} has length {len(row)}, not {width}", _HINT)
-    edges = all(map(_is_number, [*rows[0][1:], *(row[0] for row in rows[1:])]))
     inner = any(_is_number(row[place]) for place, row in enumerate(rows) if 0 < place < width)
     if len(rows) == width:  # if numbers may be names or distances, the corner or else the number of labels decides
-        top = left = not edges or (not _is_number(rows[0][0]) and (inner or count == width - 1))
+        top = left = not _is_number(rows[0][0]) and (inner or count == width - 1)
     else:
         top, left = len(rows) == width + 1, len(rows) == width - 1
     body = [row[left:] for row in rows[top:]]

@@ -32,6 +32,7 @@ def test_the_method_is_by_default_the_network_that_a_loop_loads_once():
     small = canonical_form_of_depth(0.4 * frame()[0], CAMERA, frame()[1])
     assert str(small.notes["doubt"]).startswith(f"{small.notes['size']} m is small for a person")
     assert "person" not in str(form.notes.get("doubt"))
+    assert "doubt" not in canonical_form_of_depth(0.4 * frame()[0], CAMERA, frame()[1], "identity").notes
     assert method_of_depth("learned-streamed") is method_of_depth("learned-streamed")
 
 

@@ -102,6 +102,8 @@ def test_a_background_is_no_reading(nothing: float) -> None:
         values = (DEPTHS if kind[0] == "f" else 1000 * DEPTHS).astype(kind)
         expected = np.where(OBJECT, in_metres(values), 0)
         values[~OBJECT] = nothing
+        if kind in ("f4", "f8"):
+            values[0, :80] = 1e10
         np.testing.assert_array_equal(in_metres(values), expected)
 
 
@@ -310,6 +312,7 @@ BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
             *(("depth_scale", value, f"invalid depth scale {value!r}") for value in (0, -1, "inches")),
         )
     },
+    "twice": (json.dumps(REALSENSE | {"D": LENS, "k1": 0.2}), "5 and 8 coefficients of distortion"),
     "singular": ("0 0 319.5\n0 525 239.5\n0 0 1", "invalid focal lengths 0, 525 with centre"),
     "no centre": ('{"width": 640}', "keys width name no fx and no fy and no cx"),
     "no lengths": ('{"cx": 1, "cy": 2}', "keys cx, cy name no fx and no fy"),
@@ -338,7 +341,9 @@ ENTRIES = [{"file_path": f"rgb/{name}.png", "transform_matrix": []} for name in 
 BOP = {"cam_K": K, "depth_scale": 1.0, "cam_R_w2c": K, "cam_t_w2c": [1, 2, 3]}
 PER_IMAGE = {
     "transforms.json": NERF | {"camera_model": "OPENCV", "k1": 0, "camera_angle_x": 1.1, "frames": ENTRIES},
-    "frames.json": {"frames": [ENTRIES[0] | NERF, ENTRIES[1] | NERF | {"fl_x": 1}]},
+    "frames.json": {
+        "frames": [{"file_path": "rgb/a.png", "depth_file_path": "0007.png"} | NERF, ENTRIES[1] | NERF | {"fl_x": 1}]
+    },
     "scene_camera.json": {"7": BOP, "8": BOP | {"depth_scale": 2}},
 }
 
@@ -391,6 +396,12 @@ def test_a_depth_scale_with_two_meanings_or_none_is_refused_unless_the_units_are
     file.write_text(json.dumps(CAMERA | {"depth_scale": 5000}))
     given = Intrinsics(130, 130, 79.5, 59.5)
     assert FrameFiles(image, given).observe().notes["distance"] == pytest.approx(2.1, abs=0.05)
+    file.write_text(json.dumps(CAMERA | {"depth_scale": 100}))
+    nearer = np.round(70 * THERE).astype(np.int32)
+    assert scaled(nearer, read_intrinsics(file), OBJECT).max() == pytest.approx(0.7 * THERE.max(), abs=0.01)
+    with pytest.raises(DepthError, match="2 plausible readings: 14.* m away with 10 .*, 1.* m away with 100"):
+        scaled(nearer, read_intrinsics(file))
+    file.write_text(json.dumps(CAMERA | {"depth_scale": 5000}))
     with pytest.raises(DepthError, match="0 plausible readings: .*m large with 5000 units per metre; pass"):
         scaled(np.round(THERE * 9).astype(np.int32), read_intrinsics(file), OBJECT)
 
@@ -399,6 +410,8 @@ def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command
     with pytest.raises(DepthError, match="far from the middle"):
         Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
     Intrinsics(525, 525, 600, 100, SIZE).check_size(*SIZE)  # a part of a larger image
+    with pytest.raises(DepthError, match="focal lengths 0.82, 1.09 are implausible for 640 x 480 pixels"):
+        Intrinsics(0.82, 1.09, 0.5, 0.5, SIZE).check_size(*SIZE)
     assert intrinsics_of("525,526,319.5,239.5") == Intrinsics(525, 526, 319.5, 239.5)
     with pytest.raises(DepthError, match=r"absent\.json: No such file"):
         intrinsics_of("absent.json")

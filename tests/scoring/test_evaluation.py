@@ -1,6 +1,7 @@
 """Twelve shapes on a line, worked by hand: ties, classes of one, files in each format."""
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -95,6 +96,7 @@ def table(frame=None, **how):
         "UTF-32": table().encode("utf-32"),
         "byte-order mark": table().encode("utf-8-sig"),
         "trailing separators": table(sep=";").replace("\n", ";\n"),
+        "rows of MATLAB": table(sep=" ", index_label="x").replace("\n", ";\n"),
         "empty diagonal": table(pd.DataFrame(np.where(np.eye(4), np.nan, SMALL), KEYS, KEYS)),
     }.values(),
     ids=str,
@@ -143,10 +145,13 @@ def test_rows_without_names_have_the_order_that_all_agree_on_or_that_is_named(tm
     for given in (SMALL, tmp_path / "row-numbers.csv"):
         with pytest.raises(ConfigurationError, match="from row 1: list: 3, 2, 0; number: 0, 1, 2; pass --order list"):
             score(given, tmp_path / "c.cla")
+        with pytest.raises(ConfigurationError, match="list: 3, 0, 1; number") if given is not SMALL else nullcontext():
+            score(given, {"3": "a", "0": "a", "1": "b", "2": "b"})
         assert score(given, tmp_path / "c.cla", order="number").scores.loc["FT", "score"] == 1
     for found in (score(by_list, tmp_path / "c.cla", "list"), score(tmp_path / "m.matrix", tmp_path / "c.cla")):
         assert found.queries["class"].to_dict() == {"3": "dog", "2": "dog", "0": "cat", "1": "cat"}
         assert found.scores.loc["FT", "score"] == 1
+    assert list(score(pd.DataFrame(SMALL, range(1, 5), range(1, 5)), OWN).queries.index) == list(KEYS)
     shuffled = pd.DataFrame(by_list, [3, 2, 0, 1], [3, 2, 0, 1])
     assert score(shuffled, pd.Series(["cat", "cat", "dog", "dog"])).scores.loc["FT", "score"] == 1
     for labels, order in ((tmp_path / "c.cla", "natural"), (list("aabb"), "list")):
@@ -154,7 +159,12 @@ def test_rows_without_names_have_the_order_that_all_agree_on_or_that_is_named(tm
             score(SMALL, labels, order)
     for name in ("cat1", "cat2", "cat10", "dog1"):
         (tmp_path / f"{name}.off").touch()
-    (tmp_path / "c.cla").rename(tmp_path / "c.txt")
+    (tmp_path / "meshes").mkdir()
+    for number in range(4):
+        (tmp_path / "meshes" / f"m{number}.off").touch()
+    (tmp_path / "meshes" / "c.cla").write_text(psb)
+    assert list(score(tmp_path / "m.matrix", tmp_path / "meshes").queries.index) == ["m3", "m2", "m0", "m1"]
+    (tmp_path / "c.cla").unlink()
     said = "row 2: listing: cat10, cat2, dog1; natural: cat2, cat10, dog1; pass --order listing or natural"
     assert said in refusal("score", tmp_path / "m.matrix", "--labels", tmp_path)
     called = call("score", tmp_path / "m.matrix", "--labels", tmp_path, "--order", "listing")
@@ -183,6 +193,11 @@ def test_similarities_are_refused_or_warned_of():
     assert found.scores.loc["NN", "score"] == 0
     with pytest.raises(ConfigurationError, match="set the diagonal of distances to 0"):
         score(6 - SMALL, list(OWN.values()))
+    with pytest.warns(UserWarning, match="the nearest are of other classes"):
+        score(np.where(np.eye(4), np.inf, 6 - SMALL), list(OWN.values()))
+    x = np.array([0, 0.1, 5, 10, 5.1, 10.1])
+    assert score(np.abs(x[:, None] - x), list("aabbcc")).notes == ()
+    assert score(np.ones((4, 4)), list("aabb")).notes == ()
 
 
 @pytest.mark.parametrize("kind", ["int8", "uint16", "int32", "single", "double"])
