@@ -44,6 +44,27 @@ def test_fast_classical_scaling_is_that_of_the_released_code(samples, fidelity):
     np.testing.assert_allclose(spread(form.vertices), expected, atol=1e-6 * expected.max())
 
 
+@pytest.mark.parametrize("samples", [5, 25])
+def test_accelerated_mds_is_that_of_its_definition(samples):
+    """Smoothest functions with given values at the samples, by dense matrices of all vertices."""
+    shape = limbed(250)
+    chosen, stiffness, mass = (
+        farthest_points(shape, samples),
+        shape.laplacian().stiffness.toarray(),
+        shape.laplacian().mass,
+    )
+    smoothness = stiffness @ np.diag(1 / mass) @ stiffness
+    others = np.setdiff1d(np.arange(len(mass)), chosen)
+    interpolation = np.eye(len(mass))[:, chosen]
+    interpolation[others] = -np.linalg.solve(smoothness[np.ix_(others, others)], smoothness[np.ix_(others, chosen)])
+    centre = np.eye(len(mass)) - 1 / len(mass)
+    squares = interpolation @ shape.geodesics()[np.ix_(chosen, chosen)] ** 2 @ interpolation.T
+    values, vectors = eigh(-0.5 * centre @ squares @ centre, subset_by_index=(len(mass) - 3, len(mass) - 1))
+    expected = spread(vectors * np.sqrt(np.maximum(values, 0)))
+    form = AcceleratedMDS(samples=samples).canonicalise(shape)
+    np.testing.assert_allclose(spread(form.vertices), expected, atol=1e-5 * expected.max())
+
+
 class FewRows(RowsOnly, PointShape):
     """Points that have no all pairs of distances to give."""
 
