@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import platform
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
 from pathlib import Path, PurePosixPath
 
 #: Environment variables that numerical libraries read when they are loaded.
@@ -39,6 +42,29 @@ def memory_per_process(processes: int = 1) -> int:
     import psutil
 
     return int(min(psutil.virtual_memory().total, memory_limit()) * MEMORY_SHARE / processes)
+
+
+@cache
+def describe_machine() -> str:
+    """Return processor, cores, memory and BLAS, on which seconds depend, and the GPU if this process uses one."""
+    import psutil
+    from threadpoolctl import threadpool_info
+
+    models = [line.partition(":")[2].strip() for line in _lines(Path("/proc/cpuinfo")) if line.startswith("model name")]
+    blas = {f"{library['internal_api']} {library.get('architecture', '')}".strip() for library in threadpool_info()
+            if library["user_api"] == "blas"}  # fmt: skip
+    torch = sys.modules.get("torch")
+    gpu = [torch.cuda.get_device_name()] if torch and torch.cuda.is_available() else []
+    memory = round(min(psutil.virtual_memory().total, memory_limit()) / 2**30)
+    cores = available_cores()
+    name = models[0] if models else platform.processor() or platform.machine()
+    return ", ".join([name, f"{cores} core{'s' * (cores > 1)}", f"{memory} GiB", *sorted(blas), *gpu])
+
+
+def _lines(path: Path) -> list[str]:
+    with suppress(OSError):
+        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    return []
 
 
 def memory_limit() -> float:

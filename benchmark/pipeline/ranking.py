@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
 from benchmark.pipeline.cache import Arrays, Cache, Kind
-from benchmark.pipeline.stages import NOTE, REFUSED, SECONDS, Incomplete, compute_distances
+from benchmark.pipeline.stages import MACHINE, NOTE, REFUSED, SECONDS, Incomplete, compute_distances
 from retrieval.measures import score_draws
 
 if TYPE_CHECKING:
@@ -91,6 +91,7 @@ def rank(
         "unprepared": unprepared,
         "notes": _summarise_notes(answered.values()),
         "seconds": _median_seconds(list(answered.values())),
+        "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
     }
     return content, {"distances": total / draws}
 

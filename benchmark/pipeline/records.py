@@ -108,8 +108,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         Trained models, and shapes that they were trained on.
     notes
         Mean and maximum of each number that preparation or method reported.
-    seconds
-        Median seconds a shape by stage.
+    seconds, machines
+        Median seconds per shape by stage; the machines that made the forms, none if they are unknown.
     finished, commit, packages
         When it ended, and by which code and packages.
     parts, files
@@ -145,6 +145,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     seen: list[Name] = []
     notes: dict[str, Note] = {}
     seconds: dict[str, Seconds] = {}
+    machines: list[Name] = []
     finished: str = ""
     commit: str = ""
     packages: dict[str, str] = {}

@@ -28,6 +28,7 @@ from benchmark.errors import (
     UnsupportedShape,
     one_line,
 )
+from benchmark.machine import describe_machine
 from benchmark.pipeline.cache import Arrays, Cache
 
 #: Module with the code of all stages.
@@ -36,8 +37,8 @@ CODE = "benchmark.pipeline.stages"
 #: Prefix of the names of arrays that are notes on a shape.
 NOTE = "note:"
 
-#: Arrays that say why there is no result, and how many seconds the result took.
-REFUSED, SECONDS = "refused", "seconds"
+#: Arrays that say why there is no result, how many seconds the result took, and on which machine.
+REFUSED, SECONDS, MACHINE = "refused", "seconds", "machine"
 
 #: Problem of a shape whose key is not the planned one, and what to do without a result for a passing reason.
 CHANGED, AGAIN = "changed during the run", "run again"
@@ -317,7 +318,7 @@ def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedResu
         arrays = timed(lambda: {"descriptor": compute_descriptor(method, shape)})
     if shared.used:
         arrays = {**arrays, f"{SECONDS}:geodesics": np.asarray(shared.used)}
-    return {**arrays, SECONDS: arrays[SECONDS] - shared.waited}
+    return {**arrays, SECONDS: arrays[SECONDS] - shared.waited, MACHINE: np.asarray(describe_machine())}
 
 
 def _rounded(form: CanonicalForm, shape: Shape, method: Method) -> Arrays:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from benchmark.reference.paper import MEASURES
+from benchmark.report.frames import seconds_of
 from benchmark.report.statistics import ALPHA
 from benchmark.report.tables import BLOCKS, Row, TableView
 from benchmark.text import brief
@@ -36,6 +37,7 @@ def table_notes(view: TableView) -> list[str]:
         "Missing, and counts 0: {}.": _listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
         "Left out, because they rank another version of the data: {}; run them again.": _listed(view.left_out),
         "Published with the suite, not run here: {}.": _published(rows),
+        "Seconds come from several machines: {}.": _machines(rows),
         "Shapes in several pieces were joined by thin bridges of triangles (at most {}).": _joined(rows),
     }
     found = [MARKS] * bool(view.marks) + [words.format(text) for words, text in facts.items() if text]
@@ -114,6 +116,13 @@ def _published(rows: Iterable[Row]) -> str:
         return ""
     commits = sorted({row.records[0].commit[:8] for row in published} - {""})
     return _listed(row.title for row in published) + (f" ({', '.join(commits)})" if commits else "")
+
+
+def _machines(rows: Iterable[Row]) -> str:
+    """Name the machines that made the forms, if they differ."""
+    timed = [record for row in rows for record in row.records if seconds_of(record) is not None]
+    names = dict.fromkeys(name for record in timed for name in record.machines or ["unknown"])
+    return _listed(map(brief, names), "; ") if len(names) > 1 else ""
 
 
 def _joined(rows: Iterable[Row]) -> str:

@@ -55,7 +55,8 @@ class Results:
 
         Columns: ``dataset``, ``fold``, ``quick``, ``input``, ``method``, ``title``, ``kind``, ``scorer``, ``seed``,
         ``status`` ("ok", "failed", ...), ``reason``, the measures (NaN without scores), ``n_shapes``, ``n_classes``,
-        ``coverage`` (share of shapes with a result), ``seconds`` a shape, ``published``, ``commit``, ``finished``.
+        ``coverage`` (share of shapes with a result), ``seconds`` per shape, ``machine``, ``published``,
+        ``commit``, ``finished``.
         """
         rows = {
             record.key: {
@@ -75,6 +76,7 @@ class Results:
                 "n_classes": len(set(record.labels)),
                 "coverage": record.coverage,
                 "seconds": seconds_of(record),
+                "machine": "; ".join(record.machines) or "unknown",
                 "published": record.published,
                 "commit": record.commit,
                 "finished": record.finished,

@@ -108,6 +108,7 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
             cache.write("forms", key, {"refused": np.array(["no reason", ""])} if form in refused else second)
             cache.write("signatures", key, {**_committed("cm-bof", form), **second})
         content, arrays = rank(record, cache, lambda _: None, scorer)
+    del content["machines"]
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]
     return {**arrays, **_flat({**content, "unsupported": refused})}
 

@@ -245,3 +245,10 @@ def test_every_record_that_is_read_makes_tables():
                     assert text(table)
                 assert len(Results(Path(), (read, *beside)).jobs) == 3
                 assert len(read.keys) in (0, 12)
+
+
+def test_seconds_of_several_machines_are_told_apart():
+    here, there = record("skeleton", machines=["A, 2 cores"]), record("gps", machines=["B, 4 cores"])
+    assert "Seconds come from several machines: B, 4 cores; A, 2 cores." in table_notes(view(here, there))
+    assert "Seconds come from several machines: unknown; A, 2 cores." in table_notes(view(here, record("gps")))
+    assert not any("machines" in note for note in table_notes(view(here, record("gps", machines=["A, 2 cores"]))))

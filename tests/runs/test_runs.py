@@ -15,6 +15,7 @@ import psutil
 import pytest
 
 from benchmark.errors import BenchmarkError
+from benchmark.machine import describe_machine
 from benchmark.pipeline.cache import Cache, StorageError, writing
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import estimate
@@ -150,6 +151,7 @@ def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
         jobs = planned(rods, results, "classic-mds", "shape-dna") + planned(rods, results, "gps", inputs=("view",))
         records = done(jobs, results, size=size)
         made.append({name: (r.key, r.scores, r.per_query) for name, r in records.items()})
+        assert {tuple(record.machines) for record in records.values()} == {(describe_machine(),)}
     assert made[0].keys() == {"classic-mds", "shape-dna", "gps"}
     assert made[0] == made[1]
 
