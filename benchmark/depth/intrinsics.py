@@ -60,7 +60,7 @@ _MEANINGS = {key: meaning for meaning, keys in _KEYS.items() for key in keys.spl
 _IRRELEVANT = re.compile(
     r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|comment|description|notes?|"
     r"serial|number|fps|rate|path|file|url|frames|rows|cols|dt|extrinsics?|pose|rotation|translation|transform|[rpt]|"
-    r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|angle)(?![a-z])"
+    r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|angle|device|sensor|manufacturer)(?![a-z])"
 )
 
 #: Units per metre.
@@ -238,43 +238,46 @@ def find_intrinsics(image: Path) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-def camera_of(
-    numbers: Sequence[float],
-    size: tuple[int, int] | None = None,
-    distortion: Sequence[float] = (),
-    scales: Sequence[float] = (),
-) -> Intrinsics:
-    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix; raises ``DepthError`` for others."""
+def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
+    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix, and of further facts of ``Intrinsics``.
+
+    Raises
+    ------
+    DepthError
+        If there are other numbers, or the matrix has a skew or moves points.
+    """
     if len(numbers) == 4:
         fx, fy, cx, cy = numbers
-        return Intrinsics(fx, fy, cx, cy, size, tuple(distortion), tuple(scales))
+        return Intrinsics(fx, fy, cx, cy, *facts)
     if len(numbers) not in (9, 16):
         shown = " ".join(f"{number:g}" for number in numbers)
         raise DepthError(f"expected 4, 9 or 16 numbers, found {len(numbers)}: '{shown:.60}'", _HINT)
     matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)
-    fx, skew, cx, fy, cy = (float(matrix[place]) for place in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2)))
+    fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
     expected = np.eye(len(matrix))
-    expected[:2, :3], expected[3:, 3:] = ((fx, skew, cx), (0, fy, cy)), matrix[3:, 3:]
-    if not np.array_equal(matrix, expected):
+    expected[:2, :3], expected[3:, 3:] = ((fx, 0, cx), (0, fy, cy)), matrix[3:, 3:]
+    if not np.allclose(matrix, expected, rtol=0, atol=_LARGEST_SKEW):
         rows = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
-        raise DepthError(f"{rows} is not a camera matrix", "write fx 0 cx / 0 fy cy / 0 0 1")
-    if abs(skew) > _LARGEST_SKEW:
-        raise DepthError(f"the camera matrix has a skew of {skew:g}", "rectify the image: pixels must be rectangles")
-    return Intrinsics(fx, fy, cx, cy, size, tuple(distortion), tuple(scales))
+        raise DepthError(f"{rows} is not a camera matrix without skew", "write fx 0 cx / 0 fy cy / 0 0 1")
+    return Intrinsics(fx, fy, cx, cy, *facts)
 
 
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     """Read parsed JSON or YAML: ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths."""
     values = _by_meaning(content)
     width, height = (int(values.get(side, 0)) for side in ("width", "height"))
-    facts = (width, height) if width > 0 and height > 0 else None, _distortion(values), _scales(values)
+    facts = (width, height) if width > 0 and height > 0 else None, tuple(_distortion(values)), _scales(values)
+    numbers = [_flat(values["matrix"])] if "matrix" in values else []
     if "columns" in values:
-        return camera_of(np.array(_flat(values["columns"])).reshape(3, 3).T.ravel().tolist(), *facts)
-    if "matrix" in values:
-        return camera_of(_flat(values["matrix"]), *facts)
-    if missing := [name for name in ("fx", "fy", "cx", "cy") if name not in values]:
-        raise DepthError(f"keys {', '.join(map(str, content)):.200} name no {' and no '.join(missing)}", _HINT)
-    return camera_of([float(values[name]) for name in ("fx", "fy", "cx", "cy")], *facts)
+        numbers.append(np.array(_flat(values["columns"])).reshape(3, 3).T.ravel().tolist())
+    missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
+    if not missing:
+        numbers.append([float(values[name]) for name in ("fx", "fy", "cx", "cy")])
+    cameras = {camera_of(row, *facts) for row in numbers}
+    if len(cameras) != 1:
+        problem = f"name no {' and no '.join(missing)}" if not cameras else "contradict each other"
+        raise DepthError(f"keys {', '.join(map(str, content)):.200} {problem}", _HINT)
+    return cameras.pop()
 
 
 def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:

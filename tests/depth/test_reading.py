@@ -297,7 +297,7 @@ BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
     "straight fisheye": (json.dumps(REALSENSE | {"model": "distortion.ftheta", "coeffs": [0] * 5}), "is .*ftheta"),
     "unknown lens": (json.dumps(REALSENSE | {"model": "thin_prism", "coeffs": LENS}), "model is 'thin_prism'"),
     "three coefficients": (ECHOED.replace(str(list(LENS)), "[1, 2, 3]"), "3 coefficients of distortion; pass 4"),
-    "skew": ("525 3 319.5\n0 525 239.5\n0 0 1", "the camera matrix has a skew of 3"),
+    "skew": ("525 3 319.5\n0 525 239.5\n0 0 1", "is not a camera matrix without skew"),
     "shifted": ("525 0 319.5 40\n0 525 239.5 0\n0 0 1 0\n0 0 0 1", "is not a camera matrix"),
     **{
         f"{key} {value}": (json.dumps(REALSENSE | {key: value}), said)
@@ -307,6 +307,7 @@ BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
             ("binning_x", 2, "key 'binning_x' is not understood"),
             ("distortion", "fisheye", "the distortion model is 'fisheye'"),
             ("lens_model", "FISHEYE624", "the distortion model is 'FISHEYE624'"),
+            ("K", [500, *K[1:]], "contradict each other"),
             ("fl_x", 500, "key 'fl_x' contradicts another one of fx"),
             ("k4", 0.1, "coefficients of distortion"),
             *(("depth_scale", value, f"invalid depth scale {value!r}") for value in (0, -1, "inches")),
