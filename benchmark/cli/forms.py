@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from benchmark.api.contracts import CanonicalForm, Input, Shape
 from benchmark.api.datasets import ShapeSet
@@ -130,7 +131,9 @@ def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: st
     if not np.array_equal(form.faces, prepared.mesh.faces):
         raise ConfigurationError(f"forms of method '{method}' have vertices of their own", "omit --all-vertices")
     points = (mesh.vertices - prepared.centre) / prepared.scale
-    positions, distances = interpolate(prepared.mesh, form.vertices, points, vertex_normals(mesh))
+    _, nearest = cKDTree(prepared.surface.vertices).query(points)
+    normals = vertex_normals(prepared.surface)[nearest]  # faces of a file may face either way
+    positions, distances = interpolate(prepared.mesh, form.vertices, points, normals)
     return CanonicalForm(positions, mesh.faces, {**form.notes, "farthest_from_prepared": float(distances.max())})
 
 

@@ -26,8 +26,8 @@ COPIES = 4e-6
 In the data sets of the suite, different vertices are at least forty times as far apart.
 """
 
-#: Distance between borders that are closed where copies were merged, in units of that of copies.
-_SEAM = 5
+SEAM = 5
+"""Distance between borders that are closed where copies were merged, in units of that of copies."""
 
 #: Height below which a triangle has no area, in the same units: rounding in preparation could turn it over.
 _FLAT = 2e-6
@@ -251,14 +251,14 @@ def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
     """Merge vertices within a distance, transitively; as :func:`merge_duplicates`, at the mean of distinct positions.
 
     Where this merges some, rounding may have moved others farther apart, and borders are closed that are within
-    :data:`_SEAM` times the distance.
+    :data:`SEAM` times the distance.
     """
     distinct, place = merge_duplicates(surface.vertices)
     groups = _near_groups(distinct, distance)
     if groups is None:
         return distinct, place
     rim = np.unique(edges_of(_proper(groups[place[surface.faces]])).boundary)
-    at_rim = _near_groups(_means(distinct, groups)[rim], _SEAM * distance)
+    at_rim = _near_groups(_means(distinct, groups)[rim], SEAM * distance)
     if at_rim is not None:
         first = np.arange(groups.max() + 1)
         first[rim] = rim[np.unique(at_rim, return_index=True)[1][at_rim]]

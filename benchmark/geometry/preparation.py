@@ -11,7 +11,9 @@ from scipy.spatial import cKDTree
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import (
+    COPIES,
     LARGEST_LOSS,
+    SEAM,
     FloatArray,
     IntArray,
     clean,
@@ -64,6 +66,8 @@ class Prepared:
     ----------
     mesh
         One component, unit area, at most about the requested number of vertices.
+    surface
+        The cleaned and oriented mesh before decimation and bridges, in the coordinates of ``mesh``.
     source_area
         Area of the kept components before decimation, in squared file units.
     centre, scale
@@ -78,6 +82,7 @@ class Prepared:
     """
 
     mesh: Mesh
+    surface: Mesh
     source_area: float
     centre: Points
     scale: float
@@ -106,7 +111,7 @@ class Prepared:
     def numbers_of(self, mesh: Mesh) -> NDArray[np.int64] | None:
         """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
         distances, nearest = cKDTree(self.mesh.vertices).query((mesh.vertices - self.centre) / self.scale)
-        return nearest if distances.max(initial=0.0) <= 2 * 10.0**-DECIMALS else None
+        return nearest if distances.max(initial=0.0) <= SEAM * COPIES else None
 
 
 def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
@@ -188,7 +193,8 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         "euler_characteristic": result.n_vertices - len(result.edges.ends) + result.n_faces,
     }
     report = {name: float(value) for name, value in report.items()}
-    return Prepared(result, parts.area * (unit * size) ** 2, unit * centre, float(unit * size * growth), report)
+    surface, area = parts.with_vertices(parts.vertices / growth), parts.area * (unit * size) ** 2
+    return Prepared(result, surface, area, unit * centre, float(unit * size * growth), report)
 
 
 def _without_debris(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int]:

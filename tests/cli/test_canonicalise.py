@@ -9,7 +9,7 @@ from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
-from tests.geometry.surfaces import joined, sphere
+from tests.geometry.surfaces import flipped, joined, limbed_body, soup, sphere
 from tests.toy import rod, write_off
 from tests.verbs import call
 
@@ -31,6 +31,20 @@ def test_a_small_mesh_keeps_its_numbering_and_joined_pieces_are_told(tmp_path):
     pair = joined(sphere(2), sphere(2).with_vertices(sphere(2).vertices + np.array([6, 0, 0])))
     write_off(tmp_path / "pair.off", pair)
     assert "joined_pieces 2, largest_gap 4" in canonicalise(tmp_path / "pair.off", "-o", tmp_path / "joined.off")
+
+
+@pytest.mark.parametrize("subdivisions", [3, 4])
+def test_copies_and_turned_faces_change_no_vertex_of_a_form(tmp_path, subdivisions):
+    """Of a mesh that keeps its vertices, and of one that is decimated; two faces of a sheet lie close together."""
+    body = limbed_body(subdivisions)
+    body = body.with_vertices(body.vertices * [1, 1, 0.02])
+    write_off(tmp_path / "body.off", body)
+    write_off(tmp_path / "soup.off", soup(flipped(body, 0.5)))
+    for name in ("body", "soup"):
+        canonicalise(tmp_path / f"{name}.off", "-o", tmp_path / f"{name}-form.off", "--all-vertices")
+    whole, scattered = (read_mesh(tmp_path / f"{name}-form.off") for name in ("body", "soup"))
+    corners = [np.sort(mesh.vertices[mesh.faces], axis=1) for mesh in (whole, scattered)]
+    np.testing.assert_allclose(corners[0], corners[1], atol=1e-6)
 
 
 def test_a_form_is_never_written_over_its_mesh(tmp_path, monkeypatch):

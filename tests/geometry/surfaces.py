@@ -54,3 +54,16 @@ def capped_cylinder(sides: int) -> Mesh:
     """Closed cylinder of radius 1 and height 2: both caps are fans of ``sides`` triangles around their centre."""
     made = trimesh.creation.cylinder(radius=1, height=2, sections=sides)
     return Mesh(made.vertices, made.faces)
+
+
+def soup(mesh: Mesh, noise: float = 0.0, seed: int = 0) -> Mesh:
+    """Each triangle by itself, with normal noise on its corners, in units of the extent."""
+    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
+    jitter = noise * np.ptp(mesh.vertices, axis=0).max() * np.random.default_rng(seed).standard_normal(corners.shape)
+    return Mesh(corners + jitter, np.arange(len(corners)).reshape(-1, 3))
+
+
+def flipped(mesh: Mesh, share: float, seed: int = 0) -> Mesh:
+    """Some of the triangles the other way round."""
+    turned = np.random.default_rng(seed).random(mesh.n_faces) < share
+    return Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces))

@@ -28,7 +28,7 @@ from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order, sides_of
 from benchmark.geometry.preparation import Prepared, prepare
-from tests.geometry.surfaces import flat_grid, joined, limbed_body, relabelled, sphere
+from tests.geometry.surfaces import flat_grid, flipped, joined, limbed_body, relabelled, soup, sphere
 
 TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
 SQUARE = flat_grid(2)
@@ -320,18 +320,6 @@ def test_an_open_piece_is_joined_at_its_rim_and_vertices_without_faces_go() -> N
 
 
 # --- one surface from copies, without triangles that have no area, oriented alike --------------------------------
-
-
-def soup(mesh: Mesh, noise: float = 0.0, seed: int = 0) -> Mesh:
-    """Each triangle by itself, with normal noise on its corners, in units of the extent."""
-    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
-    jitter = noise * np.ptp(mesh.vertices, axis=0).max() * np.random.default_rng(seed).standard_normal(corners.shape)
-    return Mesh(corners + jitter, np.arange(len(corners)).reshape(-1, 3))
-
-
-def flipped(mesh: Mesh, share: float, seed: int = 0) -> Mesh:
-    turned = np.random.default_rng(seed).random(mesh.n_faces) < share
-    return Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces))
 
 
 def assert_same(first: Mesh, other: Mesh, atol: float) -> None:
