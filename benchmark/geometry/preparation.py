@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from benchmark.errors import InvalidMesh
+from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import (
     COPIES,
@@ -239,13 +240,22 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
 
 def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
     """Apply a pymeshlab filter; pass all its parameters, because pymeshlab keeps them between calls."""
-    import pymeshlab
-
+    pymeshlab = import_pymeshlab()
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
     meshes.apply_filter(name, **parameters)
     result = meshes.current_mesh()
     return Mesh(result.vertex_matrix(), result.face_matrix())
+
+
+def import_pymeshlab() -> Any:
+    """Return the package; raise ``ConfigurationError`` where the system lacks libraries that it loads."""
+    try:
+        import pymeshlab
+    except ImportError as error:
+        hint = "on Debian and Ubuntu: apt-get install libgl1 libopengl0 libfontconfig1"
+        raise ConfigurationError(f"pymeshlab cannot be imported: {error}", hint) from error
+    return pymeshlab
 
 
 def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
@@ -286,8 +296,7 @@ def isotropic_remesh(mesh: Mesh, edge: float, *, iterations: int, feature_degree
     ----------
     Hoppe, DeRose, Duchamp, McDonald, Stuetzle, "Mesh optimization", 1993, as implemented in MeshLab.
     """
-    import pymeshlab
-
+    pymeshlab = import_pymeshlab()
     return filtered(
         mesh,
         "meshing_isotropic_explicit_remeshing",

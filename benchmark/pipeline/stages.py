@@ -112,8 +112,10 @@ class Preparation:
 
     def get_ready(self) -> None:
         """Do what belongs to no shape: import what prepares them, and fit the frame of the camera."""
-        import benchmark.pipeline.preparation  # noqa: F401
+        from benchmark.geometry.preparation import import_pymeshlab
+        from benchmark.pipeline import preparation  # noqa: F401
 
+        import_pymeshlab()
         if self.input == "view":
             self.half_width  # noqa: B018
 

@@ -25,7 +25,7 @@ from typing import Any, Literal, NamedTuple
 from benchmark.api.contracts import Descriptor, Input, Shape
 from benchmark.api.datasets import ShapeSet
 from benchmark.code_digest import digest
-from benchmark.errors import BenchmarkError, InvalidForm, InvalidSignature, ShapeError, locate
+from benchmark.errors import BenchmarkError, ConfigurationError, InvalidForm, InvalidSignature, ShapeError, locate
 from benchmark.pipeline import stages
 from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
 from benchmark.pipeline.ranking import rank
@@ -187,9 +187,16 @@ class RunContext:
                 raise stages.Incomplete(f"{stages.CHANGED}: {error.problem}") from error
         if key not in self._preparations:
             preparation = stages.Preparation(self._datasets[data], job.row.input, Cache(job.results))
-            preparation.get_ready()
+            try:
+                preparation.get_ready()
+            except ConfigurationError as error:
+                raise Unrunnable(error.problem, error.hint) from error
             self._preparations[key] = preparation
         return self._preparations[key]
+
+
+class Unrunnable(BenchmarkError):
+    """No job can run on this machine."""
 
 
 class CodeChanged(BenchmarkError):
@@ -245,7 +252,7 @@ class Work:
             raise
         except MemoryError:
             return Outcome("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
-        except StorageError as error:
+        except (StorageError, Unrunnable) as error:
             return Outcome("stopped", str(error))
         except CodeChanged as error:
             return Outcome("incomplete", str(error), scope="job")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 
 import psutil
 import pytest
 
+from benchmark.errors import BenchmarkError
 from benchmark.pipeline.records import read_records
 from benchmark.runs import runner
 from benchmark.runs.runner import run
@@ -187,3 +189,12 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
 
 def planned_of(rods, results):
     return planned(rods, results, "needs-geodesics", "fine", plugins=(FAULTS,))
+
+
+def test_a_system_without_the_libraries_of_pymeshlab_ends_the_run_with_the_remedy(rods, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)
+    with pytest.raises(
+        BenchmarkError, match=r"pymeshlab cannot be imported: .*; on Debian and Ubuntu: apt-get"
+    ):
+        run_toy(rods, tmp_path / "results", "identity")
+    assert not read_records(tmp_path / "results")
