@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array
-from scipy.sparse.csgraph import connected_components, shortest_path
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import shortest_path
 
 from baselines._kernels.arap import factorise_definite
 from baselines._kernels.connectivity_surgery import collapse
 from benchmark.api.contracts import FloatArray
+from benchmark.geometry.cleaning import component_labels
 from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 
@@ -66,11 +67,10 @@ class CurveSkeleton:
 
     def path_lengths(self) -> FloatArray:
         """Return the lengths of the shortest paths along the bones between all pairs of joints, shape (k, k)."""
-        lengths = np.linalg.norm(self.joints[self.bones[:, 0]] - self.joints[self.bones[:, 1]], axis=1)
+        first, second = self.joints[self.bones.T]
         # A stored zero would mean "no bone".
-        lengths = np.maximum(lengths, np.finfo(float).tiny)
-        k = len(self.joints)
-        graph = csr_array(coo_array((lengths, (self.bones[:, 0], self.bones[:, 1])), shape=(k, k)))
+        lengths = np.maximum(np.linalg.norm(first - second, axis=1), np.finfo(float).tiny)
+        graph = csr_array((lengths, self.bones.T), shape=(len(self.joints), len(self.joints)))
         return np.asarray(shortest_path(graph, directed=False))
 
 
@@ -187,7 +187,8 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
     edges, span = mesh.edges.ends, levels.max() - levels.min()
     bands = max(2, min(bands, int(span / (EDGES_PER_BAND * mesh.edge_lengths.mean()))))
     band = np.minimum((bands * (levels - levels.min()) / span).astype(np.int64), bands - 1)
-    owners = _pieces(edges[band[edges[:, 0]] == band[edges[:, 1]]], mesh.n_vertices)
+    tails, heads = edges[band[edges[:, 0]] == band[edges[:, 1]]].T
+    owners = component_labels(tails, heads, mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)
     return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(mesh, owners))
 
@@ -268,12 +269,6 @@ def _absorb(owners: Indices, part: int, into: int) -> Indices:
 
 def _spread(points: FloatArray, joint: FloatArray) -> float:
     return float(np.linalg.norm(points - joint, axis=1).std())
-
-
-def _pieces(edges: Indices, n: int) -> Indices:
-    graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    _, labels = connected_components(graph, directed=False)
-    return np.asarray(labels, dtype=np.int64)
 
 
 def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indices:

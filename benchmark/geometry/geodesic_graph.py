@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -23,32 +21,7 @@ WINDOWS = 800
 GRAZING = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Graph:
-    """An undirected graph in compressed sparse rows: the arcs of vertex v are ``heads[starts[v]:starts[v + 1]]``.
-
-    Parameters
-    ----------
-    starts
-        Row pointers, shape (n + 1,).
-    heads
-        End vertex of each arc, shape (a,); every edge is stored in both directions.
-    lengths
-        Length of each arc, shape (a,), in units of the mesh.
-    """
-
-    starts: IntArray
-    heads: IntArray
-    lengths: FloatArray
-
-
-def edge_graph(mesh: Mesh) -> Graph:
-    """Return the edge graph of the mesh with Euclidean lengths."""
-    edges = mesh.edge_graph()
-    return Graph(edges.indptr.astype(np.int64), edges.indices.astype(np.int64), edges.data)
-
-
-def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
+def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> csr_array:
     """Return the graph of the straight geodesics between nearby vertices.
 
     Every shortest path on a triangle mesh is a chain of straight geodesics between vertices [Mitchell, Mount and
@@ -70,8 +43,8 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> Graph:
 
     Returns
     -------
-    Graph
-        The mesh edges and the arcs.
+    scipy.sparse.csr_array
+        Lengths of the mesh edges and the arcs, in units of the mesh, symmetric, shape (n, n).
     """
     sides = _Sides(mesh)
     opposite = np.argsort(sides.apexes, kind="stable")
@@ -142,14 +115,13 @@ class _Sides:
         self.twins[first[proper]], self.twins[second[proper]] = second[proper], first[proper]
 
 
-def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> Graph:
+def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> csr_array:
     """Build a graph from arcs, at most one from each vertex to each other; opposite arcs get the shorter length."""
     # In a sparse matrix, no entry means 0: the shorter arc needs the larger value. Bits of lengths rise with them.
     largest = np.iinfo(np.int64).max
     arcs = csr_array((largest - lengths.view(np.int64), (tails, heads)), shape=(count, count))
     both = arcs.maximum(arcs.T.tocsr())
-    starts, heads = both.indptr.astype(np.int64), both.indices.astype(np.int64)
-    return Graph(starts, heads, (largest - both.data).view(np.float64))
+    return csr_array(((largest - both.data).view(np.float64), both.indices, both.indptr), shape=(count, count))
 
 
 @njit(cache=True, nogil=True)

@@ -7,10 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from benchmark.errors import UnsupportedShape, did_you_mean
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
-from benchmark.geometry.geodesic_graph import Graph, edge_graph, geodesic_graph
+from benchmark.geometry.geodesic_graph import geodesic_graph
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
 
@@ -19,7 +20,7 @@ IntArray = NDArray[np.int64]
 
 
 @lru_cache(maxsize=1)
-def _graph_of(mesh: Mesh) -> Graph:
+def _graph_of(mesh: Mesh) -> csr_array:
     """Return the cached graph of the latest mesh, for methods that request a few rows at a time."""
     return geodesic_graph(mesh)
 
@@ -65,7 +66,7 @@ def _require_proper_manifold(mesh: Mesh) -> None:
 
 _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
     "geodesic-graph": lambda mesh, sources: shortest_paths(_graph_of(mesh), sources),
-    "dijkstra": lambda mesh, sources: shortest_paths(edge_graph(mesh), sources),
+    "dijkstra": lambda mesh, sources: shortest_paths(mesh.edge_graph(), sources),
     "heat": _heat,
     "exact": _exact,
 }

@@ -7,8 +7,7 @@ import heapq
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-
-from benchmark.geometry.geodesic_graph import Graph
+from scipy.sparse import csr_array
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -19,7 +18,7 @@ IntArray = NDArray[np.int64]
 _BLOCK = 1000
 
 
-def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
+def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
     """Return the lengths of the shortest paths from each source to all vertices.
 
     Sources are processed in blocks of neighbours. Dijkstra's algorithm from the first source of a block yields a vertex
@@ -30,7 +29,7 @@ def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
     Parameters
     ----------
     graph
-        Undirected graph with n vertices and nonnegative lengths.
+        Nonnegative lengths of the arcs, symmetric, shape (n, n); a stored 0 is an arc.
     sources
         Vertex indices, shape (k,).
 
@@ -41,19 +40,19 @@ def shortest_paths(graph: Graph, sources: IntArray) -> FloatArray:
     """
     sources = np.asarray(sources, dtype=np.int64)
     # A common unit prevents overflow in single precision; a power of two keeps all digits.
-    longest = float(graph.lengths.max(initial=0.0))
+    longest, starts, heads = float(graph.data.max(initial=0.0)), graph.indptr, graph.indices
     unit = 2.0 ** np.floor(np.log2(longest)) if longest > 0 else 1.0
-    lengths = (graph.lengths / unit).astype(np.float32)
-    distances = np.empty((len(sources), len(graph.starts) - 1))
+    lengths = (graph.data / unit).astype(np.float32)
+    distances = np.empty((len(sources), len(starts) - 1))
     waiting = np.arange(len(sources))
     while len(waiting):
-        reference = _dijkstra(graph.starts, graph.heads, lengths, sources[waiting[0]])
+        reference = _dijkstra(starts, heads, lengths, sources[waiting[0]])
         if len(waiting) == 1:
             distances[waiting[0]] = reference * unit
             break
         nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
-        rows = _relax(graph.starts, graph.heads, lengths, np.argsort(reference, kind="stable"), sources[block])
+        rows = _relax(starts, heads, lengths, np.argsort(reference, kind="stable"), sources[block])
         distances[block] = rows.T.astype(np.float64) * unit
         waiting = np.delete(waiting, nearest)
     return distances

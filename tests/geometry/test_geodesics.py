@@ -18,7 +18,7 @@ from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry import geodesic_graph as kernels
 from benchmark.geometry import geodesics
 from benchmark.geometry.cleaning import compact
-from benchmark.geometry.geodesic_graph import WINDOWS, Graph, edge_graph, geodesic_graph
+from benchmark.geometry.geodesic_graph import WINDOWS, geodesic_graph
 from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh
@@ -32,11 +32,10 @@ TETRAHEDRON = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0,
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("build", [edge_graph, geodesic_graph])
-def test_shortest_paths_agree_with_scipy(build: Callable[[Mesh], Graph]) -> None:
+@pytest.mark.parametrize("build", [Mesh.edge_graph, geodesic_graph])
+def test_shortest_paths_agree_with_scipy(build: Callable[[Mesh], csr_array]) -> None:
     graph = build(BODY)
-    matrix = csr_array((graph.lengths, graph.heads, graph.starts), shape=(BODY.n_vertices,) * 2)
-    truth = dijkstra(matrix, directed=False)
+    truth = dijkstra(graph, directed=False)
     np.testing.assert_allclose(shortest_paths(graph, np.arange(BODY.n_vertices)), truth, rtol=2e-6)
 
 
@@ -145,7 +144,7 @@ def test_the_arrays_of_the_windows_hold_every_window(sides: int, budget: int, se
     mesh = mesh.with_vertices(mesh.vertices + 0.5 * np.random.default_rng(seed).standard_normal(mesh.vertices.shape))
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
         patch.setattr(kernels, "_follow_windows", kernels._follow_windows.py_func)
-        assert np.isfinite(geodesic_graph(mesh, budget).lengths).all()
+        assert np.isfinite(geodesic_graph(mesh, budget).data).all()
         geodesic_graph(mesh.with_vertices(mesh.vertices * 1e160), budget)
 
 
