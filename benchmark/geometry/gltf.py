@@ -56,16 +56,19 @@ def read_gltf(data: bytes, path: Path) -> Arrays:
         vertices.append(points)
         faces.append(corners + start)
         start += len(points)
+        if start > _MOST_ROWS:
+            raise UnreadableMesh(f"its scene shows more than {_MOST_ROWS} vertices", "export one shape")
     return np.concatenate(vertices), np.concatenate(faces)
 
 
 def buffer_files(path: Path) -> list[Path]:
-    """Return the files beside a ``.gltf`` file that hold its numbers; none if it cannot be read."""
+    """Return the files beside a ``.gltf`` or ``.glb`` file that hold its numbers; none if it cannot be read."""
     try:
-        buffers = json.loads(path.read_bytes()).get("buffers", [])
+        data = path.read_bytes()
+        buffers = json.loads(_chunks(data)[0] if data[:4] == b"glTF" else data).get("buffers", [])
         names = [buffer["uri"] for buffer in buffers if "uri" in buffer]
         return [path.parent / unquote(name) for name in names if not name.startswith("data:")]
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError, struct.error):
         return []
 
 
@@ -133,7 +136,7 @@ class _File:
     """The arrays of a file and its surfaces."""
 
     def __init__(self, tree: dict[str, Any], binary: bytes | None, path: Path) -> None:
-        self._tree, self._binary, self._folder = tree, binary, path.parent
+        self._tree, self._binary, self._path = tree, binary, path
         self._read: dict[int, bytes] = {}
 
     def surfaces(self) -> Iterator[Arrays]:
@@ -204,7 +207,7 @@ class _File:
         width, offset = kind.itemsize * shape[1], part.get("byteOffset", 0)
         stride = view.get("byteStride", width)
         window = self._buffer(view["buffer"])[start : start + size]
-        if len(window) < max(size, offset + stride * (shape[0] - 1) + width):
+        if stride < width or len(window) < max(size, offset + stride * (shape[0] - 1) + width):
             raise ValueError(f"buffer {view['buffer']} is cut off")
         return np.ndarray(shape, kind, window, offset, (stride, kind.itemsize)).copy()
 
@@ -216,8 +219,10 @@ class _File:
                 found = self._binary if number == 0 else None
             elif uri.startswith("data:"):
                 found = base64.b64decode(unquote(uri.partition(",")[2]), validate=True)
+            elif self._path.suffix.lower() == ".gz":
+                raise UnreadableMesh(f"its buffer {uri} is not packed with it", "unpack it")
             else:
-                found = _beginning(self._folder / unquote(uri), buffer["byteLength"])
+                found = _beginning(self._path.parent / unquote(uri), buffer["byteLength"])
             if found is None or len(found) < buffer["byteLength"]:
                 raise ValueError(f"buffer {number} holds {len(found or b'')} of {buffer['byteLength']} bytes")
             self._read[number] = found

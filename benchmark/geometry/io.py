@@ -77,7 +77,7 @@ def companions(path: Path) -> list[Path]:
     """Return the files beside a mesh file that belong to it: the triangles of a ``.vert`` file, buffers of glTF."""
     if path.suffix.lower() == ".vert":
         return [path.with_suffix(".tri")]
-    return buffer_files(path) if path.suffix.lower() == ".gltf" else []
+    return buffer_files(path) if path.suffix.lower() in (".gltf", ".glb") else []
 
 
 @contextmanager

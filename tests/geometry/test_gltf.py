@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import json
 import struct
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmark.api.datasets import Entry, digest_of_entry
 from benchmark.errors import InvalidMesh, UnreadableMesh
 from benchmark.geometry.gltf import buffer_files
 from benchmark.geometry.io import read_mesh
@@ -230,6 +232,7 @@ REFUSED = {
     "tree['buffers'] = [{'byteLength': 9, 'uri': 'data:,abc'}]": "not a readable gltf",
     "file.data = file.data[:-1]": "buffer 0 is cut off",
     "tree['bufferViews'][0]['byteLength'] = 40": "buffer 0 is cut off",
+    "tree['bufferViews'][0]['byteStride'] = 0; tree['accessors'][0]['count'] = 10**9": "buffer 0 is cut off",
     "tree['accessors'][0]['count'] = 10**12": "not a readable gltf",
     "tree['accessors'][1]['count'] = 5": "cannot reshape",
     "tree['accessors'][0]['count'] = 3": "faces name vertices 0 to 3, but there are 0 to 2",
@@ -257,3 +260,23 @@ def test_buffers_beside_a_file_are_read_and_belong_to_it(tmp_path: Path) -> None
     np.testing.assert_allclose(file.read(tmp_path).vertices, SQUARE)
     assert buffer_files(tmp_path / "x.gltf") == [tmp_path / "a b.bin"]
     assert buffer_files(tmp_path / "none.gltf") == []
+    file.read(tmp_path, ".glb")
+    assert buffer_files(tmp_path / "x.glb") == [tmp_path / "a b.bin"]
+    (tmp_path / "x.gltf.gz").write_bytes(gzip.compress((tmp_path / "x.gltf").read_bytes()))
+    with pytest.raises(UnreadableMesh, match="buffer a%20b.bin is not packed with it; unpack it"):
+        read_mesh(tmp_path / "x.gltf.gz")
+    entry = Entry("x", "x", "", tmp_path / "x.gltf")
+    before = digest_of_entry(entry)
+    (tmp_path / "a b.bin").write_bytes(bytes(len(file.data)))
+    assert digest_of_entry(entry) != before
+
+
+def test_a_scene_of_more_vertices_than_a_file_can_hold_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = File()
+    file.tree["nodes"] = [{"mesh": 0}] * 5
+    file.tree["scenes"] = [{"nodes": [0, 1, 2, 3, 4]}]
+    monkeypatch.setattr("benchmark.geometry.gltf._MOST_ROWS", 19)
+    with pytest.raises(UnreadableMesh, match="its scene shows more than 19 vertices"):
+        file.read(tmp_path)

@@ -349,6 +349,11 @@ def test_chains_of_near_vertices_are_merged_in_any_order(order: list[int], close
         assert clean(mesh)[0].n_vertices == n_vertices
 
 
+def test_a_shape_with_most_vertices_in_one_place_has_no_stray_ones() -> None:
+    knob = moved(sphere(4), 0.0, 0.0, 0.0, scale=0.004)
+    assert prepare(joined(knob, moved(flat_grid(30, 0.1), 0, 0, 0.01))).report["components"] == 2
+
+
 def test_what_is_farther_apart_than_rounding_stays_apart_and_coincident_pieces_are_one() -> None:
     sheet = flat_grid(3)
     near, far = (clean(joined(sheet, moved(sheet, 0, 0, gap * 2 * np.sqrt(2))))[0] for gap in (3.9e-6, 4.1e-6))
