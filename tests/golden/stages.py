@@ -53,9 +53,9 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 
 
 def _answer(method: Any, shape: Shape) -> Arrays:
-    """Return a form or a descriptor without its times; raise the reason of a refusal."""
+    """Return a form or a descriptor without its times and machine; raise the reason of a refusal."""
     answer = require_result(compute_output(method, shape, SharedResults()))
-    return {name: array for name, array in answer.items() if not name.startswith(SECONDS)}
+    return {name: array for name, array in answer.items() if not name.startswith((SECONDS, MACHINE))}
 
 
 @cache
