@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from benchmark.text import LONGEST_MESSAGE, brief, clean
+
 
 class BenchmarkError(Exception):
     """A problem that the user can correct.
@@ -17,9 +19,7 @@ class BenchmarkError(Exception):
     """
 
     def __init__(self, problem: str, hint: str = "") -> None:
-        # Plugins may pass anything.
-        self.problem = str(problem)
-        self.hint = str(hint) if hint else ""
+        self.problem, self.hint = brief(problem, LONGEST_MESSAGE), brief(hint or "", LONGEST_MESSAGE)
         super().__init__(self.problem, self.hint)
 
     def __str__(self) -> str:
@@ -68,7 +68,7 @@ class UnsupportedShape(ShapeError):
 
 def one_line(error: BaseException) -> str:
     """Return class and message of an exception on one line; the message alone of an error that users can cause."""
-    text = " ".join((error.msg if isinstance(error, SyntaxError) else str(error)).split())
+    text = brief(error.msg if isinstance(error, SyntaxError) else error, LONGEST_MESSAGE).strip()
     if isinstance(error, BenchmarkError):
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
@@ -86,13 +86,13 @@ def locate(error: BaseException) -> str:
     from pathlib import Path
 
     if isinstance(error, SyntaxError) and error.filename:
-        return f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}"
+        return clean(f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}")
     libraries = tuple({sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")})
     frames = traceback.extract_tb(error.__traceback__)
     ours = [frame for frame in frames if not frame.filename.startswith((*libraries, "<"))]
     outside = [frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)]
     for frame in (outside or ours)[-1:]:
-        return f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}"
+        return clean(f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}")
     return one_line(error)
 
 

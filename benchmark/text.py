@@ -6,8 +6,8 @@ import re
 import sys
 from collections.abc import Sequence
 
-#: Longest reason in tables and lists of jobs, in characters; records contain the full text.
-LONGEST_REASON = 500
+#: Longest reason in tables and lists of jobs, message in a record, and text that a plugin passes, in characters.
+LONGEST_REASON, LONGEST_MESSAGE, LONGEST_TEXT = 500, 1000, 20_000
 
 #: Longest name, in characters: names become parts of file names.
 LONGEST_NAME = 60
@@ -47,7 +47,7 @@ def clean(text: object) -> str:
     text
         Anything; ``str`` is applied to it.
     """
-    words = str(text)
+    words = _as_text(text)
     if words.isprintable():
         return words
     words = _BLANKS.sub(_without_breaks, _TERMINAL_CODES.sub("", words))
@@ -59,10 +59,24 @@ def counted(number: int, one: str, many: str = "") -> str:
     return f"{number} {one if number == 1 else many or one + 's'}"
 
 
-def brief(text: object) -> str:
-    """Return cleaned text, cut to :data:`LONGEST_REASON`."""
-    words = clean(text)
-    return words if len(words) <= LONGEST_REASON else words[: LONGEST_REASON - len(_CUT)] + _CUT
+def brief(text: object, longest: int = LONGEST_REASON) -> str:
+    """Return cleaned text, cut to a number of characters."""
+    words = clean(_as_text(text)[: 2 * longest])
+    return words if len(words) <= longest else words[: longest - len(_CUT)] + _CUT
+
+
+def clean_lines(text: str) -> str:
+    """Return text with cleaned lines, from which the middle is cut if it is very long."""
+    if len(text) > LONGEST_TEXT:
+        text = f"{text[: LONGEST_TEXT // 2]}\n{_CUT.strip()}\n{text[-LONGEST_TEXT // 2 :]}"
+    return "\n".join(line[: len(line) - len(line.lstrip(" "))] + clean(line.lstrip(" ")) for line in text.splitlines())
+
+
+def _as_text(text: object) -> str:
+    try:
+        return str(text)
+    except Exception as error:  # of an exception of a plugin, for example
+        return f"{type(text).__name__} without a text ({type(error).__name__})"
 
 
 def say(text: object = "", *, err: bool = False) -> None:

@@ -54,7 +54,7 @@ FEWEST_VERTICES = 4
 MOST_WITH_ALL_PAIRS = 20_000
 """Maximum number of vertices for all pairwise distances: their 3 GiB fit into an ordinary memory a few times."""
 
-Title = Annotated[str, Matches(r"\S.*", "a text of one line")]
+Title = Annotated[str, Matches(r"\S.{0,199}", "a text of one line")]
 """Name in the tables."""
 
 

@@ -17,6 +17,7 @@ from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
 from benchmark.geometry.io import companions, read_mesh
 from benchmark.geometry.mesh import Mesh
+from benchmark.text import brief
 
 __all__ = ["FRONT", "SIDE", "Camera", "Entry", "Mesh", "ShapeSet"]
 
@@ -52,7 +53,10 @@ def read_entry(entry: Entry) -> Mesh:
 
 def digest_of_entry(entry: Entry) -> str:
     """Return the digest of the mesh file of a shape; "" if it has none."""
-    return "+".join(map(file_digest, files_of(entry)))
+    try:
+        return "+".join(map(file_digest, files_of(entry)))
+    except UnreadableMesh:  # it is refused when it is prepared
+        return f"{entry.identifier} cannot be read"
 
 
 def files_of(entry: Entry) -> list[Path]:
@@ -135,4 +139,4 @@ class ShapeSet:
     files: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "title", self.title or self.name)
+        object.__setattr__(self, "title", brief(self.title or self.name))

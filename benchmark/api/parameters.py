@@ -289,6 +289,8 @@ def _convert(kind: Any, value: Any) -> Any:
     if kind is NoneType and str(value).lower() == "none":
         return None
     is_strict = kind is bool and not isinstance(value, str)
+    if isinstance(value, str) and not value.isprintable():  # it becomes part of names
+        raise ValueError
     converted = msgspec.convert(value, kind, strict=is_strict, dec_hook=lambda kind, text: kind(text))
     if converted != converted:
         raise ValueError

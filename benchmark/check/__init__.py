@@ -15,6 +15,7 @@ from typing import Any, Literal
 from benchmark.check.case import Case, Failed, Skipped, explained
 from benchmark.check.checks import NECESSARY, checks_of
 from benchmark.registry import Component, component_of
+from benchmark.text import clean_lines
 
 __all__ = ["Finding", "check", "failures"]
 
@@ -82,7 +83,7 @@ def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Fi
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))
     except (Exception, SystemExit) as error:
-        trace = "" if isinstance(error, Failed) else "".join(traceback.format_exception(error))
+        trace = "" if isinstance(error, Failed) else clean_lines("".join(traceback.format_exception(error)))
         return Finding(name, "failed", " ".join(explained(error).split()), trace)
     finally:
         faulthandler.cancel_dump_traceback_later()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
@@ -18,12 +18,12 @@ from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
 from benchmark.reference.paper import MEASURES
-from benchmark.text import say
+from benchmark.text import clean, say
 from retrieval.measures import DECIMALS
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
-Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=1000)]
+Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=30_000)]
 Key = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
 
 #: ``"unavailable"`` is the state of a job in a plan; no record says it.
@@ -288,6 +288,22 @@ def _faults(record: Record) -> Iterator[str]:
             yield f"`scores.{name}` is not the mean of its queries"
 
 
+def record_of(content: Mapping[str, Any]) -> Record:
+    """Return the record of a content, in which text that no record may hold is escaped."""
+    try:
+        return msgspec.convert(content, Record)
+    except msgspec.ValidationError:
+        return msgspec.convert(_escaped(content), Record)
+
+
+def _escaped(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {clean(name): each if name == "traceback" else _escaped(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_escaped(each) for each in value]
+    return clean(value) if isinstance(value, str) else value
+
+
 # Writing -------------------------------------------------------------------------------------------------------------
 
 
@@ -300,7 +316,10 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
         If it cannot be written.
     """
     folder = results / RUNS / "records"
-    text = msgspec.json.format(msgspec.json.encode(record), indent=1)
+    try:
+        text = msgspec.json.format(msgspec.json.encode(record), indent=1)
+    except UnicodeEncodeError:  # a surrogate, as in names of files that are not UTF-8
+        text = msgspec.json.format(msgspec.json.encode(_escaped(msgspec.to_builtins(record))), indent=1)
     with storing(results):
         write_atomically(folder / f"{record.key}.json", lambda file: file.write(text), durable=True)
         for suffix in (".json", ".npz") if replaces not in ("", record.key) else ():

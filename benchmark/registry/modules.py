@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import os
 import sys
 from collections.abc import Iterable
 from contextlib import redirect_stdout
@@ -51,7 +52,7 @@ def load_module(target: str) -> ModuleType:
 
 
 def _unique_name(path: Path) -> str:
-    return f"plugin_{path.stem}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
+    return f"plugin_{path.stem}_{hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:8]}"
 
 
 def _contents(target: str) -> list[str]:

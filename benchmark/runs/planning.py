@@ -20,7 +20,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.ranking import STAGES
-from benchmark.pipeline.records import Record, Row, read_records
+from benchmark.pipeline.records import Record, Row, read_records, record_of
 from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery, selected_galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
@@ -28,7 +28,7 @@ from benchmark.protocols.tables import INPUTS
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select, select_one
 from benchmark.runs.tasks import Job, Step
-from benchmark.text import EVERY
+from benchmark.text import EVERY, clean
 
 #: Module with the code that ranks and measures.
 RANKING = "benchmark.pipeline.ranking"
@@ -243,7 +243,7 @@ class _Planning:
             yield Planned(
                 Job(key, row, source, data_root, method, self.scorer, self.results, code, anew),
                 (gallery,),
-                msgspec.convert(content, Record),
+                record_of(content),
                 tuple(model.folder if model else None for model in models),
                 state,
                 reason,
@@ -325,7 +325,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         "data": {
             "name": shapes.name,
             "title": shapes.title,
-            "source": gallery.source,
+            "source": clean(gallery.source),
             "stand_in_for": shapes.stand_in_for,
             "quick": gallery.quick,
             "paths": list(filter(None, [path_of(gallery.source)])),

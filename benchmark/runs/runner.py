@@ -17,7 +17,7 @@ from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.environment import commit, packages
-from benchmark.pipeline.records import Record, write_record
+from benchmark.pipeline.records import Record, record_of, write_record
 from benchmark.runs.planning import Planned
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
 from benchmark.runs.workers import Pool
@@ -235,7 +235,7 @@ class _Run:
             "packages": packages(),
             **(outcome.content or {"reason": reason, "traceback": outcome.traceback}),
         }
-        record, before = msgspec.convert(content, Record), planned.before
+        record, before = record_of(content), planned.before
         says_less = record.status == "incomplete" or (before is not None and before.key == record.key)
         if record.status == "ok" or before is None or before.status != "ok" or not says_less:
             write_record(self.results, record, before.key if before else "")

@@ -31,7 +31,7 @@ from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Record, Row
 from benchmark.registry.components import Component
-from benchmark.text import say
+from benchmark.text import brief, clean_lines, say
 
 # What a worker gets and gives ----------------------------------------------------------------------------------------
 
@@ -265,7 +265,7 @@ class Work:
         except BenchmarkError as error:
             return Outcome("failed", str(error))
         except BaseException as error:  # SystemExit included: a method must not end its worker
-            return Outcome("failed", locate(error), traceback.format_exc())
+            return Outcome("failed", locate(error), clean_lines(traceback.format_exc()))
 
     def _process(self, step: Step, method: Any, scorer: Any) -> Outcome:
         """Compute the files of a step that are missing."""
@@ -332,7 +332,9 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
     from numba.core import event
 
     _die_with(parent)
-    resource.setrlimit(resource.RLIMIT_DATA, (memory, resource.getrlimit(resource.RLIMIT_DATA)[1]))
+    limits = resource.getrlimit(resource.RLIMIT_DATA)  # of the user, which may be lower
+    allowed = [limit for limit in limits if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(memory, *allowed), limits[1]))
     connection, printed = Connection(descriptor), _Printed()
 
     @contextmanager
@@ -373,7 +375,7 @@ class _Printed(io.TextIOBase):
     def write(self, text: str) -> int:
         *lines, self.rest = (self.rest + text).split("\n")
         for line in lines:
-            say(f"{self.name}: {line}", err=True)
+            say(f"{self.name}: {brief(line)}", err=True)
         return len(text)
 
 

@@ -21,13 +21,14 @@ from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.environment import commit, packages
-from benchmark.pipeline.records import EXTERNAL, Record, read_records, write_record
+from benchmark.pipeline.records import EXTERNAL, Record, read_records, record_of, write_record
 from benchmark.pipeline.stages import compute_distances, compute_signature
 from benchmark.protocols.galleries import Gallery
 from benchmark.registry import Component
 from benchmark.report.frames import fold_of
 from benchmark.runs.planning import RANKING, gallery_facts
 from benchmark.scoring.evaluation import Evaluation
+from benchmark.text import brief
 from retrieval.measures import score_draws
 
 
@@ -99,7 +100,7 @@ def _facts(results: Path, dataset: str, input_: Input, method: str, labels: Mapp
     if is_known(dataset) or Path(dataset).is_dir():
         problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
-    if "/" in dataset or not dataset.strip():
+    if "/" in dataset or not dataset.strip() or not dataset.isprintable():
         raise ConfigurationError(f"'{dataset}' is neither a data set nor a folder", "name the table: --dataset mine")
     return {
         "gallery": dataset,
@@ -184,13 +185,13 @@ def _keep(results: Path, key: str, title: str, content: Mapping[str, Any], dista
         "key": key,
         "status": "ok",
         "method": method_name(title),
-        "title": title,
+        "title": brief(title),
         "family": EXTERNAL,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": commit(),
         "packages": packages(),
     }
-    record = msgspec.convert({**msgspec.to_builtins(content), **own}, Record)
+    record = record_of({**msgspec.to_builtins(content), **own})
     with writing(results):
         before = [
             other
