@@ -7,7 +7,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -75,10 +75,25 @@ def failures(value: Any) -> list[str]:
     return [str(finding) for finding in check(component_of(value)) if finding.outcome == "failed"]
 
 
+@contextmanager
+def _refusing_spawn() -> Iterator[None]:
+    """Let processes that import the code of a method by its name fail: in a run, they would start for ever."""
+    from multiprocessing import popen_forkserver, popen_spawn_posix
+    from unittest.mock import patch
+
+    def refuse(*_: object) -> None:
+        raise Failed("starts processes by 'spawn', which cannot import a plugin file; use get_context('fork')")
+
+    kinds = popen_spawn_posix.Popen, popen_forkserver.Popen
+    first, second = (patch.object(kind, "__init__", refuse) for kind in kinds)
+    with first, second:
+        yield
+
+
 def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
-        with redirect_stdout(sys.stderr):  # what a plugin prints must not stand among the findings
+        with redirect_stdout(sys.stderr), _refusing_spawn():  # what a plugin prints must not stand among the findings
             return Finding(name, "ok", run(case))
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))

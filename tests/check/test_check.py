@@ -88,6 +88,12 @@ FAULTS = [
     ("answer", FORM + "import no_such_package", "", "name packages beyond the core in info.requires"),
     ("answer", FORM + "raise UnsupportedShape('too thin')", "", r"refuses an ordinary surface \(too thin\)"),
     ("answer", "power: int = 2.5\n\n    " + FORM + "return shape.form(x)", "", "'2.5' does not fit power of smooth"),
+    (
+        "answer",
+        FORM + "__import__('multiprocessing').get_context('spawn').Pool(1)\n        return shape.form(x)",
+        "",
+        "'fork'",
+    ),
     ("answer", FORM + "return topp", "", r"^tried.py:32: NameError: name 'topp' is not defined$"),
     ("answer", FORM + "sys.exit(3)", "", r"^tried.py:32: SystemExit: 3$"),
     ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
