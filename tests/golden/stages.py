@@ -24,6 +24,7 @@ from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
 from benchmark.pipeline.stages import (
+    MACHINE,
     SECONDS,
     SharedResults,
     compute_distances,
