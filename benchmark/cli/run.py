@@ -66,7 +66,8 @@ def plan(selection: Selection, *, traceback: bool = False) -> None:
     expected = estimate(pending, selection.results)
     if expected.seconds:
         work, wall = (timedelta(seconds=round(expected.seconds / share)) for share in (1, cores))
-        say(f"at most about {work} of work, {wall} with {cores} processes")
+        disk = f"{expected.gigabytes:.1f} GB of disk"
+        say(f"at most about {work} of work, {wall} with {cores} processes, {disk}")
     if expected.unknown:
         say(f"{expected.unknown} of them cannot be estimated: no job of their method has finished")
     for record in _records_of(jobs, records) if traceback else ():

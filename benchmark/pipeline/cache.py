@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import io
 import zipfile
+import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -124,14 +125,14 @@ class Cache:
         return self.results / RUNS / kind / f"{key}.npz"
 
 
-def _write_arrays(file: IO[bytes], arrays: Arrays, deflated: bool) -> None:
+def _write_arrays(file: IO[bytes], arrays: Arrays, repetitive: bool) -> None:
     """Write arrays as an ``.npz`` file; unlike with ``numpy.savez``, any name will do."""
-    # Descriptors shrink by a third only, which would take a twentieth of the time of a signature.
-    method = zipfile.ZIP_DEFLATED if deflated else zipfile.ZIP_STORED
-    with zipfile.ZipFile(file, "w", method, compresslevel=1) as archive:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.comment = str(len(arrays)).encode()
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
+                if not repetitive:  # a search for repetitions would take twice as long, for larger files
+                    vars(part)["_compressor"] = zlib.compressobj(1, zlib.DEFLATED, -15, 8, zlib.Z_HUFFMAN_ONLY)
                 np.lib.format.write_array(part, np.asanyarray(array), allow_pickle=False)
 
 

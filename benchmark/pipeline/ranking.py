@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,12 @@ if TYPE_CHECKING:
 _SURFACES = ("vertices", "faces", "depth")
 
 #: Names in records of the stages that make the files.
-STAGES: Mapping[Kind, str] = {"prepared": "prepare", "forms": "canonicalise", "signatures": "signature"}
+STAGES: Mapping[Kind, str] = {
+    "prepared": "prepare",
+    "forms": "canonicalise",
+    "signatures": "signature",
+    "records": "ranking",
+}
 
 
 def rank(
@@ -57,6 +63,7 @@ def rank(
     Incomplete
         If files of a shape are missing or damaged again.
     """
+    start = time.perf_counter()
     answered: dict[int, dict[Kind, Arrays]] = {}
     unsupported: list[tuple[str, str]] = []
     unprepared: list[str] = []
@@ -93,6 +100,7 @@ def rank(
         "seconds": _median_seconds(list(answered.values())),
         "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
     }
+    content["seconds"][STAGES["records"]] = round((time.perf_counter() - start) / len(record.shapes), 4)
     return content, {"distances": total / draws}
 
 

@@ -17,7 +17,7 @@ from benchmark.api.contracts import Input
 from benchmark.code_digest import ROOT, code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.cache import Cache, Kind
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.ranking import STAGES
 from benchmark.pipeline.records import Record, Row, read_records, record_of
@@ -393,10 +393,15 @@ SUITE_RESULTS = ROOT / "results"
 
 
 class Estimate(NamedTuple):
-    """Upper bound for seconds on one core, and the number of jobs without one: no job of their method has finished."""
+    """Upper bound for seconds on one core, jobs without one as no job of their method has finished, and gigabytes."""
 
     seconds: float
     unknown: int
+    gigabytes: float
+
+
+#: Bytes of a file of the cache, means over TOSCA, people and animals.
+_SIZES: Mapping[Kind, float] = {"prepared": 75e3, "forms": 21e3, "signatures": 106e3}
 
 
 def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_RESULTS) -> Estimate:
@@ -408,13 +413,16 @@ def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_
     pending = [job.record for job in planned if job.is_pending]
     finished = [*read_records(published, local=False), *read_records(results, published=False)] if pending else []
     unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
+    sizes = dict[str, float]()
     for record in pending:
         seconds = _seconds_a_shape(record, finished)
         unknown += not seconds
         for kind, keys in record.files.items():
             of_file = seconds.get(STAGES[kind], 0.0) + (seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0)
-            spent |= {key: max(spent.get(key, 0.0), of_file) for key in keys}
-    return Estimate(sum(spent.values()), unknown)
+            spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
+            sizes |= dict.fromkeys(filter(None, keys), _SIZES[kind])
+        spent[record.key] = seconds.get(STAGES["records"], 0.0) * len(record.shapes)
+    return Estimate(sum(spent.values()), unknown, sum(sizes.values()) / 1e9)
 
 
 def _seconds_a_shape(job: Record, finished: Sequence[Record]) -> dict[str, float]:

@@ -110,6 +110,7 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
             cache.write("signatures", key, {**_committed("cm-bof", form), **second})
         content, arrays = rank(record, cache, lambda _: None, scorer)
     del content["machines"]
+    del content["seconds"]["ranking"]  # of this machine
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]
     return {**arrays, **_flat({**content, "unsupported": refused})}
 

@@ -186,7 +186,10 @@ def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(r
     each = [sum(record[name].seconds[stage] for stage in ("canonicalise", "signature")) for name in record]
     shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]
     assert found.unknown == 1
-    assert found.seconds == pytest.approx(4 * (sum(each) + shared), abs=1e-3)
+    ranking = sum(record[name].seconds["ranking"] for name in record)
+    assert ranking > 0
+    assert found.seconds == pytest.approx(4 * (sum(each) + shared + ranking), abs=1e-3)
+    assert found.gigabytes == pytest.approx((4 * 75e3 + 12 * 21e3 + 12 * 106e3) / 1e9, rel=0.01)
     assert estimate([*jobs, *jobs], tmp_path).seconds == found.seconds  # forms that two galleries rank count once
 
 
