@@ -41,7 +41,7 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, "--results", tmp_path, "--data-root", root)
     told = " ".join(call("run", *selection, "-j", "0").split())
     assert "Nearest View" in told
-    assert "Trained on the classes of: Nearest View 6 of 12 (all shapes); they stay in the gallery" in told
+    assert "Trained on the classes of: Nearest View 6 of 12 shapes (all shapes); they stay in the gallery" in told
     assert call("plan", *selection).startswith("finished")
     (folder / CARD).write_text(json.dumps(card | {"digest": "0" * 64}))
     plan = call("plan", *selection)
