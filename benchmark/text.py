@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import sys
 from collections.abc import Sequence
@@ -82,6 +83,19 @@ def _as_text(text: object) -> str:
 def say(text: object = "", *, err: bool = False) -> None:
     """Print one cleaned line to stdout or stderr."""
     print(clean(text), file=sys.stderr if err else sys.stdout, flush=True)
+
+
+class Printed(io.TextIOBase):
+    """Standard output of a plugin: cleaned lines on stderr, which begin with the name of what prints, if it has one."""
+
+    name = rest = ""
+
+    def write(self, text: str) -> int:
+        """Print the lines that end."""
+        *lines, self.rest = (self.rest + text).split("\n")
+        for line in lines:
+            say(f"{self.name}: {brief(line)}" if self.name else brief(line), err=True)
+        return len(text)
 
 
 def say_lines(text: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import faulthandler
-import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator
@@ -15,7 +14,7 @@ from typing import Any, Literal
 from benchmark.check.case import Case, Failed, Skipped, explained
 from benchmark.check.checks import NECESSARY, checks_of
 from benchmark.registry import Component, component_of
-from benchmark.text import clean_lines
+from benchmark.text import Printed, clean_lines
 
 __all__ = ["Finding", "check", "failures"]
 
@@ -93,7 +92,7 @@ def _refusing_spawn() -> Iterator[None]:
 def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
-        with redirect_stdout(sys.stderr), _refusing_spawn():  # what a plugin prints must not stand among the findings
+        with redirect_stdout(Printed()), _refusing_spawn():  # what a plugin prints must not stand among the findings
             return Finding(name, "ok", run(case))
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))

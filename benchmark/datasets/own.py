@@ -10,7 +10,7 @@ from typing import Any
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh, locate
 from benchmark.geometry.mesh import Mesh
-from benchmark.text import is_name
+from benchmark.text import LONGEST_REASON, is_name
 
 
 def is_own(source: str) -> bool:
@@ -60,8 +60,9 @@ def _problems(shapes: ShapeSet) -> Iterator[tuple[str, str]]:
             return
         for field in ("identifier", "subject", "pose"):
             value = getattr(entry, field)
-            if not isinstance(value, str) or not value.isprintable() or (not value and field != "pose"):
-                yield f"{field} {value!r} is not a text of one line", "rename the shape"
+            is_short = isinstance(value, str) and value.isprintable() and len(value) <= LONGEST_REASON
+            if not is_short or (not value and field != "pose"):
+                yield f"{field} {value!r:.80} is not a text of one line", "rename the shape"
         if entry.identifier in taken:
             yield f"two shapes are called '{entry.identifier}'", "rename one of them"
         taken.add(entry.identifier)

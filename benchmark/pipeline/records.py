@@ -18,7 +18,7 @@ from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
 from benchmark.reference.paper import MEASURES
-from benchmark.text import clean, say
+from benchmark.text import LONGEST_MESSAGE, brief, clean, say
 from retrieval.measures import DECIMALS
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
@@ -301,7 +301,7 @@ def _escaped(value: Any) -> Any:
         return {clean(name): each if name == "traceback" else _escaped(each) for name, each in value.items()}
     if isinstance(value, list | tuple):
         return [_escaped(each) for each in value]
-    return clean(value) if isinstance(value, str) else value
+    return brief(value, LONGEST_MESSAGE) if isinstance(value, str) else value
 
 
 # Writing -------------------------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.registry.modules import load_module
 from benchmark.registry.names import quoted
 from benchmark.registry.state import state_of
+from benchmark.text import brief
 
 Kind = Literal["method", "scorer", "data set"]
 
@@ -102,7 +103,7 @@ class Component:
     @property
     def summary(self) -> str:
         """Summary in one line."""
-        return self.info.summary or (inspect.getdoc(self.load()) or "").partition("\n")[0]
+        return brief(self.info.summary or (inspect.getdoc(self.load()) or "").partition("\n")[0])
 
     @property
     def learns(self) -> bool:

@@ -16,6 +16,7 @@ from benchmark.code_digest import modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
 from benchmark.kernels import drop_stale_kernels
+from benchmark.text import Printed
 
 #: Contents of the sources of each plugin module when it was imported.
 _imported: dict[str, list[str]] = {}
@@ -41,7 +42,7 @@ def load_module(target: str) -> ModuleType:
             _forget(helper)
         _imported[name] = _contents(target)
     try:
-        with redirect_stdout(sys.stderr):
+        with redirect_stdout(Printed()):
             return importlib.import_module(name) if path is None else _execute(name, path.resolve())
     except (Exception, SystemExit) as error:
         sys.modules.pop(name, None)

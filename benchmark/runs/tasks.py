@@ -6,7 +6,6 @@ Messages of a worker are the name of work that begins and is charged to no metho
 from __future__ import annotations
 
 import ctypes
-import io
 import os
 import resource
 import signal
@@ -31,7 +30,7 @@ from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Record, Row
 from benchmark.registry.components import Component
-from benchmark.text import brief, clean_lines, say
+from benchmark.text import Printed, clean_lines
 
 # What a worker gets and gives ----------------------------------------------------------------------------------------
 
@@ -335,7 +334,7 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
     limits = resource.getrlimit(resource.RLIMIT_DATA)  # of the user, which may be lower
     allowed = [limit for limit in limits if limit != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_DATA, (min(memory, *allowed), limits[1]))
-    connection, printed = Connection(descriptor), _Printed()
+    connection, printed = Connection(descriptor), Printed()
 
     @contextmanager
     def uncharged(name: str) -> Iterator[None]:
@@ -365,18 +364,6 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
                 except (KeyboardInterrupt, BdbQuit) as error:  # there is no terminal here
                     outcome = Outcome("failed", f"it raises {type(error).__name__}: use a debugger with -j 0")
                 connection.send(outcome)
-
-
-class _Printed(io.TextIOBase):
-    """Standard output of plugins: lines on stderr that begin with the method and the shape."""
-
-    name = rest = ""
-
-    def write(self, text: str) -> int:
-        *lines, self.rest = (self.rest + text).split("\n")
-        for line in lines:
-            say(f"{self.name}: {brief(line)}", err=True)
-        return len(text)
 
 
 def _die_with(parent: int) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from benchmark.api import MethodInfo, canonical_form
 from benchmark.errors import ConfigurationError
+from benchmark.protocols.galleries import galleries
 from benchmark.registry import component_of, select
 from learned.methods import Learned
 
@@ -163,6 +164,13 @@ def test_constants_that_a_function_reads_are_in_its_key(tmp_path, monkeypatch):
     own.K = [5]
     with pytest.raises(ConfigurationError, match="'flat' depends on 'K', of type list, which may change"):
         component_of(own.flat)
+
+
+def test_an_object_that_learns_is_one_row():
+    gallery, *_ = galleries(["III-view"], ["animals"])
+    assert len(gallery.rows("view", select(["learned"]), named=True)) > 1
+    learned = Learned()
+    assert [row.given for row in gallery.rows("view", select([learned]), named=True)] == [learned]
 
 
 def test_an_object_is_one_method_with_the_name_of_no_other():

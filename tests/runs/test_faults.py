@@ -193,8 +193,6 @@ def planned_of(rods, results):
 
 def test_a_system_without_the_libraries_of_pymeshlab_ends_the_run_with_the_remedy(rods, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pymeshlab", None)
-    with pytest.raises(
-        BenchmarkError, match=r"pymeshlab cannot be imported: .*; on Debian and Ubuntu: apt-get"
-    ):
+    with pytest.raises(BenchmarkError, match=r"pymeshlab cannot be imported: .*; on Debian and Ubuntu: apt-get"):
         run_toy(rods, tmp_path / "results", "identity")
     assert not read_records(tmp_path / "results")
