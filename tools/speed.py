@@ -14,7 +14,7 @@ import sys
 import time
 import timeit
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 from scipy.spatial.distance import pdist, squareform
 from sklearn.manifold import smacof as sklearn_smacof
+from torch.utils.flop_counter import FlopCounterMode
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from baselines.classic_mds import classic_scaling
@@ -41,11 +42,12 @@ from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.stages import compute_signature
 from benchmark.registry import select_one
 from benchmark.report.formats import markdown_table
-from learned.images import enlarged, resampled
+from learned.images import resampled
 from learned.methods import Learned
-from learned.paper_network import PaperNetwork
+from learned.models import load
 from retrieval.clock import Histograms, count_words, match
 from retrieval.cmbof import CMBOF
+from retrieval.codebook import nearest_words, sample_codebook
 from retrieval.pose import normalise
 from retrieval.views import BACKGROUND, view_sphere
 from tests.learned.toy import person
@@ -53,12 +55,15 @@ from tests.retrieval.figures import figure
 
 Work = Callable[[], Any]
 FloatArray = NDArray[np.float64]
-HEADER = ("what", "ours", "other program", "its time", "ratio", "clock", "how it was measured")
+HEADER = ("what", "ours", "limit", "other program", "its time", "ratio", "clock", "how it was measured")
 readable = EngFormatter("s", places=2)
 
 
 class Row(NamedTuple):
-    """One measurement: our work and that of another program, their numbers of units, and details of the comparison."""
+    """One measurement: our work and that of another program, their numbers of units, and details of the comparison.
+
+    The limit is the time of its floating-point operations, if their number is known, at the rate of a matrix product.
+    """
 
     name: str
     ours: Work
@@ -68,6 +73,7 @@ class Row(NamedTuple):
     units: int = 1
     peer_units: int = 1
     clock: Callable[[], float] = time.process_time
+    operations: float = 0.0
 
     def cells(self) -> tuple[str, ...]:
         """Measure the times, and return the cells of the table."""
@@ -77,7 +83,8 @@ class Row(NamedTuple):
             theirs = least(self.theirs, self.clock) / self.peer_units
             peer = (self.peer, readable(theirs), f"{theirs / ours:.2f}")
         clock = "wall" if self.clock is time.perf_counter else "processor"
-        return (self.name, readable(ours), *peer, clock, self.detail)
+        limit = readable(self.operations / self.units / operations_per_second()) if self.operations else ""
+        return (self.name, readable(ours), limit, *peer, clock, self.detail)
 
 
 def least(work: Work, clock: Callable[[], float] = time.process_time) -> float:
@@ -85,6 +92,13 @@ def least(work: Work, clock: Callable[[], float] = time.process_time) -> float:
     start = clock()
     work()
     return min(timeit.repeat(work, timer=clock, number=1, repeat=3 if clock() - start < 5 else 1))
+
+
+@cache
+def operations_per_second(size: int = 1024) -> float:
+    """Return the rate of a product of matrices in single precision, by one thread."""
+    matrix = np.ones((size, size), dtype=np.float32)
+    return 2.0 * size**3 / least(lambda: matrix @ matrix)
 
 
 def body(place: int = -1) -> Mesh:
@@ -192,6 +206,15 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
         f"{form.n_faces} faces; the peer is given the pose",
     )  # fmt: skip
 
+    descriptors = scorer.signature(form)["descriptors"]
+    words, n = sample_codebook([descriptors], n_words, 0), len(descriptors)
+    singles = descriptors.astype(np.float32), words.astype(np.float32)
+    yield Row(
+        "nearest word of one descriptor", partial(nearest_words, descriptors, words),
+        "OpenCV, brute force", partial(cv2.BFMatcher(cv2.NORM_L2).match, *singles),
+        f"{n} descriptors, {len(words)} words", n, n, operations=2.0 * descriptors.size * len(words),
+    )  # fmt: skip
+
     forms, n_pairs = word_counts(n_words, n_forms), n_forms * (n_forms - 1) // 2
     tables = [dense_counts(form, n_words) for form in forms[: n_peers + 1]]
 
@@ -245,21 +268,22 @@ def dense_matching(first: NDArray[np.int32], second: NDArray[np.int32]) -> float
     return float(min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in SPHERE.permutations))
 
 
-def of_network(resolution: int = 128) -> Iterator[Row]:
-    """Measure a prediction on one core."""
+def of_network() -> Iterator[Row]:
+    """Measure a prediction of each size on one core."""
     torch.set_num_threads(1)
-    single, method, image = PaperNetwork().eval(), Learned(), person()
-    small = torch.from_numpy(resampled(image, resolution)[:1])
-
-    def ours() -> Any:
-        return enlarged(method.predict(image))
-
-    @torch.inference_mode()
-    def alone() -> Any:
-        return single(small[None])[0]
-
-    detail = f"from depth image to depth image of 500 x 500 pixels, by a network at {resolution} x {resolution}"
-    yield Row("prediction of one image", ours, "torch, single precision, the network alone", alone, detail)
+    image = person()
+    for method in (Learned(), Learned(configuration="as_printed")):
+        network, card = load(method.model_folder)
+        resolution = card.schedule.resolution if card.schedule else 128
+        small = torch.from_numpy(resampled(image, resolution)[:1]).double()[None]
+        with FlopCounterMode(display=False) as counter:
+            network(small)
+        detail = f"from depth image to depth image of 500 x 500 pixels, by a network at {resolution} x {resolution}"
+        yield Row(
+            f"prediction of one image, {resolution} pixels", lambda method=method: method.predict(image),
+            "torch, double precision, the network alone", torch.inference_mode()(partial(network, small)),
+            detail, operations=counter.get_total_flops(),
+        )  # fmt: skip
 
 
 def of_programs() -> Iterator[Row]:
