@@ -145,9 +145,8 @@ def test_networks_and_the_best_forms_of_people_have_the_nn_of_the_readme(views):
         return hundredths(max(rows[method] for method in methods or CLASSICAL))
 
     printed, small = (nn("I-view", "5 subjects", name) for name in (AS_PRINTED, "learned"))
-    assert f"Its NN is {printed} with the paper's training (500 x 500 pixels, 500 epochs) and {small}" in unwrapped(
-        README
-    )
+    assert f"Its NN is {printed} with the paper's training (500 x 500 pixels, 500 epochs), not" in unwrapped(README)
+    assert f"not certainly above GPS, and {small} at 128 x 128 pixels" in unwrapped(README)
     best = nn("I-view", "5 subjects"), nn("I", "5 subjects")
     assert f"The best classical form has {best[0]}, or {best[1]} from complete surfaces." in unwrapped(README)
     printed, small = (nn("II-view", "ours", name) for name in (AS_PRINTED, "learned"))

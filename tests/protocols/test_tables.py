@@ -11,7 +11,7 @@ from benchmark.protocols.tables import ABLATION, SYNTHETIC_HUMANS, TABLES, TITLE
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from benchmark.registry import by_name, select, select_one
-from benchmark.runs.planning import plan
+from benchmark.runs.planning import gallery_facts, plan
 from tests.toy import write_rods
 
 FIRST = SYNTHETIC_HUMANS[0]
@@ -115,6 +115,8 @@ def test_ablations_have_rows_in_table_four_alone():
 def test_a_method_that_is_named_has_a_row_everywhere():
     assert rows(gallery("IV"), "view", "gps", named=True) == []
     quick = gallery("III", quick=True)
+    data = gallery_facts(quick, "mesh")["data"]
+    assert (data["quick"], data["n_shapes"]) == (True, len(quick.dataset.shapes))
     assert rows(quick, "mesh", "shape-dna") == []
     assert rows(quick, "mesh", "shape-dna", named=True) == ["shape-dna"]
 
