@@ -89,7 +89,7 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     if what == "effect":
         figure = figures.effect_figure(view, forms, shapes)
     elif what == "precision-recall":
-        figure = figures.precision_recall_figure(view, forms)
+        figure = figures.precision_recall_figure(figures.precision_recall(view, forms))
     else:
         figure = (figures.cost_figure if what == "cost" else figures.scores_figure)(view)
     figures.save(figure, path)

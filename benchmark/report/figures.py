@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO
 
 import matplotlib as mpl
 import numpy as np
@@ -102,17 +102,16 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, flo
     return front
 
 
-def precision_recall_figure(view: TableView, forms: StoredForms) -> Figure:
+def precision_recall_figure(curves: Sequence[tuple[Row, NDArray[np.float64]]]) -> Figure:
     """Draw interpolated precision over recall, a mean over all queries; a refused shape finds nothing.
 
     Raises
     ------
     ConfigurationError
-        If no distances of the table are stored.
+        If there are no curves.
     """
-    curves = precision_recall(view, forms)
     if not curves:
-        raise ConfigurationError(f"no distances of table {view.table.identifier} are stored here", "run it here")
+        raise ConfigurationError("no distances of this table are stored here", "run it here")
     figure, ((place,),) = subplots(COLUMN, 2.8)
     for row, curve in curves:
         place.plot(RECALLS, curve, lw=1, label=clean(row.title))
@@ -210,11 +209,14 @@ def some_shapes(record: Record, n_classes: int = 2, n_shapes: int = 3) -> list[s
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PDF, PNG or SVG by its extension, without dates; publishers take the fonts (Type 42)."""
-    ending = path.suffix.lower()
-    options: dict[str, Any] = {"format": ending[1:], "bbox_inches": "tight", "pad_inches": 0.03}
+    """Write a figure as PDF, PNG or SVG by its extension."""
+    write_atomically(path, lambda file: write(figure, file, path.suffix.lower()))
+
+
+def write(figure: Figure, file: IO[bytes], ending: str) -> None:
+    """Write a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        write_atomically(path, lambda file: figure.savefig(file, metadata=_UNDATED[ending], **options))
+        figure.savefig(file, format=ending[1:], metadata=_UNDATED[ending], bbox_inches="tight", pad_inches=0.03)
 
 
 def subplots(

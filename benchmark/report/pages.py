@@ -11,9 +11,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
-from pandas import DataFrame
-from plotly import express
 from plotly.graph_objects import Figure, Mesh3d
 from plotly.offline import get_plotlyjs
 from scipy.spatial import cKDTree
@@ -32,7 +31,7 @@ from benchmark.report.forms import StoredForms
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
-from benchmark.report.tables import BLOCKS, Row, TableView
+from benchmark.report.tables import TableView
 from benchmark.text import clean, say
 
 #: Vertices of a form in 3D and pixels of its height; forms of a shape, and shapes, for browsers draw at most 16.
@@ -151,14 +150,14 @@ def table_page(pages: Pages, view: TableView) -> Iterator[str]:
     yield from html_table(view)
     yield from ("<ul>", *(f"<li>{_text(note)}</li>" for note in table_notes(view)), "</ul>")
     yield "<h2>Scores with intervals</h2><p>95 % of resampled classes; dotted: a random order.</p>"
-    yield _html(scores_chart(view))
+    yield _svg(figures.scores_figure(view))
     column = f", {_text(view.columns[0].title)}" if len(view.columns) > 1 else ""
     yield f"<h2>Score against cost{column}</h2><p>No row is both faster and better than those on the line.</p>"
-    yield _html(cost_chart(view))
+    yield _svg(figures.cost_figure(view))
     curves = figures.precision_recall(view, pages.forms)
     if curves:
         yield f"<h2>Precision over recall{column}</h2><p>Mean over all queries; a refused shape finds nothing.</p>"
-        yield _html(precision_chart(curves))
+        yield _svg(figures.precision_recall_figure(curves))
 
 
 def html_table(view: TableView) -> Iterator[str]:
@@ -178,44 +177,6 @@ def html_table(view: TableView) -> Iterator[str]:
             place = "" if heading else " class='chance'"
             yield f"<tr{place}><th>{_text(line.title)}</th>{''.join(cells)}<td>{line.seconds}</td></tr>"
     yield "</tbody></table></div>"
-
-
-def scores_chart(view: TableView) -> Figure:
-    """Return a chart of scores with intervals, a line a row."""
-    titles = [column.title for column in view.columns]
-    points = []
-    for title, row in ((title, row) for title in titles for row in view.printed_rows[::-1] if title in row.scored):
-        mean, (low, high) = row.scored[title].means[MEASURE], row.scored[title].intervals[MEASURE]
-        group = title if len(titles) > 1 else BLOCKS[row.kind]
-        points.append([_text(row.title), _text(group), mean, high - mean, mean - low])
-    frame = DataFrame(points, columns=["row", "group", MEASURE, "above", "below"])
-    figure = express.scatter(
-        frame, x=MEASURE, y="row", color="group", error_x="above", error_x_minus="below", color_discrete_map=_COLOURS
-    ).update_traces(error_x={"thickness": 1, "width": 0})
-    for title in titles:
-        figure.add_vline(view.chance[title][MEASURE], line={"dash": "dot", "width": 1, "color": "grey"})
-    return _laid_out(figure, 120 + 19 * len(view.printed_rows), MEASURE, "", [0, 1.02])
-
-
-def cost_chart(view: TableView) -> Figure:
-    """Return a chart of seconds a shape against a measure."""
-    points = [(_text(row.title), BLOCKS[row.kind], seconds, score) for row, seconds, score in figures.costs(view)]
-    frame = DataFrame(points, columns=["row", "block", "seconds", MEASURE])
-    figure = express.scatter(
-        frame, x="seconds", y=MEASURE, color="block", hover_name="row", log_x=True, color_discrete_map=_COLOURS
-    )
-    front = DataFrame(figures.pareto_front([point[2:] for point in points]), columns=["x", "y"])
-    line = {"color": "lightgrey"}
-    figure.add_scatter(x=front["x"], y=front["y"], mode="lines", line=line, showlegend=False, hoverinfo="skip")
-    return _laid_out(figure, 420, "seconds a shape: form and geodesics", MEASURE)
-
-
-def precision_chart(curves: Iterable[tuple[Row, NDArray[np.float64]]]) -> Figure:
-    """Return a chart of precision over recall."""
-    figure = Figure()
-    for row, curve in curves:
-        figure.add_scatter(x=figures.RECALLS, y=curve, mode="lines", name=_text(row.title))
-    return _laid_out(figure, 420, "recall", "precision", [0, 1])
 
 
 def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
@@ -301,7 +262,6 @@ def _worst(pages: Pages, record: Record) -> list[str]:
 #: Pages of a table by the end of their name.
 KINDS = {"": ("Scores", table_page), "-forms": ("Forms", forms_page), "-queries": ("Worst queries", queries_page)}
 
-_COLOURS = {BLOCKS[kind]: colour for kind, colour in figures.COLOURS.items()}
 _CONFIG = {"displayModeBar": False, "responsive": True}
 
 
@@ -309,13 +269,12 @@ def _html(figure: Figure) -> str:
     return str(figure.to_html(full_html=False, include_plotlyjs=False, config=_CONFIG))
 
 
-def _laid_out(figure: Figure, height: int, x: str, y: str, x_range: Sequence[float] | None = None) -> Figure:
-    figure.update_xaxes(title=x, range=x_range)
-    figure.update_yaxes(title=y, automargin=True)
-    return figure.update_layout(
-        height=height, margin={"l": 10, "r": 10, "t": 20, "b": 40}, template="plotly_white", font={"size": 11},
-        legend={"title": "", "orientation": "h", "y": -0.25 if y else 1.0, "yanchor": "top" if y else "bottom"},
-    )  # fmt: skip
+def _svg(figure: Drawing) -> str:
+    """Return a figure of matplotlib as an element of a page."""
+    stream = io.BytesIO()
+    figures.write(figure, stream, ".svg")
+    text = stream.getvalue().decode()
+    return text[text.index("<svg") :]
 
 
 def _command(view: TableView) -> str:
