@@ -60,11 +60,11 @@ def test_the_rows_of_the_readme_are_those_of_the_tables(views):
             assert paper == f"{hundredths(figures['NN'])} {hundredths(figures['DCG'])}"
 
 
-def test_21_of_32_classical_figures_of_tosca_come_out_again(every_view):
+def test_20_of_32_classical_figures_of_tosca_come_out_again(every_view):
     counts = Counter(verdict for figures in verdicts(every_view).values() for *_, verdict in figures)
-    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (21, 4, 7)
-    assert "21 of the paper's 32 scores of classical methods are within .05 of ours" in unwrapped(README)
-    assert "21 of 32 scores of classical methods differ by at most .05, four" in unwrapped(REPRODUCTION)
+    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (20, 2, 10)
+    assert "20 of the paper's 32 scores of classical methods are within .05 of ours" in unwrapped(README)
+    assert "20 of 32 scores of classical methods differ by at most .05, two" in unwrapped(REPRODUCTION)
 
 
 def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views):
@@ -77,11 +77,12 @@ def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views)
 
 
 @pytest.mark.parametrize(("table", "column"), [("I", "5 subjects"), ("III", "ours")])
-def test_the_surface_area_beats_every_canonical_form_of_complete_surfaces(views, table, column):
+def test_the_surface_area_beats_every_canonical_form_but_skeletons_in_nn(views, table, column):
     scores = {row.method: row.scored[column].means for row in views[table].rows if column in row.scored}
     forms = [row.method for row in views[table].rows if row.kind == "form" and row.method in scores]
     assert len(forms) >= 9
-    assert all(scores["surface-area"][m] > scores[name][m] for name in forms for m in MEASURES)
+    better = [(name, m) for name in forms for m in MEASURES if scores["surface-area"][m] <= scores[name][m]]
+    assert better == ([("skeleton", "NN")] if table == "III" else [])
     assert scores["si-hks"]["NN"] >= 0.975 - 5e-7
 
 
