@@ -53,9 +53,8 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
     """
     mesh = shape.mesh
     if mesh.n_vertices > MOST_VERTICES:
-        raise UnsupportedShape(
-            f"a deformation field of {mesh.n_vertices} vertices takes too long", f"keep at most {MOST_VERTICES}"
-        )
+        problem = f"a deformation field of {mesh.n_vertices} vertices takes too long"
+        raise UnsupportedShape(problem, f"keep at most {MOST_VERTICES}")
     framed = in_frame(mesh)
     positions, rotations = predicted(network, _outward(framed))
     vertices = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)

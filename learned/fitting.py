@@ -92,10 +92,8 @@ def _initial(configuration: Configuration, seed: int, folder: str) -> tuple[nn.M
     try:
         network.load_state_dict(trained.state_dict())
     except RuntimeError as error:
-        raise ConfigurationError(
-            f"the model in {folder} is of network '{card.configuration.name}', not '{configuration.name}'",
-            "begin with a model of the same network",
-        ) from error
+        problem = f"the model in {folder} is of network '{card.configuration.name}', not '{configuration.name}'"
+        raise ConfigurationError(problem, "begin with a model of the same network") from error
     return network, card.digest
 
 
@@ -107,10 +105,8 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     facts = {"seed": "seed", "init": "init", "shapes": "identifiers", "images": "data_digest"}
     known = {name: card.get(fact) for name, fact in facts.items() if name in recipe}
     if changed := differences((card.get("schedule") or {}) | known, recipe):
-        raise ConfigurationError(
-            f"{folder} holds a finished model of another training, with another {changed}",
-            "delete the folder to train anew, or name other --results",
-        )
+        problem = f"{folder} holds a finished model of another training, with another {changed}"
+        raise ConfigurationError(problem, "delete the folder to train anew, or name other --results")
     return True
 
 

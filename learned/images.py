@@ -41,13 +41,11 @@ def checked_image(image: DepthImage) -> Floats:
     """
     image = np.asarray(image, dtype=np.float32)
     if image.shape != (SIZE, SIZE):
-        raise InvalidMesh(
-            f"a depth image of shape {image.shape} does not fit the network", f"render {SIZE} x {SIZE} pixels"
-        )
+        problem = f"a depth image of shape {image.shape} does not fit the network"
+        raise InvalidMesh(problem, f"render {SIZE} x {SIZE} pixels")
     if not np.isfinite(image).all() or image.min() < 0 or image.max() > 1:
-        raise InvalidMesh(
-            "the depth image holds NaN or values outside [0, 1]", "normalise it as `render_depth` does, with 0 outside"
-        )
+        problem = "the depth image holds NaN or values outside [0, 1]"
+        raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
     if not image.any():
         raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
     return image

@@ -88,10 +88,8 @@ class TrainedNetwork(CheckedParameters):
 
         _, card = load(folder)
         if card.configuration.name != self.configuration:
-            raise ConfigurationError(
-                f"the model in {folder} holds '{card.configuration.name}', not '{self.configuration}'",
-                "name the folder of another model",
-            )
+            problem = f"the model in {folder} holds '{card.configuration.name}', not '{self.configuration}'"
+            raise ConfigurationError(problem, "name the folder of another model")
         loaded = copy(self)
         object.__setattr__(loaded, "model", folder)
         return loaded

@@ -129,9 +129,8 @@ def _load(folder: Path, configuration: Configuration, _digest: str, dtype: torch
     except (KeyError, TypeError, SafetensorError) as error:
         raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error
     except RuntimeError as error:
-        raise ConfigurationError(
-            f"the weights in {folder} belong to another network than '{configuration.name}'", "train it again"
-        ) from error
+        problem = f"the weights in {folder} belong to another network than '{configuration.name}'"
+        raise ConfigurationError(problem, "train it again") from error
     for module in network.modules():
         if dtype == torch.float64 and isinstance(module, nn.Conv2d) and module.stride == (1, 1):
             module._conv_forward = functools.partial(_in_stripes, module)

@@ -250,10 +250,8 @@ class _State:
         try:
             state = torch.load(self.path, map_location="cpu", weights_only=True)
             if changed := differences(state["recipe"], recipe):
-                raise TrainingError(
-                    f"{self.path} was made with another {changed}",
-                    "train with the same options, or delete the folder to begin anew",
-                )
+                problem = f"{self.path} was made with another {changed}"
+                raise TrainingError(problem, "train with the same options, or delete the folder to begin anew")
             self.network.load_state_dict(state["network"])
             self.optimizer.load_state_dict(state["optimizer"])
             self.epoch, self.step, self.sums = state["epoch"], state["step"], state["sums"]
@@ -289,9 +287,8 @@ class _State:
 
     def _check_sums(self) -> None:
         if not torch.isfinite(self.sums).all():
-            raise TrainingError(
-                f"the loss of epoch {self.epoch + 1} is not a number", "lower the step size: -o learning_rate=3e-4"
-            )
+            problem = f"the loss of epoch {self.epoch + 1} is not a number"
+            raise TrainingError(problem, "lower the step size: -o learning_rate=3e-4")
 
 
 class _Progress:

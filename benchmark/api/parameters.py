@@ -130,9 +130,8 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
             if isinstance(value, str) and typing.get_origin(annotation) is Literal:
                 choices = map(format_value, typing.get_args(annotation))
                 raise did_you_mean(f"{name} of {owner}", value, choices) from None
-            raise ConfigurationError(
-                f"'{value}' does not fit {name} of {owner}", f"write {values_in_words(annotation)}"
-            ) from None
+            problem = f"'{value}' does not fit {name} of {owner}"
+            raise ConfigurationError(problem, f"write {values_in_words(annotation)}") from None
     return values
 
 
@@ -225,9 +224,8 @@ def split(text: str, separator: str = ",") -> list[str]:
         else:
             parts[-1] += character
     if quote or depth:
-        raise ConfigurationError(
-            f"'{text}' has {'a quote' if quote else 'a parenthesis'} without its other half", "close what is opened"
-        )
+        problem = f"'{text}' has {'a quote' if quote else 'a parenthesis'} without its other half"
+        raise ConfigurationError(problem, "close what is opened")
     return parts if text.strip() else []
 
 

@@ -36,15 +36,11 @@ def check_retrievable(dataset: ShapeSet, entries: Iterable[Entry] | None = None)
     if not members:
         raise DatasetError(f"{what} has no meshes", "point to a folder with .off, .obj, .ply or .stl files")
     if len(members) < 2:
-        raise DatasetError(
-            f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect",
-            "sort the meshes into one sub-folder per class, add a .cla file, or name them CLASS + number",
-        )
+        hint = "sort the meshes into one sub-folder per class, add a .cla file, or name them CLASS + number"
+        raise DatasetError(f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect", hint)
     if max(map(len, members.values())) < 2:
-        raise DatasetError(
-            f"each class of {what} has one shape, so nothing can be retrieved",
-            "add a second shape to at least one class",
-        )
+        problem = f"each class of {what} has one shape, so nothing can be retrieved"
+        raise DatasetError(problem, "add a second shape to at least one class")
 
 
 def canonical_shapes(dataset: ShapeSet) -> Mapping[str, Entry]:

@@ -206,9 +206,8 @@ def check_ranked(dataset: ShapeSet) -> None:
     """Raise ``DatasetError`` for an official set with a single subject, which has another purpose."""
     source = CATALOGUE.get(dataset.name)
     if source and source.other_use:
-        raise DatasetError(
-            f"data set '{dataset.name}' shows one subject, so nothing can be retrieved", source.other_use
-        )
+        problem = f"data set '{dataset.name}' shows one subject, so nothing can be retrieved"
+        raise DatasetError(problem, source.other_use)
 
 
 def folder_name(folder: Path) -> str:

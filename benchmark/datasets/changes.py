@@ -94,9 +94,8 @@ def split_name(name: str) -> tuple[str, list[tuple[str, int]]]:
     while (match := _NAME.fullmatch(name)) and match["change"] in CHANGES and not Path(name).is_dir():
         n_levels = len(CHANGES[match["change"]].amounts)
         if match["level"] not in map(str, range(1, n_levels + 1)):
-            raise ConfigurationError(
-                f"'{match['change']}' has no level '{match['level']}'", f"choose a whole number from 1 to {n_levels}"
-            )
+            problem = f"'{match['change']}' has no level '{match['level']}'"
+            raise ConfigurationError(problem, f"choose a whole number from 1 to {n_levels}")
         changes.insert(0, (match["change"], int(match["level"])))
         name = match["base"]
     return name, changes

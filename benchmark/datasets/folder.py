@@ -56,10 +56,8 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
     frames = [] if entries else _from_depth_images(folder)
     if not entries and not frames:
         unread = ", ".join(sorted({path.suffix for path in skipped_files(folder)}))
-        raise DatasetError(
-            f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}",
-            f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files",
-        )
+        hint = f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files"
+        raise DatasetError(f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}", hint)
     counts = Counter(entry.identifier for entry in entries or frames)
     if twice := [identifier for identifier, count in counts.items() if count > 1]:
         raise DatasetError(f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them")
@@ -176,9 +174,8 @@ def read_cla(path: Path) -> dict[int, str]:
     """
     words = text_of(path).split()
     if words[:2] != ["PSB", "1"]:
-        raise DatasetError(
-            f"{path} does not start with 'PSB 1'", "use the classification format of the Princeton Shape Benchmark"
-        )
+        problem = f"{path} does not start with 'PSB 1'"
+        raise DatasetError(problem, "use the classification format of the Princeton Shape Benchmark")
     subjects: dict[int, str] = {}
     names: set[str] = set()
     try:
@@ -203,9 +200,8 @@ def read_cla(path: Path) -> dict[int, str]:
         raise DatasetError(f"{path}: {error}", hint) from error
     if (len(names), len(subjects)) != (n_classes, n_models):
         announced = f"{path} announces {n_classes} classes and {n_models} models"
-        raise DatasetError(
-            f"{announced} but lists {len(names)} and {len(subjects)}", "correct the second line or complete the lists"
-        )
+        problem = f"{announced} but lists {len(names)} and {len(subjects)}"
+        raise DatasetError(problem, "correct the second line or complete the lists")
     return subjects
 
 

@@ -128,10 +128,8 @@ class OfficialSet:
         if missing or surplus:
             what = [f"shape '{stem}' is missing" for stem in missing[:1]]
             what += [f"{path.name} is one too many" for path in surplus[:1]]
-            raise DatasetError(
-                f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}",
-                _UNPACK,
-            )
+            problem = f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}"
+            raise DatasetError(problem, _UNPACK)
         return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
 
     def _listed(self, folder: Path) -> list[Entry]:
@@ -162,18 +160,14 @@ class OfficialSet:
             raise DatasetError(f"{source} has {len(sizes)} classes, not the official {self.classes}", _UNPACK)
         for name, size in sizes.items():
             if size != self.poses:
-                raise DatasetError(
-                    f"class '{name}' of {source} has {size} models, not the official {self.poses}",
-                    "fetch the official list: a model stands in another class",
-                )
+                problem = f"class '{name}' of {source} has {size} models, not the official {self.poses}"
+                raise DatasetError(problem, "fetch the official list: a model stands in another class")
         if not self.members:
             return {name: name for name in sizes}
         digests = {name: members_digest(n for n, other in classes.items() if other == name) for name in sizes}
         if wrong := [f"'{name}'" for name, digest in digests.items() if digest not in self.members]:
-            raise DatasetError(
-                f"classes {', '.join(wrong)} of {source} do not hold their official models",
-                "fetch the official list: some stand in another class",
-            )
+            problem = f"classes {', '.join(wrong)} of {source} do not hold their official models"
+            raise DatasetError(problem, "fetch the official list: some stand in another class")
         return {name: self.members[digest] for name, digest in digests.items()}
 
     def _classed(self, folder: Path) -> Iterator[Entry]:

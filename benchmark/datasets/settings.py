@@ -167,9 +167,8 @@ def _sensors(value: Any, entries: Iterable[Entry], path: Path) -> dict[str, Dept
         deviation, step, seeds = float(value["deviation"]), float(value["step"]), value["seeds"]
         sensors = {entry.identifier: DepthSensor(deviation, step, int(seeds[entry.identifier])) for entry in entries}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise DatasetError(
-            f"{path}: depth_noise lacks {error}", "write deviation, step and seeds, a table from shape to number"
-        ) from error
+        problem = f"{path}: depth_noise lacks {error}"
+        raise DatasetError(problem, "write deviation, step and seeds, a table from shape to number") from error
     if not (0 <= deviation < math.inf and 0 <= step < math.inf) or min(sensor.seed for sensor in sensors.values()) < 0:
         raise DatasetError(f"{path}: a number of depth_noise is negative", "write positive numbers")
     return sensors

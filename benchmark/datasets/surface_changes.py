@@ -144,10 +144,8 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
         removed[[starts[number], partners[number]]] = True
         tubes.append(_tube(mesh.vertices, first, second))
     if len(tubes) < int(amount):
-        raise UnsupportedShape(
-            f"the surface comes near itself at {len(tubes)} places, fewer than {int(amount)}",
-            "choose a smaller strength",
-        )
+        problem = f"the surface comes near itself at {len(tubes)} places, fewer than {int(amount)}"
+        raise UnsupportedShape(problem, "choose a smaller strength")
     return Mesh(mesh.vertices, np.concatenate([mesh.faces[~removed], *tubes]))
 
 
@@ -192,9 +190,8 @@ def _rest(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
     if rest.n_faces:
         rest = largest_component(rest)
     if rest.n_vertices < FEWEST_VERTICES:
-        raise UnsupportedShape(
-            f"the change leaves {rest.n_vertices} vertices of the shape", "choose a smaller strength"
-        )
+        problem = f"the change leaves {rest.n_vertices} vertices of the shape"
+        raise UnsupportedShape(problem, "choose a smaller strength")
     return rest
 
 

@@ -171,10 +171,8 @@ def scaled(
             + f" with {unit:g} units per metre"
             for unit in sorted(plausible or units)
         ]
-        raise DepthError(
-            f"the depth scale of the camera file has {len(plausible)} plausible readings: {', '.join(listed)}",
-            "pass --depth-scale with the units per metre",
-        )
+        problem = f"the depth scale of the camera file has {len(plausible)} plausible readings: {', '.join(listed)}"
+        raise DepthError(problem, "pass --depth-scale with the units per metre")
     return in_metres(values, *(plausible or units))
 
 
@@ -264,20 +262,16 @@ def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, hal
         If there are too few pixels, or the surface is larger than the frame.
     """
     if np.count_nonzero(mask) < FEWEST_SEEN:
-        raise DepthError(
-            f"the object shows {np.count_nonzero(mask)} pixels, fewer than {FEWEST_SEEN}",
-            "go nearer, or check the mask",
-        )
+        problem = f"the object shows {np.count_nonzero(mask)} pixels, fewer than {FEWEST_SEEN}"
+        raise DepthError(problem, "go nearer, or check the mask")
     part = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
     points, faces = _squares(depths[part], rays[part], mask[part])
     mesh = Mesh(points @ rotation.T, faces)
     extents = np.ptp(mesh.vertices, axis=0)
     if extents.max() >= 2 * half_width:
         size = " x ".join(f"{extent:.2f}" for extent in extents)
-        raise DepthError(
-            f"the object is {size} m (width, height, depth), more than the {2 * half_width:.2f} m of the frame",
-            "check the depth scale, or pass a mask of the object alone",
-        )
+        problem = f"the object is {size} m (width, height, depth), more than the {2 * half_width:.2f} m of the frame"
+        raise DepthError(problem, "check the depth scale, or pass a mask of the object alone")
     return mesh
 
 
@@ -359,10 +353,8 @@ class FrameFiles:
     def _camera(self) -> Intrinsics:
         file = self.intrinsics_file
         if self.intrinsics is None and file is None:
-            raise DepthError(
-                f"there are no intrinsics for {self.image}",
-                "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy",
-            )
+            hint = "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy"
+            raise DepthError(f"there are no intrinsics for {self.image}", hint)
         if self.intrinsics is None or self.intrinsics.scales or file is None:
             return self.intrinsics or read_intrinsics(file or self.image, self.image)
         with suppress(DepthError):  # a file that is not used for its intrinsics may hold anything

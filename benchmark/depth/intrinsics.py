@@ -107,10 +107,8 @@ class Intrinsics:
     def __post_init__(self) -> None:
         values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if not (all(map(math.isfinite, values)) and self.fx > 0 and self.fy > 0):
-            raise DepthError(
-                f"invalid focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g}",
-                "pass positive focal lengths in pixels",
-            )
+            problem = f"invalid focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g}"
+            raise DepthError(problem, "pass positive focal lengths in pixels")
 
     def check_size(self, width: int, height: int) -> None:
         """Raise ``DepthError`` if the intrinsics belong to an image of another size."""
@@ -120,10 +118,8 @@ class Intrinsics:
                 "pass those of the depth image, not of the colour image or of another resolution",
             )
         if not all(0.1 < length / side < 20 for length, side in ((self.fx, width), (self.fy, height))):
-            raise DepthError(
-                f"the focal lengths {self.fx:g}, {self.fy:g} are implausible for {width} x {height} pixels",
-                "pass them in pixels of this image",
-            )
+            problem = f"the focal lengths {self.fx:g}, {self.fy:g} are implausible for {width} x {height} pixels"
+            raise DepthError(problem, "pass them in pixels of this image")
         low, high = (0.0, 1.0) if self.size else CENTRAL
         if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
             raise DepthError(
@@ -344,9 +340,8 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
     for named in (str(value) for key, value in values.items() if key.startswith("model")):
         model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
         if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and given):
-            raise DepthError(
-                f"the distortion model is '{named:.60}'", "rectify the image, and pass plumb_bob or rational_polynomial"
-            )
+            problem = f"the distortion model is '{named:.60}'"
+            raise DepthError(problem, "rectify the image, and pass plumb_bob or rational_polynomial")
     if not given:
         return []
     if len(given) > 1 or len(given[0]) not in (4, 5, 8) or (values.get("k4") and "k6" not in values):

@@ -116,23 +116,17 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
     if (seen > far).any() and np.count_nonzero(seen == seen.max()) > _FAR_PLANE * depth.size:
         seen = seen[seen < seen.max()]
     if len(seen) < FEWEST_SEEN:
-        raise DepthError(
-            f"too few pixels have a depth: {len(seen)} of {depth.size}, fewer than {FEWEST_SEEN}",
-            "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen",
-        )
+        hint = "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen"
+        raise DepthError(f"too few pixels have a depth: {len(seen)} of {depth.size}, fewer than {FEWEST_SEEN}", hint)
     median = float(np.median(seen)) / units
     if not NEAREST <= median <= FARTHEST:
-        raise DepthError(
-            f"the median depth is {median:g} m with {units:g} units per metre",
-            "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres",
-        )
+        problem = f"the median depth is {median:g} m with {units:g} units per metre"
+        raise DepthError(problem, "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres")
     if seen.min() == seen.max():
         raise DepthError(f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask")
     if scale is None and seen.max() == (1 if is_float else 255):
-        raise DepthError(
-            f"the depths end at {seen.max():g}, as if they were scaled to this range",
-            f"export measured depths, or pass --depth-scale {units:g} if they are depths",
-        )
+        problem = f"the depths end at {seen.max():g}, as if they were scaled to this range"
+        raise DepthError(problem, f"export measured depths, or pass --depth-scale {units:g} if they are depths")
     return np.asarray(np.where(depth > far, 0, depth / units))
 
 
@@ -154,10 +148,8 @@ def readings(values: NDArray[Any]) -> Depths:
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if values.ndim != 2 or values.dtype.kind not in "iuf":
-        raise DepthError(
-            f"an array of {values.dtype} and shape {values.shape} is no depth image",
-            "pass one channel of integers or floats, shape (height, width)",
-        )
+        problem = f"an array of {values.dtype} and shape {values.shape} is no depth image"
+        raise DepthError(problem, "pass one channel of integers or floats, shape (height, width)")
     _check_size(values.shape[1], values.shape[0])
     is_float = values.dtype.kind == "f"
     largest = np.finfo(values.dtype).max if is_float else np.iinfo(values.dtype).max
@@ -171,9 +163,8 @@ def readings(values: NDArray[Any]) -> Depths:
 
 def _check_size(width: int, height: int) -> None:
     if max(width, height) > LARGEST_SIDE:
-        raise DepthError(
-            f"{width} x {height} pixels are more than {LARGEST_SIDE} per side", "reduce it, and its intrinsics alike"
-        )
+        problem = f"{width} x {height} pixels are more than {LARGEST_SIDE} per side"
+        raise DepthError(problem, "reduce it, and its intrinsics alike")
 
 
 def _pixels(path: Path) -> NDArray[Any]:

@@ -108,10 +108,8 @@ class Results:
         jobs = self.jobs.query("seed == @seed and quick == @quick and status == 'ok'")
         found = jobs[(jobs[["method", "dataset", "input", "fold"]] == [method, dataset, input, fold]).all(axis=1)]
         if found.empty:
-            raise ConfigurationError(
-                f"{self.folder} has no scores of {method} on {dataset} {fold}".rstrip() + f", {input}",
-                f"run -d {dataset} -m {method}",
-            )
+            problem = f"{self.folder} has no scores of {method} on {dataset} {fold}".rstrip() + f", {input}"
+            raise ConfigurationError(problem, f"run -d {dataset} -m {method}")
         return str(found.index[0])
 
     def distances(self, job: str) -> DataFrame:

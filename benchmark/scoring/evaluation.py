@@ -154,10 +154,8 @@ def _check(values: NDArray[np.float64]) -> None:
     """Raise ``ConfigurationError`` if a distance off the diagonal, which is 0, is not finite or negative."""
     if len(wrong := np.argwhere(~np.isfinite(values))):
         row, column = wrong[0] + 1
-        raise ConfigurationError(
-            f"distances are NaN or infinite, the first in row {row}, column {column}",
-            "use a distance larger than all others if a method has no result",
-        )
+        problem = f"distances are NaN or infinite, the first in row {row}, column {column}"
+        raise ConfigurationError(problem, "use a distance larger than all others if a method has no result")
     if values.min() < 0:
         problem = f"a distance is negative ({values.min():.3g})"
         raise ConfigurationError(problem, "subtract similarities from the largest")
