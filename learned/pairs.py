@@ -82,10 +82,9 @@ def gather(pairs: Iterable[TrainingPair], n_pairs: int, resolution: int, crop: b
     for pair in pairs:
         images[len(names)] = resampled(checked_image(pair.image), resolution, crop)[:1]
         names.append(pair.identifier)
-        if pair.target_identifier not in row:
-            row[pair.target_identifier] = len(targets)
+        target_of.append(row.setdefault(pair.target_identifier, len(targets)))
+        if target_of[-1] == len(targets):
             targets.append(resampled(checked_image(pair.target), resolution, crop))
-        target_of.append(row[pair.target_identifier])
     if not names:
         raise TrainingError("there is no pair to train on", "check the data set with 'data check'")
     tensors = torch.from_numpy(images[: len(names)]), torch.from_numpy(np.stack(targets)), torch.tensor(target_of)

@@ -48,7 +48,7 @@ def canonicalise(
     source, *others = paths
     if absent := [path for path in paths if not path.name or not (others or path.exists())]:  # of several, one may miss
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
-    if options.picture is not None and not others and source.is_file():
+    if not others and source.is_file():
         check_ending(options.picture)
     if warning := trained_on_people(select_one(method, options.plugins)):
         say(f"{method}: {warning}", err=True)
@@ -169,8 +169,7 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     images = [frame.image for frame in frames]
     if images == list(paths[:1]):
-        if options.picture is not None:
-            check_ending(options.picture)
+        check_ending(options.picture)
         _check_target(output)
         outputs = [(output, options.picture)]
     else:
@@ -210,8 +209,7 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
 
 def retrieve(query: Path, name: str, method: str, options: Selection, k: int) -> None:
     """Print the shapes of a gallery that are nearest to a query."""
-    if options.picture is not None:
-        check_ending(options.picture)
+    check_ending(options.picture)
     start, component = time.perf_counter(), select_one(method, options.plugins)
     scorer = select_one(options.scorer, options.plugins, "scorer")
     shapes = options.open_dataset(name)

@@ -122,6 +122,9 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
         text = f"{name}|{draw}{entry.identifier}".encode("utf-8", "surrogatepass")
         return int.from_bytes(hashlib.sha256(text).digest()[:4], "big")
 
+    def random(entry: Entry) -> Random:
+        return np.random.default_rng(seed(entry))
+
     result = replace(
         shapes,
         name=changed_name(shapes.name, name, level),
@@ -130,14 +133,10 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
         code=tuple(dict.fromkeys([*shapes.code, __name__])),
     )
     if of_mesh := change.of_mesh:
-        return replace(
-            result, load=lambda entry: of_mesh(shapes.load(entry), amount, np.random.default_rng(seed(entry)))
-        )
+        return replace(result, load=lambda entry: of_mesh(shapes.load(entry), amount, random(entry)))
     result = replace(result, inputs=tuple(input_ for input_ in shapes.inputs if input_ == "view"))
     if of_camera := change.of_camera:
-        return replace(
-            result, camera=lambda entry: of_camera(shapes.camera(entry), amount, np.random.default_rng(seed(entry)))
-        )
+        return replace(result, camera=lambda entry: of_camera(shapes.camera(entry), amount, random(entry)))
     if seen := change.seen:
         return replace(result, load=lambda entry: seen(shapes.load(entry), shapes.camera(entry), amount))
     of_sensor = change.of_sensor

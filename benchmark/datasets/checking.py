@@ -98,19 +98,14 @@ class Report:
         stand_in, n_shapes = self.dataset.stand_in_for, len(self.dataset.shapes)
         sizes = Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
         unread = n_shapes - len(self.rows)
+        keys = {"vertices": "vertices_before", "faces": "faces_before", "components": "components", "holes": "holes"}
         counts = Counter(anomaly.severity for anomaly in self.anomalies)
         return [
             f"{self.dataset.name}: {n_shapes} shapes, {len(sizes)} classes, "
             f"{f'stand-in for {stand_in}' if stand_in else 'not a stand-in'}"
             f"{f', {unread} unreadable, which count as 0' if unread else ''}",
             f"classes     {', '.join(f'{subject} {size}' for subject, size in sizes.items()) or 'unknown'}",
-            *(
-                f"{name:<11} {_range([row.counts[key] for row in self.rows])}"
-                for name, key in (
-                    *(("vertices", "vertices_before"), ("faces", "faces_before")),
-                    *(("components", "components"), ("holes", "holes")),
-                )
-            ),
+            *(f"{name:<11} {_range([row.counts[key] for row in self.rows])}" for name, key in keys.items()),
             *map(str, self.anomalies),
             ", ".join(f"{counts[kind]} {kind}{'s' * (counts[kind] != 1)}" for kind in ("error", "warning")),
         ]

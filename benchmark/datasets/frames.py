@@ -15,6 +15,7 @@ from benchmark.errors import BenchmarkError, DatasetError
 from benchmark.files import file_digest
 
 _KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
+_WHERE = ", in a folder of depth images"
 
 
 def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSet:
@@ -33,7 +34,7 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         If ``dataset.toml`` is unreadable or a value is invalid.
     """
     path = folder / SETTINGS_FILE
-    values = _read(path)
+    values = read_settings(path, _KEYS, _WHERE)
     settings = _camera(values, path)
     files = {entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path}
 
@@ -63,7 +64,7 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
 def frame_settings(folder: Path) -> dict[str, Any]:
     """Return the camera in a folder's ``dataset.toml`` as keywords of ``FrameFiles``; errors as in ``depth_frames``."""
     path = folder / SETTINGS_FILE
-    return _camera(_read(path), path)
+    return _camera(read_settings(path, _KEYS, _WHERE), path)
 
 
 def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -75,7 +76,3 @@ def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
     except BenchmarkError as error:
         raise DatasetError(f"{path}: {error.problem}", error.hint) from error
     return {"intrinsics": intrinsics, "scale": scale, "up": up, "half_width": half_width}
-
-
-def _read(path: Path) -> dict[str, Any]:
-    return read_settings(path, _KEYS, ", in a folder of depth images")

@@ -166,12 +166,13 @@ def scaled(
         lengths["large"] = (float(np.ptp(points[:, :2], axis=0).max()), *_SIZES)
     plausible = [unit for unit in units if all(low <= length / unit <= high for length, low, high in lengths.values())]
     if len(units) > 1 and len(plausible) != 1:
-        listed = [
-            " and ".join(f"{length / unit:.3g} m {what}" for what, (length, *_) in lengths.items())
-            + f" with {unit:g} units per metre"
-            for unit in sorted(plausible or units)
-        ]
-        problem = f"the depth scale of the camera file has {len(plausible)} plausible readings: {', '.join(listed)}"
+
+        def reading(unit: float) -> str:
+            sizes = " and ".join(f"{length / unit:.3g} m {what}" for what, (length, *_) in lengths.items())
+            return f"{sizes} with {unit:g} units per metre"
+
+        listed = ", ".join(map(reading, sorted(plausible or units)))
+        problem = f"the depth scale of the camera file has {len(plausible)} plausible readings: {listed}"
         raise DepthError(problem, "pass --depth-scale with the units per metre")
     return in_metres(values, *(plausible or units))
 
@@ -261,9 +262,8 @@ def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, hal
     DepthError
         If there are too few pixels, or the surface is larger than the frame.
     """
-    if np.count_nonzero(mask) < FEWEST_SEEN:
-        problem = f"the object shows {np.count_nonzero(mask)} pixels, fewer than {FEWEST_SEEN}"
-        raise DepthError(problem, "go nearer, or check the mask")
+    if (count := np.count_nonzero(mask)) < FEWEST_SEEN:
+        raise DepthError(f"the object shows {count} pixels, fewer than {FEWEST_SEEN}", "go nearer, or check the mask")
     part = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
     points, faces = _squares(depths[part], rays[part], mask[part])
     mesh = Mesh(points @ rotation.T, faces)
@@ -278,7 +278,7 @@ def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, hal
 def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, NDArray[np.int32]]:
     """Return pixel corners in the camera's frame, shape (n, 3), and two camera-facing triangles per pixel."""
     # The pixels around each corner: above left, above right, below left, below right.
-    windows, (height, width) = _windows(depths.shape, 2), mask.shape
+    windows = _windows(depths.shape, 2)
     around: Depths = np.stack([np.pad(depths, 1)[window] for window in windows])
     held: Mask = np.stack([np.pad(mask, 1)[window] for window in windows])
     nearest = np.where(held, around, np.inf).min(axis=0)
@@ -297,10 +297,8 @@ def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, NDArray[np
     outer = np.pad(rays, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
     of_corners = (outer[:-1, :-1] + outer[:-1, 1:] + outer[1:, :-1] + outer[1:, 1:]) / 4
     xy = np.concatenate([of_corners[whole], of_corners[row, column]]) * z[:, None]
-    a, b, c, d = (
-        numbers[member, down : down + height, right : right + width][mask]
-        for member, down, right in ((3, 0, 0), (1, 1, 0), (0, 1, 1), (2, 0, 1))
-    )
+    corners = _windows((mask.shape[0] - 1, mask.shape[1] - 1), 2)  # of the pixels, of which each is on four sides
+    a, d, b, c = (of_side[corner][mask] for of_side, corner in zip(numbers[::-1], corners, strict=True))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     return np.column_stack([xy, z]), faces
 

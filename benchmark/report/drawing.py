@@ -121,9 +121,9 @@ def turned_like(form: Points, shape: Points) -> Points:
     return np.asarray(moving @ (left @ right))
 
 
-def check_ending(path: Path, endings: Sequence[str] = (".png",)) -> None:
-    """Raise ``ConfigurationError`` for a picture that cannot be written, before anything is computed."""
-    if path.suffix.lower() not in endings:
+def check_ending(path: Path | None, endings: Sequence[str] = (".png",)) -> None:
+    """Raise ``ConfigurationError`` for a picture that cannot be written, if one is wanted, before all computations."""
+    if path is not None and path.suffix.lower() not in endings:
         raise ConfigurationError(f"{path} is not the name of a picture", f"use {', '.join(endings)}")
 
 

@@ -149,7 +149,7 @@ def table_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of a table: scores with intervals, cost against score, and precision over recall."""
     yield from html_table(view)
     yield from ("<ul>", *(f"<li>{_text(note)}</li>" for note in table_notes(view)), "</ul>")
-    yield "<h2>Scores with intervals</h2><p>95 % of resampled classes; dotted: a random order.</p>"
+    yield "<h2>Scores with intervals</h2><p>95 % of resampled classes; dashed: a random order.</p>"
     yield _svg(figures.scores_figure(view))
     column = f", {_text(view.columns[0].title)}" if len(view.columns) > 1 else ""
     yield f"<h2>Score against cost{column}</h2><p>No row is both faster and better than those on the line.</p>"
@@ -262,11 +262,9 @@ def _worst(pages: Pages, record: Record) -> list[str]:
 #: Pages of a table by the end of their name.
 KINDS = {"": ("Scores", table_page), "-forms": ("Forms", forms_page), "-queries": ("Worst queries", queries_page)}
 
-_CONFIG = {"displayModeBar": False, "responsive": True}
-
 
 def _html(figure: Figure) -> str:
-    return str(figure.to_html(full_html=False, include_plotlyjs=False, config=_CONFIG))
+    return str(figure.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}))
 
 
 def _svg(figure: Drawing) -> str:

@@ -53,33 +53,24 @@ class Results:
     def jobs(self) -> DataFrame:
         """One line a job, indexed by its key.
 
-        Columns: ``dataset``, ``fold``, ``quick``, ``input``, ``method``, ``title``, ``kind``, ``scorer``, ``seed``,
-        ``status`` ("ok", "failed", ...), ``reason``, the measures (NaN without scores), ``n_shapes``, ``n_classes``,
-        ``coverage`` (share of shapes with a result), ``seconds`` per shape, ``machine``, ``published``,
-        ``commit``, ``finished``.
+        Columns: ``dataset``, ``fold``, ``quick``, ``kind``, ``input``, ``method``, ``title``, ``scorer``, ``seed``,
+        ``status`` ("ok", "failed", ...), ``reason``, ``published``, ``commit``, ``finished``, ``coverage`` (share of
+        shapes with a result), the measures (NaN without scores), ``n_shapes``, ``n_classes``, ``seconds`` per shape,
+        ``machine``.
         """
+        facts = ("input", "method", "title", "scorer", "seed", "status", "reason", "published", "commit", "finished")
         rows = {
             record.key: {
                 "dataset": record.data.name,
                 "fold": fold_of(record),
                 "quick": record.data.quick,
-                "input": record.input,
-                "method": record.method,
-                "title": record.title,
                 "kind": kind_of(record),
-                "scorer": record.scorer,
-                "seed": record.seed,
-                "status": record.status,
-                "reason": record.reason,
+                **{fact: getattr(record, fact) for fact in (*facts, "coverage")},
                 **record.scores,
                 "n_shapes": len(record.shapes),
                 "n_classes": len(set(record.labels)),
-                "coverage": record.coverage,
                 "seconds": seconds_of(record),
                 "machine": "; ".join(record.machines) or "unknown",
-                "published": record.published,
-                "commit": record.commit,
-                "finished": record.finished,
             }
             for record in self.records
         }

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.base import by_subject
 from benchmark.depth.frame import UPRIGHT
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import DatasetError, ShapeError
@@ -46,16 +47,14 @@ def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
     """
     if not shapes.shapes:
         raise DatasetError(f"data set '{shapes.name}' has no meshes", "check its folder")
-    by_subject: dict[str, list[Entry]] = {}
-    for entry in shapes.shapes:
-        by_subject.setdefault(entry.subject, []).append(entry)
-    rows = [spread(of, POSES) for of in spread([*by_subject.values()], SUBJECTS)]
+    subjects = by_subject(shapes.shapes)
+    rows = [spread(of, POSES) for of in spread([*subjects.values()], SUBJECTS)]
     n_columns = max(map(len, rows))
     indent = _GAP + int(max(_FONT.getlength(row[0].subject) for row in rows)) + _GAP
     height = _PIXELS + _LINE + _GAP
     sheet = Image.new("RGB", (indent + n_columns * (2 * _PIXELS + _GAP), 2 * _LINE + len(rows) * height), "white")
     pen = ImageDraw.Draw(sheet)
-    shown = f"{len(rows)} of {len(by_subject)} subjects, {sum(map(len, rows))} of {len(shapes.shapes)} shapes"
+    shown = f"{len(rows)} of {len(subjects)} subjects, {sum(map(len, rows))} of {len(shapes.shapes)} shapes"
     pen.text((_GAP, 4), f"{shapes.title}: {shown}", fill="black", font=_FONT)
     pictures, problems = _pictures(shapes, [entry for row in rows for entry in row])
     for i, row in enumerate(rows):
