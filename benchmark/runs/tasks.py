@@ -333,7 +333,7 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
     _die_with(parent)
     limits = resource.getrlimit(resource.RLIMIT_DATA)  # of the user, which may be lower
     allowed = [limit for limit in limits if limit != resource.RLIM_INFINITY]
-    resource.setrlimit(resource.RLIMIT_DATA, (min(memory, *allowed), limits[1]))
+    resource.setrlimit(resource.RLIMIT_DATA, (min([memory, *allowed]), limits[1]))
     connection, printed = Connection(descriptor), Printed()
 
     @contextmanager
