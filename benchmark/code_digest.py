@@ -86,6 +86,11 @@ def plugin_file(target: str) -> Path | None:
     return Path(path) if path.endswith(".py") else None
 
 
+def folders_of(target: str) -> set[Path]:
+    """Return the folders that hold the packages in the code of a module, but that of the suite."""
+    return {*_closure(target)[0].values()} - {ROOT}
+
+
 def sources_of(target: str) -> list[Path]:
     """Return the source files in the code of a module."""
     return list(_closure(target)[0])
@@ -135,7 +140,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             top = parts[0]
             if top in sys.stdlib_module_names or ".".join(parts[:2]) in _WORDS:
                 continue
-            is_near = top == own or (path is not None and top not in FIRST_PARTY and _locate(base, parts[:1]))
+            is_near = top == own or (path is not None and top not in FIRST_PARTY and _is_beside(base, top))
             has_sources = is_near or top in FIRST_PARTY or not _versions(top)
             where = base if is_near else _folder_of(top) if has_sources else None
             if where is None:
@@ -147,14 +152,21 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     return sources, packages
 
 
+def _is_beside(base: Path, top: str) -> bool:
+    """Return whether a folder holds a module, a package, or a folder of modules that no installed package hides."""
+    return _locate(base, (top,)) is not None or ((base / top).is_dir() and not _versions(top))
+
+
 def _folder_of(top: str) -> Path | None:
     """Return the folder that holds a top-level package; None if there is none."""
     if top in FIRST_PARTY:
         return ROOT
     with suppress(ImportError, ValueError):  # it is being imported, or is no module
         spec = importlib.util.find_spec(top)
+        if spec is not None and spec.submodule_search_locations:  # a package, with or without __init__.py
+            return Path(next(iter(spec.submodule_search_locations))).parent
         if spec is not None and spec.origin is not None:
-            return Path(spec.origin).parents[1 if spec.submodule_search_locations else 0]
+            return Path(spec.origin).parent
     return None
 
 
@@ -179,9 +191,18 @@ def _modules(base: Path, parts: tuple[str, ...]) -> list[Path]:
     return exporting[:1] or modules
 
 
-@cache
 def _locate(base: Path, parts: tuple[str, ...]) -> Path | None:
-    """Return the file of a module below a folder: a source, a package or a compiled extension."""
+    """Return the file of a module below a folder; that of a user may be new at any time."""
+    return _locate_once(base, parts) if base == ROOT else _find(base, parts)
+
+
+@cache
+def _locate_once(base: Path, parts: tuple[str, ...]) -> Path | None:
+    return _find(base, parts)
+
+
+def _find(base: Path, parts: tuple[str, ...]) -> Path | None:
+    """Return the file of a module: a source, a package or a compiled extension."""
     stem = base.joinpath(*parts)
     candidates = (stem / "__init__.py", *(Path(f"{stem}{suffix}") for suffix in (".py", *EXTENSION_SUFFIXES)))
     return next((path for path in candidates if path.is_file()), None)
@@ -202,11 +223,11 @@ class _Module(NamedTuple):
 
 def _parsed(path: Path) -> _Module:
     status = path.stat()
-    return _parsed_once(path, status.st_mtime_ns, status.st_size)
+    return _parsed_once(path, status.st_mtime_ns, status.st_ctime_ns, status.st_size)
 
 
 @cache
-def _parsed_once(path: Path, _: int, __: int) -> _Module:
+def _parsed_once(path: Path, *_: int) -> _Module:
     content = path.read_bytes()
     try:
         tree = ast.parse(content) if path.suffix == ".py" else None

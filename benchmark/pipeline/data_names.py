@@ -67,12 +67,12 @@ class _DataSet(msgspec.Struct):
 
     records: list[Record]
     paths: list[str]
-    contents: set[tuple[str, str]]
+    contents: set[tuple[str, ...]]
 
 
 def _add(sets: list[_DataSet], record: Record) -> None:
     """Add a record to the data sets of its name, of which it may join several."""
-    merged = _DataSet([record], [*record.data.paths], {(record.gallery, record.gallery_digest)})
+    merged = _DataSet([record], [*record.data.paths], {(record.gallery, *record.content)})
     for other in [*sets]:
         is_same = set(other.paths) & set(merged.paths) or not (other.paths or merged.paths)
         if is_same or other.contents & merged.contents:

@@ -53,7 +53,7 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
 
 def _with_paths(record: Record, other: Record | None) -> Record:
     """Return a record of a folder with the paths of another record of the same content, too."""
-    if other is None or other.gallery_digest != record.gallery_digest:
+    if other is None or other.content != record.content:
         return record
     paths = [*dict.fromkeys([*other.data.paths, *record.data.paths])]
     return msgspec.structs.replace(record, data=msgspec.structs.replace(record.data, paths=paths))

@@ -50,8 +50,8 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         The official set that it replaces.
     quick, n_shapes
         Whether poses were omitted, and the number of shapes without that; 0 if unknown.
-    paths
-        Where a folder, or a plugin file, was found.
+    paths, content
+        Where a folder, or a plugin file, was found; digest of its shapes, cameras and code.
     """
 
     name: Name
@@ -61,6 +61,7 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     quick: bool = False
     n_shapes: int = 0
     paths: list[Name] = []
+    content: str = ""
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -167,7 +168,12 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
         A folder is its content at its path: with other content, only the same path is the same data set.
         """
-        return self.gallery_digest == other.gallery_digest or self.data.paths == other.data.paths
+        return self.content == other.content or self.data.paths == other.data.paths
+
+    @property
+    def content(self) -> tuple[str, str]:
+        """What its shapes are, wherever they lie."""
+        return self.gallery_digest, self.data.content
 
     @property
     def answered(self) -> list[int]:

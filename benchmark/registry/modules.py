@@ -6,50 +6,126 @@ import hashlib
 import importlib.util
 import os
 import sys
-from collections.abc import Iterable
+import sysconfig
 from contextlib import redirect_stdout
+from importlib.machinery import (
+    EXTENSION_SUFFIXES,
+    SOURCE_SUFFIXES,
+    ExtensionFileLoader,
+    FileFinder,
+    SourceFileLoader,
+)
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
-from benchmark.code_digest import modules_beside, plugin_file, sources_of
+from benchmark.code_digest import FIRST_PARTY, ROOT, folders_of, modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
 from benchmark.kernels import drop_stale_kernels
 from benchmark.text import Printed
 
-#: Contents of the sources of each plugin module when it was imported.
+#: Contents of the sources of each plugin module when it was imported, and of the files that its methods name.
 _imported: dict[str, list[str]] = {}
+
+#: Names of modules that no plugin is asked about: they were imported before its turn.
+_known: set[str] = set()
+
+#: Folders whose modules are never taken from compiled code.
+_folders: set[Path] = set()
+
+_INSTALLED = tuple(
+    {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
+)
 
 
 def load_module(target: str) -> ModuleType:
     """Import the module of a target such as ``"baselines.gps:GPS"`` or ``"/path/smooth.py:Smooth"``.
 
-    A plugin file gets a name of its own, so that ``random.py`` does not replace the standard module. If it, or a module
-    beside it, was edited since it was imported, it is imported again. What it prints goes to stderr.
+    A plugin file gets a name of its own, so that ``random.py`` does not replace the standard module. If its code, or a
+    file that its methods name, was edited since it was imported, it is imported again. What it prints goes to stderr.
 
     Raises
     ------
     ConfigurationError
-        If there is no such module, it cannot be imported, or a module beside it has the name of another one.
+        If there is no such module, it cannot be imported, a module beside it has the name of another one, or it imports
+        a module that is not in its code.
     """
     path = plugin_file(target)
     name = target.partition(":")[0] if path is None else _unique_name(path)
-    if name in sys.modules and (path is None or _imported.get(name) == _contents(target)):
-        return sys.modules[name]
-    if path is not None:
-        for helper in _check_helpers(path):
-            _forget(helper)
-        _imported[name] = _contents(target)
+    known = sys.modules.get(name)
+    if known and (path is None or _imported.get(name) == [*_contents(target), *_named_files(known, path)]):
+        return known
     try:
         with redirect_stdout(Printed()):
-            return importlib.import_module(name) if path is None else _execute(name, path.resolve())
+            return importlib.import_module(name) if path is None else _import_anew(target, name, path.resolve())
     except (Exception, SystemExit) as error:
         sys.modules.pop(name, None)
         hint = "" if isinstance(error, BenchmarkError) else "correct it"  # which has a hint of its own
         if isinstance(error, ModuleNotFoundError) and error.name:
             hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
         raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error
+
+
+def remember_modules() -> None:
+    """Note which modules are imported already, before the turn of a plugin."""
+    _known.update(sys.modules)
+
+
+def check_modules(target: str) -> None:
+    """Raise ``ConfigurationError`` if a plugin has imported a module, since its turn began, that is not in its code."""
+    new, sources = [name for name in [*sys.modules] if name not in _known], {*sources_of(target)}
+    remember_modules()
+    for name in new:
+        file = _file_of(name)
+        if file and file not in sources:
+            del sys.modules[name]
+            _known.discard(name)  # the next attempt ends likewise
+            problem = f"{plugin_file(target)} imports {file} in a way that its code does not show"
+            raise ConfigurationError(problem, "write 'import NAME' or 'from NAME import ...', with the name as it is")
+
+
+def _file_of(name: str) -> Path | None:
+    """Return the file of an imported module of the user; None for one of Python, of a package or of the suite."""
+    file = getattr(sys.modules.get(name), "__file__", None)
+    if not file or name == "__main__" or name.partition(".")[0] in FIRST_PARTY or not Path(file).is_absolute():
+        return None
+    path = Path(os.path.realpath(file))
+    return None if any(map(path.is_relative_to, _INSTALLED)) else path
+
+
+def _import_anew(target: str, name: str, path: Path) -> ModuleType:
+    """Import a plugin file, and what belongs to its code, from their sources of today."""
+    _check_helpers(path)
+    _folders.update(folders_of(target))
+    if _find_from_source not in sys.path_hooks:
+        sys.path_hooks.insert(0, _find_from_source)
+    sys.path_importer_cache.clear()
+    sources = {*sources_of(target)}
+    for known in [known for known in sys.modules if _file_of(known) in sources]:
+        del sys.modules[known]
+    contents = _contents(target)
+    remember_modules()
+    module = _execute(name, path)
+    check_modules(target)
+    _imported[name] = [*contents, *_named_files(module, path)]
+    return module
+
+
+class _SourceLoader(SourceFileLoader):
+    """Import a module from its source alone: compiled code of the same second and size may be of an earlier edit."""
+
+    def path_stats(self, _path: object) -> NoReturn:  # what compiled code is compared with
+        raise OSError
+
+
+def _find_from_source(folder: str) -> FileFinder:
+    """Find modules below the folders of plugins, where these are not installed or of the suite."""
+    path = Path(os.path.realpath(folder or "."))
+    packages = (*_INSTALLED, *(ROOT / name for name in FIRST_PARTY))
+    if not any(map(path.is_relative_to, _folders)) or any(map(path.is_relative_to, packages)):
+        raise ImportError
+    return FileFinder(folder or ".", (ExtensionFileLoader, EXTENSION_SUFFIXES), (_SourceLoader, SOURCE_SUFFIXES))
 
 
 def _unique_name(path: Path) -> str:
@@ -60,28 +136,27 @@ def _contents(target: str) -> list[str]:
     return [file_digest(path) for path in sources_of(target)]
 
 
-def _forget(name: str) -> None:
-    """Let a module and what it contains be imported again."""
-    for known in [known for known in sys.modules if known == name or known.startswith(f"{name}.")]:
-        del sys.modules[known]
+def _named_files(module: ModuleType, path: Path) -> list[str]:
+    """Return the digests of the files on which the methods of a plugin depend."""
+    infos = [getattr(value, "info", None) for value in vars(module).values()]
+    files = [path.parent / name for info in infos for name in getattr(info, "files", ())]
+    return [file_digest(file) for file in files if file.is_file()]
 
 
-def _check_helpers(path: Path) -> Iterable[str]:
-    """Return the modules beside a plugin file; raise ``ConfigurationError`` if one has the name of another module."""
-    helpers = modules_beside(path)
-    for helper, file in helpers.items():
+def _check_helpers(path: Path) -> None:
+    """Raise ``ConfigurationError`` if a module beside a plugin file has the name of another module."""
+    for helper, file in modules_beside(path).items():
         spec = importlib.util.find_spec(helper)
         if spec is not None and Path(spec.origin or "").resolve() != file.resolve():
             other = spec.origin or "another package"
             raise ConfigurationError(f"{path} imports {file}, but '{helper}' is also the name of {other}", "rename one")
-    return helpers
 
 
 def _execute(name: str, path: Path) -> ModuleType:
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     drop_stale_kernels(sources_of(str(path)))
-    spec: Any = importlib.util.spec_from_file_location(name, path)
+    spec: Any = importlib.util.spec_from_file_location(name, path, loader=_SourceLoader(name, str(path)))
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)

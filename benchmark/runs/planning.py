@@ -203,7 +203,7 @@ class _Planning:
         for method in methods:
             scorer = None if method.missing_packages() or method.describes else self.scorer
             row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "")
-            earlier = _earlier(self._records.get(row, []), facts["gallery_digest"], path)
+            earlier = _earlier(self._records.get(row, []), (facts["gallery_digest"], facts["data"]["content"]), path)
             before = earlier.record
             state, reason, models = _obstacle(gallery, input_, method, self.results / "models")
             seen = _seen(gallery, models)
@@ -296,8 +296,8 @@ class _Earlier(NamedTuple):
     moved: list[Record]
 
 
-def _earlier(records: Sequence[Record], gallery_digest: str, path: str) -> _Earlier:
-    same = next((record for record in records if record.gallery_digest == gallery_digest), None)
+def _earlier(records: Sequence[Record], content: tuple[str, str], path: str) -> _Earlier:
+    same = next((record for record in records if record.content == content), None)
     others = [record for record in records if record is not same]
     version = next((record for record in others if record.data.paths == ([path] if path else [])), None)
     moved = [_without(record, path) for record in others if record is not version and path in record.data.paths]
@@ -329,11 +329,19 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
             "stand_in_for": shapes.stand_in_for,
             "quick": gallery.quick,
             "paths": list(filter(None, [path_of(gallery.source)])),
+            "content": _content(gallery) if path_of(gallery.source) else "",
             "n_shapes": len(shapes.shapes),
         },
         "shapes": [entry.identifier for entry in gallery.entries],
         "labels": [entry.subject for entry in gallery.entries],
     }
+
+
+def _content(gallery: Gallery) -> str:
+    """Return the digest of what a folder or plugin file says of its shapes beside their meshes."""
+    shapes, code = gallery.dataset, [name for name in gallery.dataset.code if name.endswith(".py")]
+    views = [(repr(shapes.camera(entry)), repr(shapes.sensor(entry))) for entry in gallery.entries]
+    return digest([views, shapes.half_width, sorted(code_of_modules(code, shapes.files).values())])
 
 
 def _obstacle(

@@ -30,6 +30,7 @@ from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Record, Row
 from benchmark.registry.components import Component
+from benchmark.registry.modules import check_modules, remember_modules
 from benchmark.text import Printed, clean_lines
 
 # What a worker gets and gives ----------------------------------------------------------------------------------------
@@ -274,7 +275,15 @@ class Work:
             if all(names) and stages.REFUSED not in set().union(*names):
                 return Outcome("ok")
         prepared, shape, shared = self._surface(step)
-        form = self._stage(step, "forms", lambda: stages.compute_output(method, shape, shared))
+
+        def compute() -> Arrays:
+            remember_modules()
+            output = stages.compute_output(method, shape, shared)
+            if step.job.method.plugin:
+                check_modules(step.job.method.target)
+            return output
+
+        form = self._stage(step, "forms", compute)
         if "signatures" in step.keys:
             mesh = stages.mesh_of(form, prepared)
             self._stage(step, "signatures", lambda: stages.sign(scorer, mesh))

@@ -55,6 +55,85 @@ def test_an_edited_plugin_or_helper_is_imported_again_by_the_next_run_of_a_sessi
         assert here.equals(clean)
 
 
+def sub_folder(folder):
+    (folder / "parts").mkdir()
+    return folder / "parts" / "deep.py", "from parts.deep import FACTOR", ""
+
+
+def on_the_path(folder):
+    (folder / "elsewhere").mkdir()
+    return (
+        folder / "elsewhere" / "far.py",
+        "import sys; sys.path.append({!r}); from far import FACTOR".format(str(folder / "elsewhere")),
+        "",
+    )
+
+
+def named_file(folder):
+    read = "from pathlib import Path; FACTOR = float(Path(__file__).with_name('named.txt').read_text().split()[-1])"
+    return folder / "named.txt", read, 'files=("named.txt",)'
+
+
+def of_the_same_second(folder):
+    return folder / "quick.py", "from quick import FACTOR", ""
+
+
+def by_name(folder):
+    return (
+        folder / "hidden.py",
+        "from importlib import import_module; FACTOR = import_module(chr(104) + 'idden').FACTOR",
+        "",
+    )
+
+
+@pytest.mark.parametrize("place", [sub_folder, on_the_path, named_file, of_the_same_second, by_name])
+def test_what_a_plugin_imports_is_in_its_key_and_of_today_or_refused(own, tmp_path, monkeypatch, place):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    file, imports, info = place(tmp_path)
+    plugin = write_plugin(
+        tmp_path / "smooth.py", imports=imports, info=info,
+        methods="def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices ** 3 * [1, 1, FACTOR])",
+    )  # fmt: skip
+    for number, factor in enumerate((1.0, 9.0)):
+        file.write_text(f"FACTOR = {factor}\n")
+        os.utime(file, ns=(10**18, 10**18 + number))
+        if place is by_name:
+            with pytest.raises(
+                ConfigurationError, match=r"hidden.py in a way that its code does not show; write 'import"
+            ):
+                distances_of(own, "smooth", plugins=[plugin])
+            continue
+        here = distances_of(own, "smooth", plugins=[plugin])
+        methods = (
+            f"def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices ** 3 * [1, 1, {factor}])"
+        )
+        other = write_plugin(tmp_path / f"other{number}" / "other.py", methods=methods)
+        assert here.equals(distances_of(own, "smooth", f"clean{number}", plugins=[other]))
+
+
+def test_a_helper_that_is_written_after_its_import_failed_counts_from_then_on(own, tmp_path):
+    plugin = write_plugin(tmp_path / "smooth.py", imports="from belated import factor", methods=STRETCHED)
+    with pytest.raises(ConfigurationError, match="put belated.py beside the file"):
+        distances_of(own, "smooth", plugins=[plugin])
+    keys = []
+    for factor in (1, 7):
+        (tmp_path / "belated.py").write_text(f"def factor():\n    return [1, 1, {factor}]\n")
+        distances_of(own, "smooth", plugins=[plugin])
+        keys += [record.key for record in read_records(tmp_path / "results")]
+    assert len({*keys}) == 2
+
+
+def test_a_module_that_a_method_imports_unseen_fails_its_job(own, tmp_path):
+    (tmp_path / "unseen.py").write_text("FACTOR = 2\n")
+    methods = (
+        "def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices * __import__('unseen').FACTOR)"
+    )
+    plugin = write_plugin(tmp_path / "smooth.py", methods=methods)
+    jobs = benchmark.run(own, "smooth", plugins=[plugin], scorer=SMALL_SCORER)
+    assert list(jobs["status"]) == ["failed"]
+    assert "unseen.py in a way that its code does not show" in jobs["reason"].iloc[0]
+
+
 def test_the_suite_may_not_be_edited_in_a_session(own, monkeypatch):
     source = Path(benchmark.__file__).parent / "notebook.py"
     times = source.stat()
@@ -177,6 +256,35 @@ def test_a_folder_is_its_content_at_its_path(tmp_path):
     assert paths_and_states(copy, results) == [(["a"], "ok"), (["b"], "ok"), (["c"], "ok")], "an edited copy is new"
     shutil.copytree(one, tmp_path / "b" / "rods", dirs_exist_ok=True)
     assert paths_and_states(two, results) == [(["a", "b"], "ok"), (["c"], "ok")]
+
+
+def test_a_copy_with_other_cameras_is_another_data_set(tmp_path):
+    results = tmp_path / "results"
+    one = write_rods(tmp_path / "a" / "rods", bends=(0.0, 1.0))
+    two = shutil.copytree(one, tmp_path / "b" / "rods")
+    (two / "dataset.toml").write_text('camera = "side"\n')
+    for folder in (one, two):
+        run_toy(folder, results, "surface-area", inputs=("view",))
+    assert sorted(record.data.paths for record in read_records(results)) == [[str(one)], [str(two)]]
+
+
+ROD_SET = """from benchmark.api.datasets import Entry, ShapeSet
+from tests.toy import rod
+
+SHAPES = tuple(Entry(f"{{name}}{{k}}", name, str(k)) for name in ("thin", "thick") for k in range(2))
+RADIUS = {{"thin": {radius}, "thick": 0.2}}
+RODS = ShapeSet(name="plugged", shapes=SHAPES, load=lambda entry: rod(RADIUS[entry.subject], int(entry.pose)))
+"""
+
+
+def test_two_plugin_files_with_a_data_set_of_one_name_are_two_data_sets(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for number, radius in enumerate((0.05, 0.1)):
+        file = tmp_path / f"x{number}" / "rods_plugin.py"
+        file.parent.mkdir()
+        file.write_text(ROD_SET.format(radius=radius))
+        distances_of("plugged", "surface-area", plugins=[file])
+    assert len({tuple(record.data.paths) for record in read_records(tmp_path / "results")}) == 2
 
 
 def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
