@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, ShapeError, UnreadableMesh
+from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.files import write_atomically
 from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.gltf import buffer_files, read_gltf
@@ -81,7 +81,7 @@ def companions(path: Path) -> list[Path]:
 
 
 @contextmanager
-def named_errors(path: Path, what: str, kind: type[ShapeError], hint: str) -> Iterator[None]:
+def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -> Iterator[None]:
     """Let any failure to read a file name it in one line; it excludes this file only.
 
     Parameters

@@ -16,11 +16,13 @@ from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import class_list, folder_set, read_cla
 from benchmark.errors import ConfigurationError, one_line
 from benchmark.files import decode
+from benchmark.geometry.io import named_errors
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"
 
 #: Largest size of a file in bytes.
 _LARGEST = 2**31
+_TOO_LARGE = f"it has more than {_LARGEST // 2**30} GiB"
 
 #: What a text file of numbers may contain.
 _NUMERALS = b"0123456789.,;+-eEinfaN \t\r\n"
@@ -60,17 +62,18 @@ def _read_labels(path: Path) -> tuple[dict[str, str] | list[str], Orders]:
     if path.suffix.lower() == ".cla":
         classes = {str(number): label for number, label in read_cla(path).items()}
         return classes, {"list": list(classes), "number": sorted(classes, key=int)}
-    rows = _cells(_lines(path))
-    widths = {len(row) for row in rows}
-    if widths == {1}:
-        return [row[0] for row in rows], {}
-    if widths != {2}:
-        problem = f"{path} has lines of {' and '.join(map(str, sorted(widths)))} words"
-        raise ConfigurationError(problem, "write 'label' or 'name label' on each line")
-    labels = dict(rows)
-    if len(labels) < len(rows):
-        raise ConfigurationError(f"{path} names a shape twice", "name each shape once")
-    return labels, {}
+    hint = "write 'label' or 'name label' on each line"
+    with named_errors(path, "list of labels", ConfigurationError, hint):
+        rows = _cells(_lines(path))
+        widths = {len(row) for row in rows}
+        if widths == {1}:
+            return [row[0] for row in rows], {}
+        if widths != {2}:
+            raise ConfigurationError(f"it has lines of {' and '.join(map(str, sorted(widths)))} words", hint)
+        labels = dict(rows)
+        if len(labels) < len(rows):
+            raise ConfigurationError("it names a shape twice", "name each shape once")
+        return labels, {}
 
 
 def _folder_labels(folder: Path) -> tuple[dict[str, str], Orders]:
@@ -136,33 +139,27 @@ def are_row_numbers(names: Sequence[str]) -> bool:
 
 
 def _read(path: Path, count: int) -> Any:
-    if not path.is_file():
-        raise ConfigurationError(f"there is no file {path}", "name the file of the distances")
-    if path.stat().st_size > _LARGEST:
-        raise ConfigurationError(f"{path} has more than {_LARGEST // 2**30} GiB", "write it in single precision (.npy)")
-    with path.open("rb") as file:
-        is_hdf5 = file.read(10).startswith((b"\x89HDF", b"MATLAB 7.3"))
-    if is_hdf5:
-        raise ConfigurationError(f"{path} is an HDF5 file, such as MATLAB writes with -v7.3", _HINT)
     suffix = path.suffix.lower()
-    try:
+    with named_errors(path, "matrix of distances", ConfigurationError, _HINT):
+        if path.stat().st_size > _LARGEST:
+            raise ConfigurationError(_TOO_LARGE, "write it in single precision (.npy)")
+        with path.open("rb") as file:
+            is_hdf5 = file.read(10).startswith((b"\x89HDF", b"MATLAB 7.3"))
+        if is_hdf5:
+            raise ConfigurationError("it is an HDF5 file, such as MATLAB writes with -v7.3", _HINT)
         if suffix == ".npy":
             return np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
         if suffix == ".npz":
             with np.load(path, allow_pickle=False) as archive:
-                name = _only(archive.files, path)
+                name = _only(archive.files)
                 if archive.zip.getinfo(f"{name}.npy").file_size > _LARGEST:
-                    raise ConfigurationError(f"{path} expands to more than {_LARGEST // 2**30} GiB", _HINT)
+                    raise ConfigurationError(_TOO_LARGE, _HINT)
                 return archive[name]
         if suffix == ".mat":
             return _read_mat(path)
         if suffix == ".matrix" and path.read_bytes().translate(None, _NUMERALS):
             return _read_psb(path)
-        return _read_text(path, count)
-    except (ConfigurationError, MemoryError):
-        raise
-    except Exception as error:  # of any library, for a damaged file
-        raise ConfigurationError(f"{path} cannot be read: {one_line(error)}", _HINT) from error
+        return _read_text(_lines(path), count)
 
 
 def _read_mat(path: Path) -> Any:
@@ -171,7 +168,7 @@ def _read_mat(path: Path) -> Any:
     found = {name: value for name, value in loadmat(path).items() if isinstance(value, np.ndarray)}
     real = {name: value.shape for name, value in found.items() if value.dtype.kind in "iuf" and value.size > 1}
     square = [name for name, shape in real.items() if shape == shape[:1] * 2]
-    return found[_only(square, path)]  # all variables were read, which finds where the file is cut
+    return found[_only(square)]  # all variables were read, which finds where the file is cut
 
 
 def _read_psb(path: Path) -> NDArray[np.float32]:
@@ -180,23 +177,22 @@ def _read_psb(path: Path) -> NDArray[np.float32]:
     count = math.isqrt(len(content) // 4)
     matrix = np.frombuffer(content, dtype="<f4").reshape(count, count)
     if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
-        raise ConfigurationError(f"{path} has numbers below {_SMALLEST}", "write it with the lowest byte first")
+        raise ConfigurationError(f"it has numbers below {_SMALLEST}", "write it with the lowest byte first")
     return matrix
 
 
-def _only(names: Sequence[str], path: Path) -> str:
+def _only(names: Sequence[str]) -> str:
     """Return the name of the only matrix of a file."""
     if len(names) != 1 and "distances" not in names:
-        problem = f"{path} has {len(names)} full matrices of real numbers: {', '.join(sorted(names)) or 'none'}"
+        problem = f"it has {len(names)} full matrices of real numbers: {', '.join(sorted(names)) or 'none'}"
         raise ConfigurationError(problem, "name the right one 'distances'")
     return names[0] if len(names) == 1 else "distances"
 
 
-def _read_text(path: Path, count: int) -> Any:
+def _read_text(lines: Sequence[str], count: int) -> Any:
     """Read numbers, with or without names in the first row, in the first column, or in both."""
     from pandas import DataFrame
 
-    lines = _lines(path)
     try:
         matrix = np.loadtxt(lines, delimiter=_separator(lines), ndmin=2)  # the fast way, for most files
         if matrix.shape[0] == matrix.shape[1]:
@@ -209,14 +205,14 @@ def _read_text(path: Path, count: int) -> Any:
     width = len(rows[0])
     for number, row in enumerate(rows, 1):
         if len(row) != width:
-            raise ConfigurationError(f"{path}: row {number} has length {len(row)}, not {width}", _HINT)
+            raise ConfigurationError(f"row {number} has length {len(row)}, not {width}", _HINT)
     inner = any(_is_number(row[place]) for place, row in enumerate(rows) if 0 < place < width)
     if len(rows) == width:  # if numbers may be names or distances, the corner or else the number of labels decides
         top = left = not _is_number(rows[0][0]) and (inner or count == width - 1)
     else:
         top, left = len(rows) == width + 1, len(rows) == width - 1
     body = [row[left:] for row in rows[top:]]
-    values = np.array(_numbers(body, path), dtype=object)
+    values = np.array(_numbers(body), dtype=object)
     if not (top or left):
         return values
     return DataFrame(values, [row[0] for row in rows[top:]] if left else None, rows[0][left:] if top else None)
@@ -234,12 +230,12 @@ def _number(cell: str) -> Any:
         return cell
 
 
-def _numbers(rows: Sequence[Sequence[str]], path: Path) -> list[list[Any]]:
+def _numbers(rows: Sequence[Sequence[str]]) -> list[list[Any]]:
     cells = [cell for row in rows for cell in row]
     if commas := [cell for cell in cells if "," in cell and _is_number(cell)]:
         may_be_thousands = all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", cell) for cell in commas)
         if may_be_thousands or any("." in cell for cell in cells):
-            raise ConfigurationError(f"{path}: commas may be decimal or divide thousands", "write decimal points")
+            raise ConfigurationError("commas may be decimal or divide thousands", "write decimal points")
     return [[_number(cell) for cell in row] for row in rows]
 
 
@@ -259,11 +255,8 @@ def _cells(lines: Sequence[str]) -> list[list[str]]:
 
 def _lines(path: Path) -> list[str]:
     """Return the lines of a text with content, without comments."""
-    try:
-        text = decode(path.read_bytes())
-    except (OSError, UnicodeError) as error:
-        raise ConfigurationError(f"{path} cannot be read as text: {one_line(error)}", _HINT) from error
+    text = decode(path.read_bytes())
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
-        raise ConfigurationError(f"{path} is empty", "name another file")
+        raise ConfigurationError("it is empty", "name another file")
     return [line.rstrip(" ;") for line in lines] if all(line.rstrip().endswith(";") for line in lines) else lines

@@ -252,12 +252,12 @@ def test_what_is_no_distance_matrix_is_refused(distances, labels, problem):
 @pytest.mark.parametrize(
     ("name", "content", "problem"),
     [
-        ("m.npy", b"\x93NUMPY\x01\x00v\x00", "cannot be read"),
-        ("m.npz", b"PK", "cannot be read"),
-        ("m.mat", b"MATLAB 7.3 MAT-file", "m.mat is an HDF5 file"),
+        ("m.npy", b"\x93NUMPY\x01\x00v\x00", "not a readable matrix of distances"),
+        ("m.npz", b"PK", "not a readable matrix of distances"),
+        ("m.mat", b"MATLAB 7.3 MAT-file", "m.mat: it is an HDF5 file"),
         ("m.txt", b"1 2\n3\n", "m.txt: row 2 has length 1, not 2"),
-        ("m.txt", b"", "m.txt is empty"),
-        ("m.csv", b"\xff\xfe", "m.csv is empty"),
+        ("m.txt", b"", "m.txt: it is empty"),
+        ("m.csv", b"\xff\xfe", "m.csv: it is empty"),
     ],
 )
 def test_damaged_files_are_named(name, content, problem, tmp_path):
@@ -271,7 +271,7 @@ def test_pickles_are_not_read(tmp_path):
     np.save(tmp_path / "m.npy", np.array([[{}]], dtype=object), allow_pickle=True)
     np.savez(tmp_path / "m.npz", distances=np.array([[print]], dtype=object))
     for name in ("m.npy", "m.npz"):
-        with pytest.raises(ConfigurationError, match="cannot be read"):
+        with pytest.raises(ConfigurationError, match="not a readable matrix of distances"):
             score(tmp_path / name, LABELS)
 
 
