@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -48,12 +49,7 @@ class CodeNetwork(nn.Module):
         return nn.Sequential(*map(block, [1, *self.widths[:-1]], self.widths))
 
     def _decoder(self) -> nn.Sequential:
-        def block(before: int, after: int) -> nn.Sequential:
-            deconvolution = nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
-            return nn.Sequential(deconvolution, nn.GroupNorm(8, after), nn.ReLU())
-
-        inward = self.widths[::-1]
-        return nn.Sequential(*map(block, inward, [*inward[1:], inward[-1]]))
+        return _doublings([*self.widths[::-1], self.widths[0]], lambda channels: nn.GroupNorm(8, channels))
 
     def _head(self) -> nn.Module:
         return nn.Conv2d(self.widths[0], 2, 3, padding=1)
@@ -100,17 +96,19 @@ class PeopleNetwork(CodeNetwork):
         return nn.Sequential(*stages)
 
     def _decoder(self) -> nn.Sequential:
-        def block(before: int, after: int) -> nn.Sequential:
-            deconvolution = nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
-            return nn.Sequential(deconvolution, nn.Identity(), nn.ReLU())
-
-        return nn.Sequential(*(block(before, after) for before, after in pairwise(self.widths[:0:-1])))
+        return _doublings(self.widths[:0:-1], nn.Identity)
 
     def _head(self) -> nn.Module:
         return nn.Sequential(nn.Conv2d(self.widths[1], 3 * 16, 3, padding=1), nn.PixelShuffle(4))
 
     def _finished(self, raw: Tensor) -> Tensor:
         return raw + 10 * self.average
+
+
+def _doublings(widths: Sequence[int], norm: Callable[[int], nn.Module]) -> nn.Sequential:
+    """Return blocks that double the size of an image, and lead from each number of channels to the next."""
+    deconvolutions = (nn.ConvTranspose2d(*pair, 4, stride=2, padding=1) for pair in pairwise(widths))
+    return nn.Sequential(*(nn.Sequential(each, norm(each.out_channels), nn.ReLU()) for each in deconvolutions))
 
 
 class StandardisedConv2d(nn.Conv2d):

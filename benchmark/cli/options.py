@@ -101,11 +101,6 @@ class Selection:
         """Return whether camera, mask or unit of a depth image are given."""
         return bool(self.intrinsics or self.mask or self.depth_scale is not None)
 
-    @property
-    def chosen_subjects(self) -> list[str]:
-        """Names of the selected subjects; empty for all."""
-        return [name for name in self.subjects.split(",") if name]
-
     def records_of_data(self, records: Sequence[Record]) -> list[Record]:
         """Return the labelled records of the selected data sets; all of them if none is selected."""
         from benchmark.pipeline.data_names import records_of

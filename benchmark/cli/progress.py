@@ -61,9 +61,7 @@ class Bar:
         self._state = state
         working = clean("; ".join(state.working)) or "ranking"
         counts = self._counts()
-        self._bar.update(
-            self._task, completed=state.done, total=state.total or 1, counts=counts, description=working
-        )  # fmt: skip
+        self._bar.update(self._task, completed=state.done, total=state.total or 1, counts=counts, description=working)
         now = time.monotonic()
         if self._bar.disable and now - self._shown >= INTERVAL:
             self._shown = now

@@ -42,7 +42,8 @@ def _data(selection: Selection) -> dict[str, Any]:
         names = [name for name, component in by_name("data set", selection.plugins).items() if component.plugin]
     return {
         "tables": selection.tables, "datasets": names, "plugins": selection.plugins, "input": selection.input,
-        "data_root": selection.require_data_root(), "quick": selection.quick, "subjects": selection.chosen_subjects,
+        "data_root": selection.require_data_root(), "quick": selection.quick,
+        "subjects": [name for name in selection.subjects.split(",") if name],
     }  # fmt: skip
 
 

@@ -72,8 +72,8 @@ def tables(
     It needs no data.
     """
     from benchmark.cli.results import print_tables, recorded, selected_tables
-    from benchmark.report.formats import as_json, latex, markdown
-    from benchmark.report.output import FORMATS, scores_csv, table_files, write_files
+    from benchmark.report.formats import latex, markdown
+    from benchmark.report.output import FORMATS, table_files, write_files
     from benchmark.report.robustness import robustness_markdown
 
     records = recorded(selection)
@@ -85,10 +85,9 @@ def tables(
         files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
         write_files(output, files, force=force)
         say(f"wrote {len(files)} files to {output}")
-    elif format == "json":
-        say_lines(json.dumps(as_json(views), indent=1))
-    elif format == "csv":
-        say_lines(scores_csv(records))
+    elif format in ("csv", "json"):
+        (text,) = table_files(views, records, [format]).values()
+        say_lines(text)
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
     else:

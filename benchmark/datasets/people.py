@@ -13,6 +13,7 @@ import functools
 from collections.abc import Callable, Iterable
 from dataclasses import astuple
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,8 @@ def people(draw: int = 0) -> ShapeSet:
     """Return 15 people drawn at random x 20 poses; no subject of another set has the same name."""
     bodies = PEOPLE[draw]
     title = f"people, draw {draw} (stand-in for SHREC'14 synthetic)"
-    return _bodies(f"people[draw={draw}]", title, list(bodies), bodies.__getitem__, _HALF_WIDTH, "shrec14-synthetic")
+    facts = {"name": f"people[draw={draw}]", "title": title, "stand_in_for": "shrec14-synthetic"}
+    return _bodies(list(bodies), bodies.__getitem__, half_width=_HALF_WIDTH, **facts)
 
 
 def many_people(n: int) -> ShapeSet:
@@ -65,7 +67,7 @@ def many_people(n: int) -> ShapeSet:
     if not _FEWEST <= n <= _MOST:
         raise ConfigurationError(f"people[n={n}] has no such number of bodies", f"choose {_FEWEST} to {_MOST}")
     names = [f"body-{number}" for number in range(n)]
-    return _bodies(f"people[n={n}]", f"{n} people drawn at random", names, _body, _WIDER)
+    return _bodies(names, _body, name=f"people[n={n}]", title=f"{n} people drawn at random", half_width=_WIDER)
 
 
 @functools.lru_cache(maxsize=_MOST)
@@ -74,23 +76,14 @@ def _body(name: str) -> Subject:
     return new_subject(np.random.default_rng([_SEED, number]), number % 3)
 
 
-def _bodies(
-    name: str,
-    title: str,
-    subjects: list[str],
-    body: Callable[[str], Subject],
-    half_width: float,
-    stand_in_for: str = "",
-) -> ShapeSet:
+def _bodies(subjects: list[str], body: Callable[[str], Subject], **facts: Any) -> ShapeSet:
+    """Return bodies in all poses, with facts about their set."""
     return ShapeSet(
-        name=name,
-        title=title,
         shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in subjects for pose in POSES),
         load=lambda entry: body_mesh(body(entry.subject), POSES[entry.pose]),
         key=lambda entry: describe(body(entry.subject), POSES[entry.pose]),
-        half_width=half_width,
-        stand_in_for=stand_in_for,
         code=("benchmark.datasets.bodies",),
+        **facts,
     )
 
 

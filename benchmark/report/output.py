@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -23,11 +23,6 @@ from benchmark.report.verdicts import verdicts_markdown
 LIST = "written.json"
 
 FORMATS = ("latex", "markdown", "csv", "json")
-
-
-def scores_csv(records: Iterable[Record]) -> str:
-    """Return all scores as CSV, one value a line; see :func:`benchmark.report.frames.scores_frame`."""
-    return str(scores_frame(records).to_csv(index=False, float_format="%.6f"))
 
 
 def table_files(
@@ -61,7 +56,7 @@ def table_files(
         if robustness and (text := robustness_markdown(records)):
             files["robustness.md"] = text
     if "csv" in formats:
-        files["scores.csv"] = scores_csv(records)
+        files["scores.csv"] = scores_frame(records).to_csv(index=False, float_format="%.6f")
     if "json" in formats:
         files["tables.json"] = json.dumps(as_json(views), indent=1) + "\n"
     return files
