@@ -113,19 +113,15 @@ class Intrinsics:
     def check_size(self, width: int, height: int) -> None:
         """Raise ``DepthError`` if the intrinsics belong to an image of another size."""
         if self.size is not None and self.size != (width, height):
-            raise DepthError(
-                f"the intrinsics are those of {self.size[0]} x {self.size[1]} pixels, the image has {width} x {height}",
-                "pass those of the depth image, not of the colour image or of another resolution",
-            )
+            own, hint = " x ".join(map(str, self.size)), "pass those of the depth image at this resolution"
+            raise DepthError(f"the intrinsics are those of {own} pixels, the image has {width} x {height}", hint)
         if not all(0.1 < length / side < 20 for length, side in ((self.fx, width), (self.fy, height))):
             problem = f"the focal lengths {self.fx:g}, {self.fy:g} are implausible for {width} x {height} pixels"
             raise DepthError(problem, "pass them in pixels of this image")
         low, high = (0.0, 1.0) if self.size else CENTRAL
         if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
-            raise DepthError(
-                f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height} pixels",
-                "pass the intrinsics of this image; those of a part of an image need its width and height beside them",
-            )
+            problem = f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height}"
+            raise DepthError(problem, "pass the intrinsics of this image; for a part of one, add its width and height")
 
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def rays(self, width: int, height: int) -> Rays:

@@ -228,10 +228,8 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     distances = np.bincount(labels[free], weights=depths[free]) / pixels
     large = (surfaces >= LARGE * surfaces.max()) & (pixels >= FEWEST * seen.size)
     if not large.any():
-        raise DepthError(
-            f"no piece that is left of the scene holds {FEWEST:.1%} of the image, the largest {pixels.max()} pixels",
-            _HINT,
-        )
+        problem = f"no piece left of the scene holds {FEWEST:.1%} of the image, the largest {pixels.max()} pixels"
+        raise DepthError(problem, _HINT)
     chosen = int(np.flatnonzero(large)[distances[large].argmin()])
     group = _joined(labels, depths, np.full_like(depths, JOINED))  # an arm before a chest is a separate piece
     return np.asarray(free & (group == group[chosen])[labels])

@@ -65,10 +65,8 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
         If the shapes have no names, or differ from those of the other rows.
     """
     if evaluation.queries.index.dtype.kind == "i":  # numbers of rows
-        raise ConfigurationError(
-            "rows of a table are paired by the names of the shapes, and these distances have none",
-            "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the matrix",
-        )
+        hint = "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the rows"
+        raise ConfigurationError("rows are paired by the names of shapes, and these distances have none", hint)
     labels = evaluation.queries["class"].to_dict()
     facts = _facts(results, dataset, input_, method_name(title), labels)
     known = dict(zip(facts["shapes"], facts["labels"], strict=True))

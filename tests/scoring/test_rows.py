@@ -44,7 +44,7 @@ def test_a_row_stands_beside_the_others_in_their_order_of_shapes(beside):
 
 
 def test_distances_without_names_are_refused(beside):
-    with pytest.raises(ConfigurationError, match="paired by the names of the shapes, and these distances have none"):
+    with pytest.raises(ConfigurationError, match="paired by the names of shapes, and these distances have none"):
         keep_distances(beside, score(D, LABELS), "Theirs", "line", "mesh")
 
 
