@@ -225,11 +225,10 @@ def read_card(folder: Path, kind: type[Any] = Card) -> Any:
     try:
         status = path.stat()
         return _decoded(path, status.st_mtime_ns, status.st_size, kind)  # type: ignore[arg-type]
-    except (OSError, msgspec.MsgspecError, ValueError, RecursionError) as error:
-        problem = (
-            f"cannot be read: {error.strerror}" if isinstance(error, OSError) else f"is no card of a model: {error}"
-        )
-        raise ConfigurationError(f"{path} {problem}", "train the model again") from error
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path} is no card of a model: {error}", "train the model again") from error
 
 
 @lru_cache(maxsize=256)

@@ -218,13 +218,10 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
             by_number.setdefault(int(match.group()), []).append(path)
     subjects = read_cla(cla)
     if missing := sorted(set(subjects) - set(by_number)):
-        from_one = {number - 1 for number in subjects} == set(by_number)
-        raise DatasetError(
-            f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number",
-            "the list counts from 1, the meshes from 0: subtract 1 from each number"
-            if from_one
-            else "add the mesh or correct the list",
-        )
+        hint = "add the mesh or correct the list"
+        if {number - 1 for number in subjects} == set(by_number):
+            hint = "the list counts from 1, the meshes from 0: subtract 1 from each number"
+        raise DatasetError(f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number", hint)
     entries = []
     for number, subject in sorted(subjects.items()):
         path, *others = by_number[number]

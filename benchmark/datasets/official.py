@@ -85,9 +85,8 @@ class OfficialSet:
         for place, subject in enumerate(self.subjects):
             for pose in (pose for pose in range(self.poses) if pose not in self.without):
                 number = self.first + place * self.poses + pose
-                stem = (self.null if self.null and not pose else self.names).format_map(
-                    {"class": subject, "pose": pose, "number": number}
-                )
+                form = self.null if self.null and not pose else self.names
+                stem = form.format_map({"class": subject, "pose": pose, "number": number})
                 found[stem] = (subject, str(pose))
         return found
 

@@ -154,9 +154,7 @@ def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple
     from scipy.sparse.csgraph import dijkstra  # lazy
 
     normals = mesh.face_normals
-    if (
-        np.einsum("ij,ij", mesh.vertices[mesh.faces[:, 0]], normals) < 0
-    ):  # six times the volume is negative: the mesh is inside out
+    if np.einsum("ij,ij", mesh.vertices[mesh.faces[:, 0]], normals) < 0:  # six times the volume of a mesh inside out
         normals = -normals
     own, graph, extent = np.einsum("ij,ij->i", middles, normals), mesh.edge_graph(), extent_of(mesh)
     partners, gaps = np.zeros(len(starts), dtype=np.int64), np.full(len(starts), np.inf)

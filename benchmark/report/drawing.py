@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
-from benchmark.geometry.camera import FRONT, Camera
+from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
 
@@ -47,9 +47,7 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray((share + rank) / 2)  # most of a body is trunk, which would have a single colour without this step
 
 
-def shaded(
-    mesh: Mesh, camera: Camera = FRONT, size: int = 200, values: NDArray[np.float64] | None = None
-) -> Image.Image:
+def shaded(mesh: Mesh, camera: Camera, size: int, values: NDArray[np.float64] | None = None) -> Image.Image:
     """Draw a mesh on white as a camera sees it.
 
     Parameters

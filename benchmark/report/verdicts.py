@@ -83,9 +83,8 @@ def verdict_of(name: str, printed: Mapping[str, float], ours: Mapping[str, float
     if abs(printed[name] - ours[name]) <= TOLERANCE + _SLACK:
         return "reproduced"
     others = [other for other in printed if other in ours and printed[other] != printed[name]]
-    agreeing = sum(
-        (printed[name] - printed[other]) * round(ours[name] - ours[other], 6) > 0 for other in others
-    )  # a tie of ours disagrees
+    leads = [(printed[name] - printed[other], round(ours[name] - ours[other], 6)) for other in others]
+    agreeing = sum(theirs * own > 0 for theirs, own in leads)  # a tie of ours disagrees
     return "same order" if len(others) >= 3 and agreeing >= AGREEING * len(others) else "otherwise"
 
 

@@ -104,12 +104,11 @@ def score(distances: object, labels: object, order: str = "") -> Evaluation:
         hint = "pass distances, not similarities; set the diagonal of distances to 0"
         raise ConfigurationError("each shape is farthest from itself", hint)
     queries = DataFrame({"class": classes, **scores.per_query}, index=list(names) or None).rename_axis("shape")
-    lone = (
-        f"ranked, but no queries: {scores.lone_queries} of {len(matrix)} shapes (alone in their class, or of class -1)"
-    )
+    n_lone = scores.lone_queries
+    lone = f"ranked, but no queries: {n_lone} of {len(matrix)} shapes (alone in their class, or of class -1)"
     if is_reversed:
         warnings.warn(_REVERSED, stacklevel=2)
-    return Evaluation(table, queries, matrix, (*[lone] * bool(scores.lone_queries), *[_REVERSED] * is_reversed))
+    return Evaluation(table, queries, matrix, (*[lone] * bool(n_lone), *[_REVERSED] * is_reversed))
 
 
 def _joined(distances: object, labels: object, order: str) -> tuple[NDArray[np.float64], tuple[str, ...], list[str]]:

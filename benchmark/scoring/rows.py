@@ -78,9 +78,8 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
-    key = digest(
-        [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), code_of_modules([RANKING])]
-    )
+    parts = [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), code_of_modules([RANKING])]
+    key = digest(parts)
     content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score_draws([matrix], facts["labels"])}
     return _keep(results, key, title, content, matrix)
 

@@ -9,6 +9,7 @@ from PIL import Image
 
 from benchmark.api import Entry, ShapeSet
 from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
 from benchmark.report.drawing import shaded, turned_like
 from benchmark.report.figures import (
@@ -129,7 +130,7 @@ def test_the_nearer_of_two_surfaces_is_drawn():
     square = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], dtype=float)
     vertices = np.concatenate([square, square / 2 + [0, -1, 0]])  # a small one before a large one
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
-    picture = np.asarray(shaded(Mesh(vertices, faces), size=64, values=np.repeat([0.0, 1.0], 4))).astype(int)
+    picture = np.asarray(shaded(Mesh(vertices, faces), FRONT, 64, values=np.repeat([0.0, 1.0], 4))).astype(int)
     middle, rim = picture[32, 32], picture[32, 8]
     assert middle[0] > middle[2]  # orange
     assert rim[2] > rim[0]  # blue
