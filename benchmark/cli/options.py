@@ -62,9 +62,7 @@ class Selection:
         list[str], Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder.")
     ] = field(default_factory=list)
     input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")] = None
-    scorer: Annotated[str, Option("--scorer", metavar="SCORER", help="What compares forms; see 'list scorers'.")] = (
-        "cm-bof"
-    )
+    scorer: Annotated[str, Option("--scorer", metavar="SCORER", help="Scorer; see 'list scorers'.")] = "cm-bof"
     plugins: Annotated[
         list[Path], Option("--plugin", metavar="FILE", help="File with methods, scorers or data sets.")
     ] = field(default_factory=list)
@@ -80,9 +78,7 @@ class Selection:
     intrinsics: Annotated[
         str, Option("--intrinsics", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]")
     ] = ""
-    mask: Annotated[
-        Path | None, Option("--mask", metavar="FILE", help="Object in a depth image. [found automatically]")
-    ] = None
+    mask: Annotated[Path | None, Option("--mask", metavar="FILE", help="Object in a depth image. [found]")] = None
     depth_scale: Annotated[
         float | None,
         Option("--depth-scale", metavar="N", help="Depth units a metre. [1000 for integers, 1 for floats]"),

@@ -265,9 +265,8 @@ def _template() -> _Template:
 
         def get_skinned_vertices(self, rest_vertices: Any, bone_transforms: Any) -> Any:
             bones, weights = self.vertex_bone_indices.numpy(), self.vertex_bone_weights.numpy()
-            return torch.from_numpy(
-                linear_blend_skinning(rest_vertices.numpy(), bones, weights, bone_transforms.numpy())
-            )
+            skinned = linear_blend_skinning(rest_vertices.numpy(), bones, weights, bone_transforms.numpy())
+            return torch.from_numpy(skinned)
 
     model = Body(skinning_method="lbs", pose_parameterization="local-ref")
     faces = model.get_triangular_faces().numpy().astype(np.int32)
