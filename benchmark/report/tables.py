@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -29,6 +30,9 @@ BLOCKS: Mapping[Kind, str] = {
 
 #: Differences below half a unit of the last decimal of records are none.
 _SAME = 5e-7
+
+#: Most characters of the name of a data set in the name of a file.
+_LONGEST = 80
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +191,8 @@ class TableView:
         name = f"table-{self.table.identifier}"
         name += f"-{self.dataset.removesuffix('[draw=0]')}" if self.dataset != self.table.identifier else ""
         safe = "".join(c if c.isascii() and (c.isalnum() or c in ".-_") else "-" for c in name)
-        return f"{safe[:80].strip('-')}{'-quick' if self.quick else ''}"
+        own = f"-{hashlib.sha256(name.encode()).hexdigest()[:8]}" if safe != name or len(name) > _LONGEST else ""
+        return f"{safe[:_LONGEST].strip('-')}{own}{'-quick' if self.quick else ''}"
 
     @cached_property
     def chance(self) -> dict[str, dict[str, float]]:
