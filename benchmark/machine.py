@@ -47,18 +47,20 @@ def memory_per_process(processes: int = 1) -> int:
 @cache
 def describe_machine() -> str:
     """Return processor, cores, memory and BLAS, on which seconds depend, and the GPU if this process uses one."""
+    import numpy  # noqa: F401  # loads its BLAS
     import psutil
     from threadpoolctl import threadpool_info
 
     models = [line.partition(":")[2].strip() for line in _lines(Path("/proc/cpuinfo")) if line.startswith("model name")]
-    blas = {f"{library['internal_api']} {library.get('architecture', '')}".strip() for library in threadpool_info()
-            if library["user_api"] == "blas"}  # fmt: skip
+    libraries = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    # That of numpy: which others are loaded depends on what this process did before.
+    blas = [f"{of['internal_api']} {of.get('architecture', '')}" for of in libraries if "numpy" in of["filepath"]]
     torch = sys.modules.get("torch")
     gpu = [torch.cuda.get_device_name()] if torch and torch.cuda.is_available() else []
     memory = round(min(psutil.virtual_memory().total, memory_limit()) / 2**30)
     cores = available_cores()
     name = models[0] if models else platform.processor() or platform.machine()
-    return ", ".join([name, f"{cores} core{'s' * (cores > 1)}", f"{memory} GiB", *sorted(blas), *gpu])
+    return ", ".join([name, f"{cores} core{'s' * (cores > 1)}", f"{memory} GiB", *blas[:1], *gpu])
 
 
 def _lines(path: Path) -> list[str]:
