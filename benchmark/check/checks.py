@@ -34,7 +34,8 @@ SYMMETRY_TOLERANCE = 1e-3
 #: Largest accepted dissimilarity between a form and its moved copy, relative to the smallest between different forms.
 _SHARE = 0.1
 
-_SCALE = 2.5
+#: A power of two, by which single precision rounds alike.
+_SCALE = 4.0
 _ROTATION = Rotation.from_euler("xyz", [0.4, -1.1, 2.3]).as_matrix()
 _COMPARED_VERTICES = 1000
 

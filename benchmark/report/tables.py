@@ -191,11 +191,8 @@ class TableView:
         name = f"table-{self.table.identifier}"
         name += f"-{self.dataset.removesuffix('[draw=0]')}" if self.dataset != self.table.identifier else ""
         safe = "".join(c if c.isascii() and (c.isalnum() or c in ".-_") else "-" for c in name)
-        own = (
-            f"-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
-            if safe != name.replace("/", "-") or len(name) > _LONGEST
-            else ""
-        )
+        is_whole = safe == name and len(name) <= _LONGEST
+        own = "" if is_whole else f"-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
         return f"{safe[:_LONGEST].strip('-')}{own}{'-quick' if self.quick else ''}"
 
     @cached_property

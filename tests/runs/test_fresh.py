@@ -300,7 +300,8 @@ def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
     assert len({*call("tables", "--results", results, "--format", "csv").split()} & {"a/x/rods", "b/x/rods"}) <= 2
     files = call("tables", "--results", results, "-o", tmp_path / "tables")
     assert files
-    assert {"table-a-x-rods.md", "table-b-x-rods.md"} <= {path.name for path in (tmp_path / "tables").iterdir()}
+    names = sorted(path.name for path in (tmp_path / "tables").glob("table-*.md"))
+    assert [name[:14] for name in names] == ["table-a-x-rods", "table-b-x-rods"]
     both = f"'rods' names results of {tmp_path}/a/x/rods and of {tmp_path}/b/x/rods; pass the path that you mean"
     assert refusal("tables", "--results", results, "-d", "rods") == both
     write_rods(tmp_path / "rods", bends=(0.0, 2.0))
