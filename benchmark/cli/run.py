@@ -64,7 +64,7 @@ def plan(selection: Selection, *, traceback: bool = False) -> None:
     for line in aligned(each) if len(jobs) <= _SCREEN else _summary(jobs):
         say(line)
     say(f"{len(pending)} of {len(jobs)} jobs to run")
-    expected = estimate(pending, selection.results)
+    expected = estimate(pending, records)
     if expected.seconds:
         work, wall = (timedelta(seconds=round(expected.seconds / share)) for share in (1, cores))
         disk = f"{expected.gigabytes:.1f} GB of disk"
@@ -106,7 +106,7 @@ def run(
     size = available_cores() if size is None else size
     fine = all(job.is_pending or job.state == "finished" or job in passed_over for job in jobs)
     ended: dict[str, Record] = {}
-    with Bar(len(pending), estimate(pending, selection.results).seconds / max(1, size)) as bar:
+    with Bar(len(pending), estimate(pending, records).seconds / max(1, size)) as bar:
         for _, record in run_jobs(jobs, selection.results, size=size, timeout=timeout, dask=dask, watch=bar.watch):
             bar.ended(f"{record.status:<11}  {names[record.key]}  {outcome(record)}")
             ended[record.key] = record

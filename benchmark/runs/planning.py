@@ -412,14 +412,15 @@ class Estimate(NamedTuple):
 _SIZES: Mapping[Kind, float] = {"prepared": 75e3, "forms": 21e3, "signatures": 106e3}
 
 
-def estimate(planned: Sequence[Planned], results: Path, published: Path = SUITE_RESULTS) -> Estimate:
+def estimate(planned: Sequence[Planned], records: Iterable[Record], published: Path = SUITE_RESULTS) -> Estimate:
     """Estimate the work of a plan as if nothing were in the cache; a form that several galleries rank counts once.
 
     Seconds a shape are those of the same method and input on the same gallery, otherwise the median over other
-    galleries, of the method with any parameters if need be. Jobs here count before published ones.
+    galleries, of the method with any parameters if need be. Jobs here, in ``records``, count before published ones.
     """
     pending = [job.record for job in planned if job.is_pending]
-    finished = [*read_records(published, local=False), *read_records(results, published=False)] if pending else []
+    here = [record for record in records if not record.published]
+    finished = [*read_records(published, local=False), *here] if pending else []
     unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
     sizes = dict[str, float]()
     for record in pending:

@@ -182,7 +182,7 @@ def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(r
     run_toy(rods, tmp_path, "classic-mds", "identity")
     record = {record.method: record for record in read_records(tmp_path)}
     jobs = planned(rods, tmp_path, "classic-mds", "identity", "fine", rerun=("finished",), plugins=(FAULTS,))
-    found = estimate(jobs, tmp_path)
+    found = estimate(jobs, record.values())
     each = [sum(record[name].seconds[stage] for stage in ("canonicalise", "signature")) for name in record]
     shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]
     assert found.unknown == 1
@@ -190,10 +190,10 @@ def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(r
     assert ranking > 0
     assert found.seconds == pytest.approx(4 * (sum(each) + shared + ranking), abs=1e-3)
     assert found.gigabytes == pytest.approx((4 * 75e3 + 12 * 21e3 + 12 * 106e3) / 1e9, rel=0.01)
-    assert estimate([*jobs, *jobs], tmp_path).seconds == found.seconds  # forms that two galleries rank count once
+    assert estimate([*jobs, *jobs], record.values()).seconds == found.seconds  # each form counts once
 
 
 def test_a_plan_in_an_empty_folder_is_estimated_from_published_records(rods, tmp_path):
     jobs = planned(rods, tmp_path / "empty", "classic-mds", "identity")
-    assert estimate(jobs, tmp_path / "empty").unknown == 0
-    assert estimate(jobs, tmp_path / "empty", published=tmp_path).unknown == 2
+    assert estimate(jobs, []).unknown == 0
+    assert estimate(jobs, [], published=tmp_path).unknown == 2
