@@ -7,25 +7,73 @@ all of them. Here one process compiles them by the steps of a run, so that they 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING
 
-from benchmark.errors import BenchmarkError, ConfigurationError, ShapeError
+from benchmark.errors import BenchmarkError
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import pin_threads
 from benchmark.text import say
 
+if TYPE_CHECKING:
+    from benchmark.api.contracts import Shape
+    from benchmark.registry import Component
 
-def compile_bodies() -> None:
-    """Generate one shape of each kind in the second pose; the first pose does not bend joints."""
-    from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+#: Seconds of the steps that compile most, on one processor; others take about ``_OTHERS``.
+_SECONDS = {"shapes": 1.0, "classic-mds": 3.0, "skeleton": 5.0, "humans-scanlike": 3.0, "scorer": 13.0}
+_OTHERS = 0.3
 
+Step = tuple[str, Callable[[], object]]
+
+
+def steps() -> Iterator[Step]:
+    """Yield the steps of a run with their names, on small shapes."""
+    from benchmark.datasets.catalogue import CATALOGUE
+    from benchmark.registry import by_name
+
+    shapes: dict[str, Shape] = {}
+    yield "shapes", partial(prepare, shapes)
+    for method in by_name("method").values():
+        yield method.name, partial(apply, method, shapes)
     for name, source in CATALOGUE.items():
         if not source.folder:
-            dataset = open_dataset(name, None)
-            dataset.load(dataset.shapes[1])
+            yield name, partial(generate, name)
+    yield "scorer", compare
 
 
-def compile_scorer() -> None:
+def prepare(shapes: dict[str, Shape]) -> None:
+    """Prepare a figure, complete and as a single view."""
+    from benchmark.check.shapes import figure
+    from benchmark.geometry.camera import FRONT
+    from benchmark.pipeline.preparation import fit_frame, prepare_mesh, prepare_view
+    from benchmark.pipeline.stages import shape_of
+
+    source = figure()
+    prepared = {"mesh": prepare_mesh(source), "view": prepare_view(source, FRONT, fit_frame(source, FRONT))}
+    shapes |= {input_: shape_of(arrays, "figure") for input_, arrays in prepared.items()}
+
+
+def apply(component: Component, shapes: Mapping[str, Shape]) -> None:
+    """Apply a method, with its default model if it learns."""
+    from benchmark.protocols.models import with_model
+
+    method = with_model(component)
+    for input_ in component.info.inputs:
+        with suppress(BenchmarkError):
+            (method.describe if component.describes else method.canonicalise)(shapes[input_])
+
+
+def generate(name: str) -> None:
+    """Generate the second shape of a data set; the pose of the first does not bend joints."""
+    from benchmark.datasets.catalogue import open_dataset
+
+    dataset = open_dataset(name, None)
+    dataset.load(dataset.shapes[1])
+
+
+def compare() -> None:
     """Compare a figure with a bent copy."""
     from benchmark.check.shapes import BENDS, figure
     from benchmark.registry import select_one
@@ -34,39 +82,17 @@ def compile_scorer() -> None:
     scorer.compare([scorer.signature(figure(bend)) for bend in BENDS[:2]], 0)
 
 
-def compile_methods() -> None:
-    """Apply each method, with its default model if it learns, to a small figure, complete and as a single view."""
-    from benchmark.check.shapes import figure
-    from benchmark.geometry.camera import FRONT
-    from benchmark.pipeline.preparation import fit_frame, prepare_mesh, prepare_view
-    from benchmark.pipeline.stages import shape_of
-    from benchmark.protocols.models import with_model
-    from benchmark.registry import by_name
-
-    source = figure()
-    prepared = {"mesh": prepare_mesh(source), "view": prepare_view(source, FRONT, fit_frame(source, FRONT))}
-    shapes = {input_: shape_of(arrays, "figure") for input_, arrays in prepared.items()}
-    for row in by_name("method").values():
-        with suppress(ConfigurationError):  # missing packages and models are left for the run to report
-            method = with_model(row)
-            apply = method.describe if row.describes else method.canonicalise
-            for input_ in row.info.inputs:
-                with suppress(ShapeError):
-                    apply(shapes[input_])
-
-
-PARTS = {"methods": compile_methods, "bodies": compile_bodies, "scorer": compile_scorer}
-
-
 def main() -> None:
-    """Compile all parts, one after the other."""
+    """Compile all kernels."""
     pin_threads()
+    from benchmark.cli.progress import counting
+
     drop_stale_kernels()
-    for name, compile_part in PARTS.items():
-        start = time.monotonic()
-        with suppress(BenchmarkError):  # missing packages are left for the run to report
-            compile_part()
-        say(f"{name} done after {time.monotonic() - start:.0f} s", err=True)
+    start = time.monotonic()
+    for _, compile_step in counting("compiling kernels", steps(), lambda step: _SECONDS.get(step[0], _OTHERS)):
+        with suppress(BenchmarkError):  # missing packages and models are left for the run to report
+            compile_step()
+    say(f"kernels compiled after {time.monotonic() - start:.0f} s", err=True)
 
 
 if __name__ == "__main__":

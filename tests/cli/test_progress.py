@@ -6,7 +6,7 @@ import re
 import pytest
 from rich.console import Console
 
-from benchmark.cli.progress import Bar
+from benchmark.cli.progress import Bar, counting
 from benchmark.runs.runner import Progress
 
 WORKING = (
@@ -40,3 +40,10 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
         "0/10 forms, 0/2 jobs, 0:01:00 left, gps, cat0",
         "ok           rods mesh gps",
     ]
+
+
+def test_items_are_counted_and_the_time_left_follows_their_work(monkeypatch, capsys):
+    seconds = iter([0.0, 0.0, 20.0, 80.0])
+    monkeypatch.setattr("benchmark.cli.progress.time.monotonic", lambda: next(seconds))
+    assert list(counting("compiling", ["a", "bbb", "cc"], len)) == ["a", "bbb", "cc"]
+    assert capsys.readouterr().err.splitlines() == ["compiling, 1/3, 0:01:40 left", "compiling, 2/3, 0:00:40 left"]
