@@ -219,13 +219,17 @@ def score(
     DISTANCES is a symmetric N x N matrix: .npy, .npz, .txt, .csv, .mat, or .matrix of PSB.
     """
     from benchmark.scoring.evaluation import score
-    from benchmark.scoring.rows import keep_distances
+    from benchmark.scoring.rows import keep_distances, record_beside
 
-    if dataset and results is None:
+    title, name = title or distances.stem, dataset or labels.resolve().stem
+    if results is not None:
+        record_beside(results, name, input, title)  # or say before all work that there can be no row
+    elif dataset:
         raise ConfigurationError("--dataset names the data of a row that is kept", "pass --results, too")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # among the notes
-        evaluation, title = score(distances, labels, order or ""), title or distances.stem
+        evaluation = score(distances, labels, order or "")
+    record = keep_distances(results, evaluation, title, name, input) if results is not None else None
     for note in evaluation.notes:
         say(note, err=True)
     scores = evaluation.scores.rename_axis(title)
@@ -238,8 +242,7 @@ def score(
         say_lines(scores.style.format(precision=2, escape="latex").to_latex(hrules=True))
     else:
         say_lines(scores.to_string(float_format="{:.2f}".format))
-    if results is not None:
-        record = keep_distances(results, evaluation, title, dataset or labels.resolve().stem, input)
+    if record:
         chosen = shlex.join(["-d", record.data.name, "--results", str(results)])
         say(f"kept as {record.method}: 'tables {chosen}' and 'report {chosen}' show it", err=True)
 

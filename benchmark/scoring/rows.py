@@ -68,7 +68,7 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
         hint = "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the rows"
         raise ConfigurationError("rows are paired by the names of shapes, and these distances have none", hint)
     labels = evaluation.queries["class"].to_dict()
-    facts = _facts(results, dataset, input_, method_name(title), labels)
+    facts = _facts(record_beside(results, dataset, input_, title), dataset, labels)
     known = dict(zip(facts["shapes"], facts["labels"], strict=True))
     if known != labels:
         other = [name for name in labels if known.get(name) != labels[name]]
@@ -84,21 +84,33 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
     return _keep(results, key, title, content, matrix)
 
 
-def _facts(results: Path, dataset: str, input_: Input, method: str, labels: Mapping[str, str]) -> dict[str, Any]:
-    """Return the facts of the gallery beside whose rows an external row is shown, or else of a table of its own."""
-    every = read_records(results)
+def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Record | None:
+    """Return a record beside whose row an external one is shown; None for a name that makes a table of its own.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name means data without a row here, or cannot be that of a table.
+    """
+    every, method = read_records(results), method_name(title)
     whole = [record for record in every if not (fold_of(record) or record.data.quick)]
     of_data = {record.key for record in records_of(label_data_sets(whole), [dataset])}
     of_gallery = [record for record in every if record.key in of_data or record.gallery == dataset]
     rows = [record for record in of_gallery if record.input == input_]
     if beside := [record for record in rows if record.status == "ok" and record.method != method]:
-        facts = ("gallery", "gallery_digest", "data", "shapes", "labels")
-        return {fact: getattr(beside[-1], fact) for fact in facts}
+        return beside[-1]
     if is_known(dataset) or Path(dataset).is_dir():
         problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
     if "/" in dataset or not dataset.strip() or not dataset.isprintable():
         raise ConfigurationError(f"'{dataset}' is neither a data set nor a folder", "name the table: --dataset mine")
+    return None
+
+
+def _facts(beside: Record | None, dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the facts of the gallery of a record, or of a table of its own."""
+    if beside:
+        return {fact: getattr(beside, fact) for fact in ("gallery", "gallery_digest", "data", "shapes", "labels")}
     return {
         "gallery": dataset,
         "gallery_digest": digest([dataset, *labels.items()]),

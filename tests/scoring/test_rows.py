@@ -18,7 +18,7 @@ from retrieval.measures import score_draws
 from tests.report.records import record as made_up_record
 from tests.scoring.line import LABELS, NAMES, D
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
-from tests.verbs import call
+from tests.verbs import call, refusal
 
 NAMED = dict(zip(NAMES, LABELS, strict=True))
 
@@ -114,6 +114,15 @@ def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
         score_forms(gallery, "mesh", "Mine", tmp_path, scorer, tmp_path)
     with pytest.raises(ConfigurationError, match="nowhere is not a folder"):
         score_forms(gallery, "mesh", "Mine", tmp_path / "nowhere", scorer, tmp_path)
+
+
+def test_where_a_row_goes_is_checked_before_anything_is_computed_or_printed(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmark.cli.verbs.say_lines", None)
+    command = ("score", tmp_path / "d.txt", "--labels", tmp_path / "labels.txt", "--results", tmp_path, "--dataset")
+    assert "no row of 'tosca', mesh, is here" in refusal(*command, "tosca")  # before files are read, which are none
+    np.savetxt(tmp_path / "d.txt", D)
+    (tmp_path / "labels.txt").write_text("\n".join(LABELS))
+    assert "these distances have none" in refusal(*command, "mine")
 
 
 def test_verbs_show_rows_of_other_programs_beside_ours(tmp_path):
