@@ -11,10 +11,10 @@ from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
-from benchmark.protocols.tables import TABLES
+from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import duration, hundredths, text
-from benchmark.report.frames import chosen_records, seconds_of
+from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, say
 
@@ -45,9 +45,16 @@ def recorded(options: Selection) -> list[Record]:
     return records
 
 
-def selected_tables(options: Selection, records: Iterable[Record]) -> list[TableView]:
-    """Return the tables of a selection; raise ``ConfigurationError`` if there is none."""
+def selected_tables(options: Selection, records: Sequence[Record], *, failed: bool = False) -> list[TableView]:
+    """Return the tables of a selection; raise ``ConfigurationError`` if there is none.
+
+    With ``failed``, methods without scores on any data have rows, too, like selected ones and those of the paper.
+    """
     rows = options.methods if options.is_narrow else ()
+    if not failed:
+        known = {row_of(record) for record in records if record.status == "ok"} | {*TITLES}
+        named = {record.method for record in records if {record.method, record.method.partition("[")[0]} & {*rows}}
+        records = [record for record in records if row_of(record) in known or record.method in named] or records
     sets = {record.data.name for record in records} if options.datasets else ()
     views = table_views(records, options.tables, rows, sets)
     if not views and "robustness" not in options.tables:

@@ -66,6 +66,7 @@ def tables(
     ] = None,
     output: Annotated[Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")] = None,
     force: shared.Force = False,
+    failed: Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")] = False,
 ) -> None:
     """Print or write the tables of finished jobs.
 
@@ -77,7 +78,7 @@ def tables(
     from benchmark.report.robustness import robustness_markdown
 
     records = recorded(selection)
-    views = selected_tables(selection, records)
+    views = selected_tables(selection, records, failed=failed)
     is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
     robustness = is_whole or "robustness" in selection.tables
     if output is not None:

@@ -92,8 +92,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         Outcome of the job; what went wrong unless it is ``"ok"``.
     gallery, gallery_digest
         Name of the gallery, and the digest of its shapes, classes and data.
-    input, method, title, family, parameters, seed
-        What ran; ``parameters`` are those that differ from their defaults.
+    input, method, title, family, parameters, defaults, seed
+        What ran; ``parameters`` are those that differ from their defaults, ``defaults`` all others.
     scorer, scorer_title
         What compared the forms; "" for a descriptor.
     data, shapes, labels
@@ -133,6 +133,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     reason: str = ""
     traceback: str = ""
     parameters: dict[str, Any] = {}
+    defaults: dict[str, Any] = {}
     seed: int = 0
     scorer: Name = DEFAULT_SCORER
     scorer_title: Name = "CM-BOF"

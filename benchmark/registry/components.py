@@ -7,14 +7,14 @@ import inspect
 import secrets
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, Self
 
 from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_form
 from benchmark.api.datasets import ShapeSet
-from benchmark.api.parameters import format_value, non_default_values, parameter_values
+from benchmark.api.parameters import declared_parameters, format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, digest, plugin_file
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
@@ -83,6 +83,12 @@ class Component:
     def _chosen(self, separator: str) -> str:
         texts = {key: quoted(v) if isinstance(v, str) else format_value(v) for key, v in self.parameters.items()}
         return separator.join(f"{key}={text}" for key, text in texts.items())
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """Parameters that have their defaults."""
+        every = declared_parameters(self.load()).items()
+        return {name: value for name, (_, value) in every if name not in self.parameters and value is not MISSING}
 
     @property
     def plugin(self) -> Path | None:

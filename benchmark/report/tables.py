@@ -6,16 +6,18 @@ import hashlib
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.api.parameters import format_value
 from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import TABLES, TITLES, Column, Kind, Table, gallery_name
+from benchmark.protocols.tables import AVERAGED, TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.report.frames import by_gallery, changed, fold_of, kind_of, row_of, seconds_of, tables_of
 from benchmark.report.statistics import ALPHA, bootstrap_intervals, tukey_test
@@ -99,13 +101,20 @@ class Scored:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A row of a table: by column its scores, and its records without scores."""
+    """A row of a table: by column its scores, its records without scores; parameters that are not and are defaults."""
 
     method: str
     title: str
     kind: Kind
     scored: Mapping[str, Scored]
     failed: tuple[Record, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def base(self) -> str:
+        """Name of its method without parameters."""
+        return self.method.partition("[")[0]
 
     @property
     def records(self) -> list[Record]:
@@ -164,7 +173,7 @@ class TableView:
     @property
     def printed_rows(self) -> list[Row]:
         """The rows to print."""
-        return [row for row in self.rows if not self.shown or {row.method, row.method.partition("[")[0]} & self.shown]
+        return [row for row in self.rows if not self.shown or {row.method, row.base} & self.shown]
 
     @property
     def size(self) -> str:
@@ -309,7 +318,7 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
     every = [_row(method, of, galleries, labels) for method, of in rows.items()]
     listed = [row for row in every if row.scored or row.failed or row.method in printed]
     order = {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))}
-    listed.sort(key=lambda row: (list(BLOCKS).index(row.kind), order.get(row.method, len(order)), row.title))
+    listed = _arranged(listed, order)
     titles = Counter(row.title for row in listed)
     listed = [replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row for row in listed]
     ranked = {column: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
@@ -355,7 +364,26 @@ def _row(
             missing = tuple(name for name in names if name not in having)
             scored[column.title] = Scored(having, missing, np.concatenate(values), classes)
         failed += [record for record in part if record.status != "ok"]
-    return Row(method, title, kind, scored, tuple(failed))
+    chosen = {name: value for name, value in first.parameters.items() if f"{name}=" not in AVERAGED} if first else {}
+    return Row(method, title, kind, scored, tuple(failed), chosen, first.defaults if first else {})
+
+
+def _arranged(rows: Sequence[Row], order: Mapping[str, int]) -> list[Row]:
+    """Return rows in blocks and by title; if a method has several parameters, each shows those in which they differ."""
+    swept: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row.method not in TITLES:
+            swept.setdefault(row.base, {}).update(dict.fromkeys(row.parameters))
+    placed = []
+    for row in rows:
+        values = {name: {**row.defaults, **row.parameters}.get(name) for name in swept.get(row.base, ())}
+        ranks = [(0, value, "") if isinstance(value, int | float) else (1, 0, str(value)) for value in values.values()]
+        place = order.get(row.method, order.get(row.base, len(order)))
+        key = list(BLOCKS).index(row.kind), place, row.title.partition(" (")[0], ranks, row.title
+        texts = [f"{name}={format_value(row.defaults[name])}" for name in values if name in row.defaults]
+        own = row.title.removesuffix(")") + ", " if row.parameters else f"{row.title} ("
+        placed.append((key, replace(row, title=f"{own}{', '.join(texts)})") if texts else row))
+    return [row for _, row in sorted(placed, key=lambda pair: pair[0])]
 
 
 def _input(column: Column, kind: Kind, available: set[str]) -> str:

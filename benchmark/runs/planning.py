@@ -227,7 +227,8 @@ class _Planning:
                 "method": method.name,
                 "title": method.title,
                 "family": method.info.family,
-                "parameters": json.loads(json.dumps(dict(method.parameters), default=str)),
+                "parameters": _as_json(method.parameters),
+                "defaults": _as_json(method.defaults),
                 "seed": self.seed,
                 "scorer": row.scorer,
                 "scorer_title": scorer.title if scorer else "",
@@ -273,6 +274,10 @@ class _Planning:
             parts[f"{name} title"] = component.info.title
             parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
         return parts | {f"the model {model.training}": model.digest for model in models if model}
+
+
+def _as_json(values: Mapping[str, Any]) -> dict[str, Any]:
+    return dict(json.loads(json.dumps(dict(values), default=str)))
 
 
 class _Earlier(NamedTuple):

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import Record, write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
 from benchmark.report.formats import latex, markdown, text
@@ -19,6 +19,7 @@ from benchmark.report.results import Results
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, failed, record
+from tests.verbs import call
 
 HUMANS = {"dataset": SYNTHETIC_HUMANS[0], "stand_in_for": "shrec14-synthetic"}
 
@@ -65,6 +66,20 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
 def test_rows_of_one_title_show_their_names():
     table = view(*[record(name, 0.5, title="Mine") for name in ("mine", "mine-too")], record("gps", 0.5))
     assert [row.title for row in table.rows] == ["GPS", "Mine (mine)", "Mine (mine-too)"]
+
+
+def test_rows_of_a_sweep_are_in_the_order_of_its_numbers_and_the_default_row_shows_its_value():
+    def swept(**chosen):
+        texts = ",".join(f"{name}={value}" for name, value in chosen.items())
+        defaults = {name: value for name, value in (("n", 25), ("x", 0.5)) if name not in chosen}
+        name, title = (f"mine[{texts}]", f"Mine (1) ({texts})") if texts else ("mine", "Mine (1)")
+        return record(name, title=title, parameters=chosen, defaults=defaults)
+
+    rows = [swept(n=100), swept(n=10), swept(), swept(n=9, x=1e-5), swept(x=2.0), record("gps"), record("minx")]
+    assert [row.title.removeprefix("Mine (1) ") for row in view(*rows).rows] == [
+        "GPS", "(n=9,x=1e-05)", "(n=10, x=0.5)", "(n=25, x=0.5)", "(x=2.0, n=25)", "(n=100, x=0.5)", "Minx",
+    ]  # fmt: skip
+    assert [row.title for row in view(record("gps", defaults={"n": 25}), swept(n=9)).rows] == ["GPS", "Mine (1) (n=9)"]
 
 
 def test_trainings_are_averaged_within_a_fold_before_folds_are():
@@ -180,6 +195,22 @@ def test_a_table_of_which_only_one_fold_was_tried_and_failed_is_printed():
     table = view(failed("gps", "it fell", fold="fold 0", **HUMANS), tables=["I"])
     assert "failed" in markdown(table)
     assert table.size == "12 shapes of 3 classes"
+
+
+def test_methods_that_fail_everywhere_have_rows_only_if_they_are_asked_for(tmp_path):
+    rows = [record("mine"), failed("mine", dataset="other"), failed("bad"), failed("mine[n=2]"), failed("gps")]
+    for each in [*rows, record("fine", dataset="other")]:
+        write_record(tmp_path, each, "")
+
+    def titles(*options):
+        shown = json.loads(call("tables", "--results", tmp_path, "--format", "json", *options))
+        return {(row["dataset"], row["method"]) for row in shown if not row["NN"] or row["method"] == "mine"}
+
+    kept = {("rods", "mine"), ("other", "mine"), ("rods", "gps")}
+    assert titles() == kept
+    assert titles("--failed") == kept | {("rods", "bad"), ("rods", "mine[n=2]")}
+    assert ("rods", "bad") in titles("-m", "bad")
+    assert ("rods", "mine[n=2]") in titles("-m", "mine")
 
 
 def test_the_order_of_records_changes_nothing():
