@@ -51,7 +51,8 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
     for word in words:
         base, _ = split_name(word)
         path = path_of(word) if is_own(base) or Path(base).exists() else ""
-        here = [record for record in records if path and path in record.data.paths]
+        contents = {record.content for record in records if path and path in record.data.paths}
+        here = [record for record in records if record.content in contents]  # also those of a colleague
         is_name = not (here and "/" in word)
         named = [record for record in records if is_name and word in _words(record) and record not in here]
         several = [path, *(record.data.paths[-1] for record in named if record.data.paths)]

@@ -72,6 +72,16 @@ def test_a_folder_stands_for_the_data_set_at_its_path(beside, tmp_path):
     assert (record.gallery, record.data.paths) == ("line", [str(tmp_path / "line")])
 
 
+def test_the_path_of_a_folder_also_names_rows_of_a_colleague_on_the_same_shapes(beside, tmp_path):
+    (here,) = read_records(beside)
+    for key, path in (("a", "line"), ("b", "of/a/colleague/line")):
+        data = replace(here.data, paths=[str(tmp_path / path)])
+        write_record(beside, replace(here, key=key * 32, method=key, title=key, data=data), here.key)
+    (tmp_path / "line").mkdir()
+    rows = json.loads(call("tables", "-d", tmp_path / "line", "--results", beside, "--format", "json"))
+    assert [row["method"] for row in rows] == ["a", "b"]
+
+
 def test_a_row_replaces_its_earlier_one_but_none_of_another_title(beside):
     for factor in (1.0, 2.0):
         keep_distances(beside, score(factor * D**factor, NAMED), "Theirs", "mine", "mesh")
