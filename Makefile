@@ -96,17 +96,17 @@ speed: setup
 
 # From the records in results/; needs neither data nor models.
 tables: setup
-	$(BIN)/python -m benchmark tables --published -o results/tables
+	$(BIN)/python -m benchmark tables --published --paper -o results/tables
 
 # Whether the committed tables are those that the records make.
 check-tables: setup
-	rm -rf build/tables && $(BIN)/python -m benchmark tables --published -o build/tables
+	rm -rf build/tables && $(BIN)/python -m benchmark tables --published --paper -o build/tables
 	diff -r build/tables results/tables
 
 # Brings the records of jobs done here into results/records, which is committed, and makes the tables from them.
 publish: setup
 	$(BIN)/python -m tools.publish results
-	$(BIN)/python -m benchmark tables --published -o results/tables
+	$(BIN)/python -m benchmark tables --published --paper -o results/tables
 
 # The report, and the figures of README and docs, from forms that runs keep; those of TOSCA need CANONICAL_FORMS_DATA.
 CLASSICAL := classic-mds fast-mds non-metric-mds least-squares-mds constrained-mds gps mesh-unfolding skeleton

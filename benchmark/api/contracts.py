@@ -69,7 +69,7 @@ class MethodInfo(CheckedParameters):
     title
         Name in the tables.
     cite
-        BibTeX key of the source, or "" for a control without one.
+        What LaTeX tables cite: a key of the suite's bibliography, or a BibTeX entry, ``"@article{key, ...}"``.
     family
         ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"extended"`` for any other method.
     summary

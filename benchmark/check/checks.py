@@ -21,6 +21,7 @@ from benchmark.check.shapes import BENDS, TRAINING, awkward, figure, training_da
 from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape
 from benchmark.geometry.depth import depth_surface, fit_half_width
 from benchmark.geometry.preparation import prepare
+from benchmark.reference.paper import entry_of
 from benchmark.registry import Component
 
 #: Largest accepted difference between two runs on one shape, relative to the largest coordinate: rounding may depend on
@@ -127,6 +128,14 @@ def _training(case: Case) -> str:
         raise Failed(f"'load' returns {type(loaded).__name__}; return the method with its model")
     case.model = model
     return "trains a model on three images, keeps a finished one, and loads it"
+
+
+def _citation(case: Case) -> str:
+    key, _ = entry_of(case.component.info.cite)
+    if not key:
+        known = "a key of the suite's bibliography nor one whole BibTeX entry, @article{key, ...}"
+        raise Failed(f"info.cite is neither {known}; correct it, or leave it out")
+    return f"cites {key}"
 
 
 def _answer(case: Case) -> str:
@@ -323,7 +332,8 @@ def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
     """Return the checks of a component by name, in their order."""
     if component.kind == "data set":
         return {"shapes": _shapes, "meshes": _meshes, "repeatable": _repeatable_meshes, "inputs": _inputs}
-    answers = {"answer": _answer, "repeatable": _repeatable}
+    cited = {"citation": _citation} if component.info.cite else {}
+    answers = cited | {"answer": _answer, "repeatable": _repeatable}
     surfaces = {"relabelling": _relabelling, "rigid motion": _motion}
     if component.kind == "scorer":
         return {**answers, **surfaces, "dissimilarities": _dissimilarities, "awkward shapes": _awkward}

@@ -17,7 +17,7 @@ from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.models import MODELS_VARIABLE, model_places, people_training
 from benchmark.protocols.tables import TABLES
-from benchmark.reference.paper import source_of
+from benchmark.reference.paper import entry_of, source_of
 from benchmark.registry import Component, by_name, select_one
 from benchmark.registry.names import described
 from benchmark.text import aligned, clean, say, say_lines
@@ -155,6 +155,7 @@ def _facts(component: Component) -> dict[str, str | list[str]]:
         "kind": "learner" if component.learns else "descriptor" if component.describes else "method",
         "family": _FAMILIES.get(info.family, info.family),
         "source": source_of(info.cite) or "none",
+        "cite": entry_of(info.cite)[0],
         "departs": info.departs,
         "inputs": list(info.inputs),
         "scale": info.scale,

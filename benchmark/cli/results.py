@@ -45,10 +45,13 @@ def recorded(options: Selection) -> list[Record]:
     return records
 
 
-def selected_tables(options: Selection, records: Sequence[Record], *, failed: bool = False) -> list[TableView]:
+def selected_tables(
+    options: Selection, records: Sequence[Record], *, failed: bool = False, paper: bool = False
+) -> list[TableView]:
     """Return the tables of a selection; raise ``ConfigurationError`` if there is none.
 
-    With ``failed``, methods without scores on any data have rows, too, like selected ones and those of the paper.
+    With ``failed``, methods without scores on any data have rows, too, like selected ones; with ``paper``, those of the
+    paper that never ran.
     """
     rows = options.methods if options.is_narrow else ()
     if not failed:
@@ -56,7 +59,7 @@ def selected_tables(options: Selection, records: Sequence[Record], *, failed: bo
         named = {record.method for record in records if {record.method, record.method.partition("[")[0]} & {*rows}}
         records = [record for record in records if row_of(record) in known or record.method in named] or records
     sets = {record.data.name for record in records} if options.datasets else ()
-    views = table_views(records, options.tables, rows, sets)
+    views = table_views(records, options.tables, rows, sets, paper=paper)
     if not views and "robustness" not in options.tables:
         what = f"table {', '.join(options.tables)}" if options.tables else "any table"
         problem = f"no finished job under {options.results} belongs to {what}"

@@ -65,6 +65,7 @@ def tables(
         Literal["latex", "markdown", "csv", "json"] | None, Option("--format", help="[markdown; with -o, all]")
     ] = None,
     output: Annotated[Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")] = None,
+    paper: Annotated[bool, Option("--paper", help="Also rows of the paper that never ran.")] = False,
     force: shared.Force = False,
     failed: Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")] = False,
 ) -> None:
@@ -78,7 +79,7 @@ def tables(
     from benchmark.report.robustness import robustness_markdown
 
     records = recorded(selection)
-    views = selected_tables(selection, records, failed=failed)
+    views = selected_tables(selection, records, failed=failed, paper=paper)
     is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
     robustness = is_whole or "robustness" in selection.tables
     if output is not None:

@@ -92,7 +92,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         Outcome of the job; what went wrong unless it is ``"ok"``.
     gallery, gallery_digest
         Name of the gallery, and the digest of its shapes, classes and data.
-    input, method, title, family, parameters, defaults, seed
+    input, method, title, family, cite, parameters, defaults, seed
         What ran; ``parameters`` are those that differ from their defaults, ``defaults`` all others.
     scorer, scorer_title
         What compared the forms; "" for a descriptor.
@@ -132,6 +132,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     labels: list[Name]
     reason: str = ""
     traceback: str = ""
+    cite: str = ""
     parameters: dict[str, Any] = {}
     defaults: dict[str, Any] = {}
     seed: int = 0

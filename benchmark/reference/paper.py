@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
+from inspect import cleandoc
+from itertools import accumulate
 
 MEASURES = ("NN", "FT", "ST", "DCG")
 """The measures that the paper prints, in its order."""
@@ -112,21 +115,36 @@ CLAIMS: tuple[Claim, ...] = (
 )  # fmt: skip
 
 
-def source_of(key: str) -> str:
-    """Return authors, year, title and source of an entry of the bibliography as text, or the key if there is none."""
-    match = re.search(rf"@\w+\{{{re.escape(key)},(.*?)\n\}}", bibliography(), re.DOTALL) if key else None
-    if match is None:
-        return key
-    found = re.findall(r"^\s*(\w+)\s*=\s*\{(.*?)\},?$", match[1], re.MULTILINE | re.DOTALL)
-    fields = {name: " ".join(re.sub(r"[{}\\]", "", text).replace("--", "\u2013").split()) for name, text in found}
+#: Beginning of a BibTeX entry, with its key; a field; and commands beyond accents, which no entry from outside needs.
+_HEAD = re.compile(r"@(?!comment|preamble|string)[a-z]+\s*\{\s*([\w:./+-]+)\s*,", re.IGNORECASE | re.ASCII)
+_FIELD = re.compile(r"(\w+)\s*=\s*(?:\{((?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*)\}|\"([^\"]*)\"|(\d+))")
+_COMMAND = re.compile(r"\\(?!url\b|emph\b)[A-Za-z]{3,}")
+
+
+def source_of(cite: str) -> str:
+    """Return authors, year, title and source of a BibTeX entry or its key as text; the key if there is no entry."""
+    _, entry = entry_of(cite)
+    found = {name: re.sub(r"[{}\\]", "", "".join(texts)) for name, *texts in _FIELD.findall(entry)}
+    fields = {name: " ".join(text.replace("--", "\u2013").split()) for name, text in found.items()}
     *others, last = fields.get("author", "").split(" and ")
     named = f"{', '.join(others)} and {last}" if others else last
     if year := fields.get("year"):
         named = f"{named} ({year})".strip()
     place = next((fields[name] for name in ("journal", "booktitle", "publisher", "note") if name in fields), "")
-    return ". ".join(filter(None, (named, fields.get("title", ""), place)))
+    return ". ".join(filter(None, (named, fields.get("title", ""), place))) or cite
 
 
+def entry_of(cite: str) -> tuple[str, str]:
+    """Return key and text of a BibTeX entry, or of the entry of the bibliography with this key; "" if there is none."""
+    known = {match[1]: entry for entry in bibliography().split("\n\n") if (match := _HEAD.match(entry))}
+    entry = known.get(cite, cleandoc(cite)).strip()
+    depths = [*accumulate({"{": 1, "}": -1}.get(character, 0) for character in entry.partition("{")[2])]
+    is_whole = -1 in depths and depths.index(-1) == len(depths) - 1 and not _COMMAND.search(entry)
+    match = _HEAD.match(entry)
+    return (match[1], entry) if match and is_whole else ("", "")
+
+
+@cache
 def bibliography() -> str:
     """Return the BibTeX file of the sources of methods, scorers and data."""
     return resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")

@@ -10,7 +10,8 @@ from itertools import chain, groupby
 from textwrap import wrap
 from typing import Any
 
-from benchmark.reference.paper import MEASURES
+from benchmark.errors import ConfigurationError
+from benchmark.reference.paper import MEASURES, entry_of
 from benchmark.report.notes import MARKS, table_notes
 from benchmark.report.tables import BLOCKS, PAPER, Row, TableView
 from benchmark.text import clean
@@ -74,6 +75,7 @@ class Line:
     title: str
     groups: tuple[Sequence[tuple[str, str]], ...]
     seconds: str = ""
+    row: Row | None = None
 
 
 def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
@@ -95,7 +97,7 @@ def _line(view: TableView, row: Row) -> Line:
         status = "" if group == PAPER else row.failed[0].status if row.failed else BLANK
         texts = map(hundredths, scores.values())
         groups.append(list(zip(texts, marks, strict=True)) if scores else [(status, "")])
-    return Line(clean(row.title), tuple(groups), duration(row.seconds))
+    return Line(clean(row.title), tuple(groups), duration(row.seconds), row)
 
 
 def _joined(group: Iterable[tuple[str, str]], styles: Mapping[str, str]) -> str:
@@ -171,9 +173,14 @@ def _padded(group: Sequence[tuple[str, str]], styles: Mapping[str, str], width: 
 
 def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs array and booktabs: one column of a paper, or ``table*``."""
-    n_scores = len(view.groups) * len(MEASURES)
-    environment, title_width = ("table", ".27") if n_scores <= _ONE_COLUMN else ("table*", ".26")
-    titles = rf"@{{}}>{{\raggedright\hangindent1em}}p{{{title_width}\linewidth}}"  # breaks long ones
+    n_groups, n_scores = len(view.groups), len(view.groups) * len(MEASURES)
+    # Beside titles: 1.9 em per score (for DCG) and 1.4 em for seconds, 3.4 pt between scores and 6 pt after a group.
+    rest = f"{len(MEASURES) * 1.9 * n_groups + 1.4:.1f}em-{16.2 * n_groups + 3.4:.1f}pt"
+    one_column = "table", rf"\dimexpr\linewidth-{rest}\relax"
+    environment, title_width = one_column if n_scores <= _ONE_COLUMN else ("table*", r".28\linewidth")
+    titles = rf"@{{}}>{{\raggedright\hangindent1em}}p{{{title_width}}}"  # breaks long ones
+    scores = rf"*{{{len(MEASURES)}}}{{w{{c}}{{1.9em}}}}@{{\hskip6pt}}"
+    rules = "".join(rf"\cmidrule(r){{{4 * k + 2}-{4 * k + 5}}}" for k in range(n_groups))
     styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
     for heading, lines in blocks(view):
         body.append(r"\midrule")
@@ -184,19 +191,31 @@ def latex(view: TableView) -> str:
                 [styles[mark].format(score) for score, mark in group] if len(group) > 1 else [_spread(group[0][0])]
                 for group in line.groups
             ]
-            body.append(_latex_row(_breakable(line.title), *chain(*cells), line.seconds))
-    groups = ("Paper" if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
-    citation = rf" Paper:~\cite{{{_PAPER}}}." if view.paper else ""
+            key = entry_of(line.row.cite)[0] if line.row else ""
+            cited = rf"~\cite{{{key}}}" if key else ""
+            body.append(_latex_row(_breakable(line.title) + cited, *chain(*cells), line.seconds))
+    paper = rf"Paper~\cite{{{_PAPER}}}"
+    groups = (paper if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
     notes = " ".join(map(latex_text, table_notes(view)[:-1]))  # the last one is for those who have the suite
     return "\n".join([
-        "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
-        rf"\caption{{{latex_text(view.caption)}.{citation}}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
-        r"\footnotesize\setlength{\tabcolsep}{1.9pt}",
-        rf"\begin{{tabular}}{{{titles}*{{{n_scores + 1}}}{{r}}@{{}}}}", r"\toprule",
-        _latex_row("", *map(_spread, groups), ""), _latex_row("", *MEASURES * len(view.groups), "s"), *body,
+        "% needs array, booktabs and references.bib", rf"\begin{{{environment}}}", r"\centering",
+        rf"\caption{{{latex_text(view.caption)}.}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
+        r"\scriptsize\setlength{\tabcolsep}{1.7pt}",
+        rf"\begin{{tabular}}{{{titles}{scores * n_groups}w{{r}}{{1.4em}}@{{}}}}", r"\toprule",
+        _latex_row("", *map(_spread, groups), ""), rules, _latex_row("", *MEASURES * len(view.groups), "s"), *body,
         r"\bottomrule", r"\end{tabular}", rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {notes}}}",
         rf"\end{{{environment}}}",
     ]) + "\n"  # fmt: skip
+
+
+def bibliography(views: Sequence[TableView]) -> str:
+    """Return the BibTeX entries that tables in LaTeX cite; raise ``ConfigurationError`` if two have one key."""
+    rows = [row.cite for view in views for row in view.printed_rows]
+    entries: dict[str, str] = {}
+    for key, entry in map(entry_of, [*[_PAPER] * any(view.paper for view in views), *rows]):
+        if entries.setdefault(key, entry) != entry:
+            raise ConfigurationError(f"two methods cite '{key}' with different entries", "rename a key, and run again")
+    return "\n\n".join(filter(None, entries.values())) + "\n"
 
 
 def _spread(words: str) -> str:

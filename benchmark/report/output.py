@@ -12,8 +12,7 @@ import msgspec
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically, write_text
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import bibliography
-from benchmark.report.formats import as_json, latex, markdown
+from benchmark.report.formats import as_json, bibliography, latex, markdown
 from benchmark.report.frames import scores_frame
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import TableView
@@ -48,7 +47,7 @@ def table_files(
     """
     files: dict[str, str] = {}
     if "latex" in formats:
-        files |= {f"{view.stem}.tex": latex(view) for view in views} | {"references.bib": bibliography()}
+        files |= {f"{view.stem}.tex": latex(view) for view in views} | {"references.bib": bibliography(views)}
     if "markdown" in formats:
         files |= {f"{view.stem}.md": markdown(view) for view in views}
         if verdicts and (text := verdicts_markdown(views)):

@@ -19,6 +19,7 @@ from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import AVERAGED, TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
+from benchmark.registry import BUILT_IN, Component
 from benchmark.report.frames import by_gallery, changed, fold_of, kind_of, row_of, seconds_of, tables_of
 from benchmark.report.statistics import ALPHA, bootstrap_intervals, tukey_test
 from benchmark.text import brief
@@ -127,6 +128,13 @@ class Row:
         return all(record.published for record in self.records)
 
     @property
+    def cite(self) -> str:
+        """What it cites: a key of the bibliography, or a BibTeX entry; that of the suite's methods is today's."""
+        if self.base in BUILT_IN and self.kind != "external":
+            return str(Component("method", self.base, BUILT_IN[self.base]).info.cite)
+        return next((record.cite for record in self.records if record.cite), "")
+
+    @property
     def seconds(self) -> float | None:
         """Seconds a shape for form and geodesics: the median over its jobs."""
         measured = [seconds for record in self.records if (seconds := seconds_of(record)) is not None]
@@ -157,6 +165,8 @@ class TableView:
         Methods whose rows are printed; empty for all. Marks and verdicts come from all rows.
     left_out
         Notes on records of other versions of the data.
+    never_ran
+        Whether to print methods of the paper that never ran.
     """
 
     table: Table
@@ -169,11 +179,13 @@ class TableView:
     paper: Mapping[str, Mapping[str, float]]
     shown: frozenset[str]
     left_out: tuple[str, ...]
+    never_ran: bool = False
 
     @property
     def printed_rows(self) -> list[Row]:
         """The rows to print."""
-        return [row for row in self.rows if not self.shown or {row.method, row.base} & self.shown]
+        ran = [row for row in self.rows if self.never_ran or row.scored or row.failed]
+        return [row for row in ran if not self.shown or {row.method, row.base} & self.shown]
 
     @property
     def size(self) -> str:
@@ -247,7 +259,12 @@ class TableView:
 
 
 def table_views(
-    records: Iterable[Record], tables: Iterable[str] = (), methods: Iterable[str] = (), datasets: Iterable[str] = ()
+    records: Iterable[Record],
+    tables: Iterable[str] = (),
+    methods: Iterable[str] = (),
+    datasets: Iterable[str] = (),
+    *,
+    paper: bool = False,
 ) -> list[TableView]:
     """Return the tables that records fill.
 
@@ -261,6 +278,8 @@ def table_views(
         Methods whose rows are printed; empty for all. Marks and verdicts do not depend on it.
     datasets
         Names of data sets; empty for all.
+    paper
+        Whether to print methods of the paper that never ran.
     """
     wanted, sets, shown = set(tables), set(datasets), frozenset(methods)
     by_table: dict[tuple[Table, str], list[Record]] = {}
@@ -274,7 +293,7 @@ def table_views(
                 by_table.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
     keys = sorted(by_table, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
-    every = [_view(table, main, by_table[table, main], shown) for table, main in keys]
+    every = [replace(_view(table, main, by_table[table, main], shown), never_ran=paper) for table, main in keys]
     views = [view for view in every if any(row.scored or row.failed for row in view.rows)]
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 

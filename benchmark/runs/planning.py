@@ -227,6 +227,7 @@ class _Planning:
                 "method": method.name,
                 "title": method.title,
                 "family": method.info.family,
+                "cite": method.info.cite,
                 "parameters": _as_json(method.parameters),
                 "defaults": _as_json(method.defaults),
                 "seed": self.seed,

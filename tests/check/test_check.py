@@ -69,12 +69,20 @@ def findings(component: Component, until: str = "") -> dict[str, Finding]:
 
 
 def test_a_right_method_passes_every_check(tmp_path):
-    found = findings(written(tmp_path / "tried.py"))
+    found = findings(written(tmp_path / "tried.py", info="cite='@misc{me, title = {A}}'"))
     assert {finding.outcome for finding in found.values()} == {"ok"}
-    assert len(found) == 9
+    assert len(found) == 10
+    assert found["citation"].explanation == "cites me"
 
 
 FAULTS = [
+    (
+        "citation",
+        FORM + "return shape.form(x)",
+        "cite='nobody2001'",
+        "neither a key of the suite's bibliography nor one",
+    ),
+    ("citation", FORM + "return shape.form(x)", "cite='@misc{me, title = {A}'", "nor one whole BibTeX entry"),
     (
         "answer",
         FORM + "return shape.form(x * np.nan)",

@@ -180,7 +180,7 @@ def test_figures_of_experiments_are_those_of_their_file():
 
 
 def test_committed_tables_are_those_of_the_published_records(tmp_path):
-    words = ("tables", "--published", "--results", ROOT / "results", "-o")
+    words = ("tables", "--published", "--paper", "--results", ROOT / "results", "-o")
     call(*words, tmp_path / "all")
     made, committed = ({path.name: path.read_bytes() for path in f.iterdir()} for f in (tmp_path / "all", TABLES))
     assert made == committed

@@ -10,10 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
+from benchmark.reference.paper import entry_of
 from benchmark.report.formats import (
     _breakable,
     as_json,
+    bibliography,
     duration,
     hundredths,
     latex,
@@ -83,6 +86,37 @@ def test_every_name_is_text_in_latex():
     assert "\\textbackslash{}input\\{/etc/passwd\\}" in shown
 
 
+ENTRY = "@misc{me:26, title = {A {Method} of Mine}}"
+
+
+def citing(**cites):
+    return table_views([record(name, cite=cite, dataset="tosca") for name, cite in cites.items()], ["III"])
+
+
+def test_rows_cite_their_sources_and_the_bibliography_holds_what_they_cite():
+    shown = citing(gps="", mine=ENTRY, other="rustamov2007gps", none="", unknown="nobody2001")
+    table, entries = latex(shown[0]), bibliography(shown)
+    cites = {"GPS": "rustamov2007gps", "Mine": "me:26", "Other": "rustamov2007gps", "Paper": "canonicalreconstruction"}
+    assert dict(re.findall(r"(\w+)~\\cite\{(.+?)\}", table)) == cites
+    assert sorted(re.findall(r"^@\w+\{(.*?),", entries, re.M)) == sorted({*cites.values()})
+    assert ENTRY in entries
+    (seed,) = re.findall(r"@misc\{canonicalreconstruction,.*?\n\}", entries, re.S)
+    assert set(re.findall(r"^  (\w+)", seed, re.M)) == {"key", "title", "note"}  # nobody has told more
+
+
+def test_two_entries_with_one_key_are_refused():
+    with pytest.raises(ConfigurationError, match="'me:26' with different entries"):
+        bibliography(citing(mine=ENTRY, other=ENTRY.replace("Mine", "Hers")))
+
+
+@pytest.mark.parametrize(
+    "cite", [ENTRY[:-1], ENTRY + "}", ENTRY + ENTRY, ENTRY + " x", "@string{a, b}", "@misc{a b, c = {}}", "@misc{a}",
+             "@misc{a, title = {\\input{/etc/passwd}}}"]
+)  # fmt: skip
+def test_what_is_no_entry_is_not_cited(cite):
+    assert entry_of(cite) == ("", "")
+
+
 @given(st.text(max_size=30))
 def test_latex_text_is_ascii_or_accented_and_has_no_open_group(words):
     shown = latex_text(words)
@@ -109,7 +143,7 @@ def test_markdown_fits_100_columns_and_a_terminal_80():
 
 
 def test_json_keeps_its_keys():
-    (row, *_) = as_json(table_views([record("gps", 0.25, dataset="tosca")], ["III"]))
+    (row, *_) = as_json(table_views([record("gps", 0.25, dataset="tosca")], ["III"], paper=True))
     assert json.loads(json.dumps(row)) == row
     assert row.keys() >= {"table", "dataset", "stand_in", "input", "method", "title", "NN", "FT", "ST", "DCG", "paper",
                           "chance", "n_shapes", "n_classes", "coverage", "seconds", "status"}  # fmt: skip

@@ -173,12 +173,20 @@ def test_a_note_says_how_many_bridges_join_pieces_across_which_gap():
 
 def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_training():
     seen = record("learned", dataset="tosca", input_="view", models=[], seen=["cat0", "owl8"])
-    table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"])
+    table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"], paper=True)
     found = "\n".join(table_notes(table))
     assert "s: median seconds per shape for form and geodesics." in found
     assert "Depth network (no model was trained for this data, or it was not run)" in found
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
     assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
+
+
+def test_methods_of_the_paper_that_never_ran_are_printed_on_demand():
+    (ran,) = table_views([record("gps", dataset="tosca"), failed("skeleton", dataset="tosca")], ["III"])
+    assert [row.title for row in ran.printed_rows] == ["GPS", "Skeleton-based"]
+    assert not any("not run" in note for note in table_notes(ran))
+    (every,) = table_views([record("gps", dataset="tosca")], ["III"], paper=True)
+    assert [row.method for row in every.printed_rows] == [*PRINTED["III"]]
 
 
 def test_notes_name_each_kind_of_fact_once_and_are_at_most_eight():
