@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.files import write_text
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import MEASURES
-from benchmark.report.formats import duration, hundredths, text
+from benchmark.report.formats import duration, hundredths, latex_figure, text
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, say
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def recorded(options: Selection) -> list[Record]:
@@ -90,17 +95,25 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     from benchmark.report.forms import StoredForms
 
     check_ending(path, figures.ENDINGS)
-    if path.exists() and not force:
-        raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
+    of_forms = what in ("forms", "effect", "spread")
+    for file in (path, path.with_suffix(".tex"))[: 1 + of_forms]:
+        if file.exists() and not force:
+            raise ConfigurationError(f"{file} is there already", "choose another file, or pass --force")
     views = selected_tables(options, recorded(options))
     if not views:
         raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
     view, forms = views[0], StoredForms(options.results, options.data_root)
-    if what == "effect":
-        figure = figures.effect_figure(view, forms, shapes)
-    elif what == "precision-recall":
-        figure = figures.precision_recall_figure(figures.precision_recall(view, forms))
+    draws: dict[str, Callable[[], Figure]] = {
+        "scores": lambda: figures.scores_figure(view),
+        "cost": lambda: figures.cost_figure(view),
+        "precision-recall": lambda: figures.precision_recall_figure(figures.precision_recall(view, forms)),
+        "paper": lambda: figures.paper_figure(view),
+        "distances": lambda: figures.distances_figure(view, forms),
+    }
+    if of_forms:
+        figure, caption = figures.forms_figure(view, forms, shapes, superposed=what == "spread")
+        write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
     else:
-        figure = (figures.cost_figure if what == "cost" else figures.scores_figure)(view)
+        figure = draws[what]()
     figures.save(figure, path)
     say(f"wrote {path}")

@@ -109,8 +109,8 @@ def report(
         Path | None, Option("-o", "--output", metavar="OUT", help="Folder [results/report], or figure [KIND.pdf].")
     ] = None,
     figure: Annotated[
-        Literal["effect", "scores", "cost", "precision-recall"] | None,
-        Option("--figure", help="Draw a .pdf, .png or .svg instead; effect shows shapes and forms."),
+        Literal["forms", "effect", "spread", "scores", "cost", "precision-recall", "paper", "distances"] | None,
+        Option("--figure", help="Draw a .pdf, .png or .svg instead; forms is also called effect."),
     ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
     force: shared.Force = False,

@@ -47,7 +47,9 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray((share + rank) / 2)  # most of a body is trunk, which would have a single colour without this step
 
 
-def shaded(mesh: Mesh, camera: Camera, size: int, values: NDArray[np.float64] | None = None) -> Image.Image:
+def shaded(
+    mesh: Mesh, camera: Camera, size: int, values: NDArray[np.float64] | None = None, frame: Points | None = None
+) -> Image.Image:
     """Draw a mesh on white as a camera sees it.
 
     Parameters
@@ -60,9 +62,11 @@ def shaded(mesh: Mesh, camera: Camera, size: int, values: NDArray[np.float64] | 
         Pixels per side.
     values
         Value of each vertex from 0 to 1, shown as colour; None for one colour.
+    frame
+        Points that the picture has room for, shape (n, 3); by default those of the mesh.
     """
-    points = mesh.vertices @ camera.rotation.T
-    low, high = points.min(axis=0), points.max(axis=0)
+    points, held = (each @ camera.rotation.T for each in (mesh.vertices, mesh.vertices if frame is None else frame))
+    low, high = held.min(axis=0), held.max(axis=0)
     half = max(float((high - low)[:2].max()) / 2, 1e-12) / 0.94
     scaled, fine = (points - (low + high) / 2) / half, size * _FINER
     pixels = np.column_stack([(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]])
@@ -102,21 +106,6 @@ def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
     grey = np.where(seen, 0.15 + 0.75 * (depth - low) / max(high - low, 1e-9), 1.0)
     picture = Image.fromarray(np.round(255 * grey).astype(np.uint8)).convert("RGB")
     return picture.resize((size, size), Image.Resampling.BOX)
-
-
-def turned_like(form: Points, shape: Points) -> Points:
-    """Return the vertices of a form, turned or mirrored as its shape, vertex by vertex [Schönemann 1966].
-
-    Parameters
-    ----------
-    form, shape
-        Vertices, shape (n, 3); a form with others than its shape is returned as it is.
-    """
-    if form.shape != shape.shape:
-        return form
-    moving, fixed = form - form.mean(axis=0), shape - shape.mean(axis=0)
-    left, _, right = np.linalg.svd(moving.T @ fixed)
-    return np.asarray(moving @ (left @ right))
 
 
 def check_ending(path: Path | None, endings: Sequence[str] = (".png",)) -> None:

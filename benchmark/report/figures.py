@@ -3,43 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from textwrap import fill
 from typing import IO
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from benchmark.depth.frame import UPRIGHT
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
-from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import Record, read_distances
 from benchmark.protocols.tables import Kind
-from benchmark.report.drawing import outwardness, shaded
-from benchmark.report.forms import StoredForms
+from benchmark.reference.paper import MEASURES
+from benchmark.report.drawing import shaded
+from benchmark.report.formats import hundredths
+from benchmark.report.forms import Drawn, StoredForms, spread_of_forms
 from benchmark.report.sheets import spread
-from benchmark.report.tables import Row, TableView
+from benchmark.report.tables import Row, Scored, TableView
+from benchmark.report.verdicts import TOLERANCE
 from benchmark.text import clean
 
 #: Widths in inches of one column and of the text of a two-column paper.
 COLUMN, WIDTH = 3.5, 7.16
 
+#: Pixels per inch that papers ask for.
+DPI = 300
+
+#: Side in inches of a picture in a figure of forms, at most, and height of the titles above them.
+_TALLEST, _HEAD = 0.85, 0.44
+
 #: View of forms of depth images, whose errors do not show from the front.
 OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
+
+#: Matrices side by side in a figure of distances, and title of the shapes beside forms.
+_ACROSS, _ITSELF = 4, "Shape"
 
 #: Measure of charts that show one.
 MEASURE = "DCG"
 
-COLOURS: Mapping[Kind, str] = {"form": "#3a6ea5", "network": "#c8553d", "descriptor": "#4c956c", "external": "#777777"}
+#: Colours of blocks, and of lines beside them: contrast with white of at least 3, as WCAG asks of graphics.
+COLOURS: Mapping[Kind, str] = {"form": "#3a6ea5", "network": "#c8553d", "descriptor": "#3d8a5f", "external": "#777777"}
+GREY = "#737373"
+
+#: Least seconds that are drawn: shorter ones are not measured.
+FASTEST = 1e-3
 
 #: Levels of recall at which precision is interpolated.
 RECALLS = np.round(np.arange(1, 21) * 0.05, 2)
 
-_SIZE = 7
-_STYLE = {"axes.labelsize": _SIZE, "axes.spines.top": False, "axes.spines.right": False}
+_SIZE, _MARKERS, _DASHES = 7, "os^DvP<X>*ph", ("-", "--", "-.", ":")
+_STYLE = {"axes.labelsize": _SIZE, "axes.titlesize": _SIZE, "axes.spines.top": False, "axes.spines.right": False,
+          "xtick.labelsize": _SIZE - 1, "ytick.labelsize": _SIZE - 1}  # fmt: skip
 
 #: Metadata by file extension, without the date and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
@@ -52,8 +72,18 @@ _UNDATED: dict[str, dict[str, str | None]] = {
 ENDINGS = tuple(_UNDATED)
 
 
+def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
+    """Return printed rows with their scores in the first column that has some; titles name another than the table's."""
+    found = []
+    for row in view.printed_rows:
+        if column := next((column.title for column in view.columns if column.title in row.scored), ""):
+            title = row.title if column == view.columns[0].title else f"{row.title}, {column}"
+            found.append((replace(row, title=clean(title)), row.scored[column]))
+    return found
+
+
 def scores_figure(view: TableView) -> Figure:
-    """Draw the scores of a table with their intervals over classes (95 %), one line a row."""
+    """Draw the scores of a table with their intervals over classes (95 %), one line a row; hollow: the paper's."""
     titles = [column.title for column in view.columns]
     figure, axes = subplots(WIDTH, 0.5 + 0.14 * len(view.printed_rows), n_columns=len(titles), sharey=True)
     rows = view.printed_rows[::-1]
@@ -62,44 +92,32 @@ def scores_figure(view: TableView) -> Figure:
             if one := row.scored.get(title):
                 place.plot(one.intervals[MEASURE], [height, height], color=COLOURS[row.kind], lw=1)
                 place.plot(one.means[MEASURE], height, "o", ms=3, color=COLOURS[row.kind])
-        place.axvline(view.chance[title][MEASURE], color="0.6", lw=0.8, ls="--", zorder=0)
-        place.set(xlim=(0, 1.02), xlabel=f"{MEASURE}, {title}")
+            if printed := view.paper.get(row.method):
+                place.plot(printed[MEASURE], height, "D", ms=3.5, mew=0.8, mfc="none", color=COLOURS[row.kind])
+        place.axvline(view.chance[title][MEASURE], color=GREY, lw=0.8, ls="--", zorder=0)
+        place.set(xlim=(0, 1.02), xlabel=f"{MEASURE}, {title}{' (hollow: paper)' if view.paper else ''}")
     axes[0, 0].set_yticks(range(len(rows)), [clean(row.title) for row in rows], parse_math=False)
     return figure
 
 
 def cost_figure(view: TableView) -> Figure:
-    """Draw seconds a shape against a measure; no row is both faster and better than those on the line."""
-    points = costs(view)
-    figure, ((place,),) = subplots(COLUMN, 2.8)
-    for row, seconds, score in points:
-        place.plot(seconds, score, "o", ms=3.5, color=COLOURS[row.kind])
-        place.annotate(clean(row.title), (seconds, score), (3, 2), textcoords="offset points", fontsize=5,
-                       parse_math=False)  # fmt: skip
-    front = pareto_front([(seconds, score) for _, seconds, score in points])
-    if front:
-        place.plot(*zip(*front, strict=True), color="0.7", lw=0.8, zorder=0)
-    place.set(xscale="log", xlabel="seconds a shape: form and geodesics", ylabel=MEASURE)
+    """Draw seconds a shape against a measure; no row is both faster and better than those at a step of the line."""
+    known = [(row, row.seconds, one.means[MEASURE]) for row, one in shown_rows(view)]
+    points = sorted(
+        (max(seconds, FASTEST), score, row.title, row.kind) for row, seconds, score in known if seconds is not None
+    )
+    figure, ((place,),) = subplots(WIDTH, 3)
+    for number, (seconds, score, title, kind) in enumerate(sorted(points, key=lambda point: point[1])):
+        place.plot(seconds, score, "o" if seconds > FASTEST else "<", ms=3.5, color=COLOURS[kind])
+        place.annotate(
+            title, (seconds, score), (1.02, (number + 0.5) / len(points)), textcoords="axes fraction", va="center",
+            fontsize=5, parse_math=False, arrowprops={"arrowstyle": "-", "lw": 0.3, "color": GREY, "relpos": (0, 0.5)},
+        )  # fmt: skip
+    best = np.maximum.accumulate([score for _, score, *_ in points])
+    place.step([seconds for seconds, *_ in points], best, where="post", color=GREY, lw=0.8, zorder=0)
+    below = f" (triangle: at most {FASTEST:g})" if points and points[0][0] == FASTEST else ""
+    place.set(xscale="log", xlabel=f"seconds per shape: form and geodesics{below}", ylabel=MEASURE)
     return figure
-
-
-def costs(view: TableView) -> list[tuple[Row, float, float]]:
-    """Return rows with their seconds a shape and their score in the first column."""
-    title = view.columns[0].title
-    return [
-        (row, max(row.seconds, 1e-3), row.scored[title].means[MEASURE])
-        for row in view.printed_rows
-        if title in row.scored and row.seconds is not None
-    ]
-
-
-def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the points with no other one of lower cost (first) and higher score (second), cheapest first."""
-    front: list[tuple[float, float]] = []
-    for cost, score in sorted(points, key=lambda point: (point[0], -point[1])):
-        if not front or score > front[-1][1]:
-            front.append((cost, score))
-    return front
 
 
 def precision_recall_figure(curves: Sequence[tuple[Row, NDArray[np.float64]]]) -> Figure:
@@ -112,24 +130,26 @@ def precision_recall_figure(curves: Sequence[tuple[Row, NDArray[np.float64]]]) -
     """
     if not curves:
         raise ConfigurationError("no distances of this table are stored here", "run it here")
-    figure, ((place,),) = subplots(COLUMN, 2.8)
-    for row, curve in curves:
-        place.plot(RECALLS, curve, lw=1, label=clean(row.title))
+    figure, ((place,),) = subplots(WIDTH, 3)
+    for number, (row, curve) in enumerate(curves):
+        place.plot(RECALLS, curve, lw=0.8, mew=0.8, mfc="none", ms=3.5, marker=_MARKERS[number % len(_MARKERS)],
+                   markevery=(number % 4, 4), color=COLOURS[row.kind], label=row.title, ls=_DASHES[number % 4],
+                   clip_on=False)  # fmt: skip
     place.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="recall", ylabel="precision")
-    place.legend(fontsize=5, frameon=False)
+    figure.legend(loc="outside right center", fontsize=5, frameon=False)
     return figure
 
 
 def precision_recall(view: TableView, forms: StoredForms) -> list[tuple[Row, NDArray[np.float64]]]:
     """Return rows whose distances are all stored with their mean interpolated precision at :data:`RECALLS`."""
-    title, curves = view.columns[0].title, []
-    for row in view.printed_rows:
-        records = row.scored[title].all_records if title in row.scored else []
-        stored = [(record, read_distances(forms.folder, record)) for record in records]
-        each = [_precision(record, matrix) for record, matrix in stored if matrix is not None]
-        if records and len(each) == len(records):
-            curves.append((row, np.mean(each, axis=0)))
-    return curves
+    return [(row, np.mean([_precision(*pair) for pair in pairs], axis=0)) for row, pairs in _distances(view, forms)]
+
+
+def _distances(view: TableView, forms: StoredForms) -> list[tuple[Row, list[tuple[Record, NDArray[np.float64]]]]]:
+    """Return rows whose distances are all stored, with their records and distances."""
+    every = [(row, [(of, read_distances(forms.folder, of)) for of in one.all_records]) for row, one in shown_rows(view)]
+    stored = [(row, [(of, matrix) for of, matrix in pairs if matrix is not None], len(pairs)) for row, pairs in every]
+    return [(row, pairs) for row, pairs, count in stored if len(pairs) == count]
 
 
 def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -148,64 +168,137 @@ def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float6
     return total / max(n_queries, 1)
 
 
-def effect_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
-    """Draw some shapes in a row, and below them their forms by each method; those of views from an angle.
-
-    Parameters
-    ----------
-    view
-        The table, whose first column gives the gallery.
-    forms
-        Reader of the forms.
-    shapes
-        Names of the shapes; by default some poses of the first two classes.
+def paper_figure(view: TableView) -> Figure:
+    """Draw our scores over the paper's; those in the band differ by at most :data:`TOLERANCE`.
 
     Raises
     ------
     ConfigurationError
-        If no form of these shapes is stored.
+        If the paper has no scores of these rows.
+    """
+    rows = [(view.paper[row.method], one.means) for row, one in shown_rows(view) if row.method in view.paper]
+    if not rows:
+        raise ConfigurationError(f"the paper has no scores of the rows of {view.stem}", "select Table I, II, III or IV")
+    figure, ((place,),) = subplots(COLUMN, COLUMN)
+    for name, marker in zip(MEASURES, _MARKERS, strict=False):
+        theirs, ours = zip(*((printed[name], means[name]) for printed, means in rows), strict=True)
+        place.plot(theirs, ours, marker, ms=4, mew=0.8, mfc="none", color=COLOURS["form"], label=name)
+    place.fill_between([0, 1], [-TOLERANCE, 1 - TOLERANCE], [TOLERANCE, 1 + TOLERANCE], color="0.9", zorder=0)
+    place.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="paper", ylabel=view.columns[0].title)
+    place.legend(fontsize=_SIZE - 1, frameon=False)
+    return figure
+
+
+def distances_figure(view: TableView, forms: StoredForms) -> Figure:
+    """Draw the distances of each row, sorted by class, by their rank; dark is near.
+
+    Raises
+    ------
+    ConfigurationError
+        If no distances are stored.
+    """
+    known = _distances(view, forms)
+    if not known:
+        raise ConfigurationError("no distances of this table are stored here", "run it here")
+    n_rows = -(-len(known) // _ACROSS)
+    figure, _ = subplots(WIDTH, WIDTH / _ACROSS * n_rows, n_rows, _ACROSS)
+    for place in figure.axes[len(known) :]:
+        place.axis("off")
+    for place, (row, ((record, matrix), *_)) in zip(figure.axes, known, strict=False):
+        labels = np.array([clean(record.labels[number]) for number in record.answered])
+        order = np.argsort(labels, kind="stable")
+        names, starts, sizes = np.unique(labels[order], return_index=True, return_counts=True)
+        place.imshow(rankdata(matrix[np.ix_(order, order)]).reshape(matrix.shape))
+        place.set_yticks(starts + (sizes - 1) / 2, names, parse_math=False, fontsize=4)
+        place.set_xticks(starts[1:] - 0.5, [])
+        place.set_title(row.title, parse_math=False)
+    return figure
+
+
+def forms_figure(
+    view: TableView, forms: StoredForms, shapes: Sequence[str] = (), *, superposed: bool = False
+) -> tuple[Figure, str]:
+    """Draw poses of subjects and their forms, methods across, poses down; return the figure and its caption.
+
+    Parameters
+    ----------
+    view
+        The table.
+    forms
+        Reader of the forms.
+    shapes
+        Names of the shapes; by default three poses of the first class. Subjects stand side by side.
+    superposed
+        Whether to draw all poses of their subjects on top of each other, below the spread where it is kept.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such shape, or no form of these shapes is stored.
     """
     records = effect_records(view)
     if not records:
         raise ConfigurationError(f"no selected row of table {view.table.identifier} has forms", "select another method")
     first = next(iter(records.values()))
+    labels = dict(zip(first.shapes, first.labels, strict=True))
     names = list(shapes) or some_shapes(first)
-    lines: list[tuple[str, list[Mesh | None]]] = [("", [forms.shape(first, name) for name in names])]
-    lines += [(title, [forms.form(record, name) for name in names]) for title, record in records.items()]
-    lines = [(title, meshes) for title, meshes in lines if any(meshes)]
-    if len(lines) < 2:
+    if unknown := [name for name in names if name not in labels]:
+        raise did_you_mean("shape", unknown[0], labels)
+    columns: list[tuple[str, list[Drawn | None]]] = []
+    for subject in dict.fromkeys(labels[name] for name in names):
+        poses = [name for name in (labels if superposed else names) if labels[name] == subject]
+        columns.append((_ITSELF, [forms.shape(first, name) for name in poses]))
+        columns += [(title, [forms.form(record, name) for name in poses]) for title, record in records.items()]
+    columns = [(title, drawn) for title, drawn in columns if any(drawn)]
+    if {title for title, _ in columns} <= {_ITSELF}:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
-    figure, axes = subplots(WIDTH, WIDTH / len(names) * len(lines), len(lines), len(names))
-    camera = UPRIGHT if first.input == "mesh" else OBLIQUE
-    for of_line, (title, meshes) in zip(axes, lines, strict=True):
-        of_line[0].set_title(clean(title), fontsize=_SIZE, loc="left", parse_math=False)
-        for place, mesh, shape in zip(of_line, meshes, lines[0][1], strict=True):
-            place.axis("off")
-            if mesh is not None:
-                place.imshow(np.asarray(shaded(mesh, camera, 280, values_like(mesh, shape))))
+    figure = _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE, superposed=superposed)
+    for place, (title, _) in zip(figure.axes, columns, strict=False):
+        if superposed and title in records and (ratios := spread_of_forms(forms.folder, records[title])) is not None:
+            place.text(0.5, 0, hundredths(ratios[0]), ha="center", fontsize=_SIZE, transform=place.transAxes)
+    caption = (
+        f"Shapes of {view.title} ({'all poses superposed' if superposed else ', '.join(names)}) and their canonical "
+        "forms, turned to the form of the first pose of the subject, or mirrored where marked. "
+        "The colour shows how far a point is from the centre of the body."
+    )
+    return figure, caption
+
+
+def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera, *, superposed: bool) -> Figure:
+    """Draw columns of pictures, each column at one scale and with one centre."""
+    n_rows = 1 if superposed else max(len(drawn) for _, drawn in columns)
+    side = min(WIDTH / len(columns), _TALLEST)
+    figure = Figure((WIDTH, _HEAD + n_rows * side))
+    axes = figure.subplots(n_rows, len(columns), squeeze=False)
+    figure.subplots_adjust(0, 0, 1, n_rows * side / (_HEAD + n_rows * side), 0, 0)
+    for place in figure.axes:
+        place.axis("off")
+    for places, (title, drawn) in zip(axes.T, columns, strict=True):
+        places[0].set_title(fill(title, round(18 * side)), fontsize=_SIZE, parse_math=False)
+        frame = np.concatenate([each.mesh.vertices for each in drawn if each])
+        pictures = [each and shaded(each.mesh, camera, round(side * DPI), each.values, frame) for each in drawn]
+        if superposed:
+            mean = np.mean([np.asarray(picture) for picture in pictures if picture], axis=0) / 255
+            places[0].imshow(1 - (1 - mean) ** 0.6)  # single poses stay visible
+            continue
+        for place, picture, each in zip(places, pictures, drawn, strict=False):
+            if picture and each:
+                place.imshow(np.asarray(picture))
+                place.text(0.5, 0.1, "mirrored" * each.is_mirrored, ha="center", fontsize=5, transform=place.transAxes)
     return figure
 
 
 def effect_records(view: TableView) -> dict[str, Record]:
     """Return one record of the first gallery for each printed row that makes forms, by the title of the row."""
-    column = view.columns[0].title
-    rows = [row for row in view.printed_rows if row.kind in ("form", "network") and column in row.scored]
-    every = {row.title: row.scored[column].all_records[0] for row in rows}
+    every = {row.title: one.all_records[0] for row, one in shown_rows(view) if row.kind in ("form", "network")}
     galleries = [record.gallery for record in every.values()]
     return {title: record for title, record in every.items() if record.gallery == galleries[0]}
 
 
-def values_like(form: Mesh, shape: Mesh | None) -> NDArray[np.float64]:
-    """Return how far each vertex is from the centre of the body, on the shape where it has the same vertices."""
-    return outwardness(shape if shape is not None and np.array_equal(form.faces, shape.faces) else form)
-
-
-def some_shapes(record: Record, n_classes: int = 2, n_shapes: int = 3) -> list[str]:
-    """Return some shapes of some classes of a record that have a result."""
-    classes: dict[str, list[str]] = {}
-    for number in record.answered:
-        classes.setdefault(record.labels[number], []).append(record.shapes[number])
-    return [shape for of_class in spread([*classes.values()], n_classes) for shape in spread(of_class, n_shapes)]
+def some_shapes(record: Record, count: int = 3) -> list[str]:
+    """Return some shapes with a result of the first class."""
+    label = next(record.labels[number] for number in record.answered)
+    return spread([record.shapes[number] for number in record.answered if record.labels[number] == label], count)
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -216,16 +309,13 @@ def save(figure: Figure, path: Path) -> None:
 def write(figure: Figure, file: IO[bytes], ending: str) -> None:
     """Write a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        figure.savefig(file, format=ending[1:], metadata=_UNDATED[ending], bbox_inches="tight", pad_inches=0.03)
+        figure.savefig(file, format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
 
 
 def subplots(
     width: float, height: float, n_rows: int = 1, n_columns: int = 1, *, sharey: bool = False
 ) -> tuple[Figure, NDArray[np.object_]]:
     """Return a figure of a size in inches, and its axes, shape (n_rows, n_columns)."""
-    figure = Figure(figsize=(width, height), layout="constrained")
     with mpl.rc_context(_STYLE):
-        axes = figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)
-    for place in axes.flat:
-        place.tick_params(labelsize=_SIZE - 1)
-    return figure, axes
+        figure = Figure(figsize=(width, height), layout="constrained")
+        return figure, figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)

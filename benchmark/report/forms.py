@@ -1,19 +1,73 @@
-"""Shapes and their stored forms as they are drawn: right, up, towards the viewer."""
+"""Shapes and their stored forms as they are drawn: right, up, towards the viewer; and how far forms are apart."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations, permutations, product
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import orthogonal_procrustes
+from scipy.spatial import cKDTree
+from trimesh import Trimesh
+from trimesh.sample import sample_surface
 
 from benchmark.api.datasets import ShapeSet
+from benchmark.code_digest import digest
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import BenchmarkError
+from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import Mesh, Points
+from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.records import Record, read_form, read_prepared
-from benchmark.report.drawing import turned_like
+from benchmark.report.drawing import outwardness
+
+Watch = Callable[[list[tuple[int, int]]], Iterable[tuple[int, int]]]
+"""Iterates over pairs of shapes, to show progress."""
+
+#: Points by which forms are compared; pairs of forms of one subject, and of different ones, in a spread.
+SAMPLES, PAIRS = 1000, 200
+
+#: A form is drawn mirrored if it comes nearer by this factor, since bodies nearly equal their mirror images.
+NEARER = 0.9
+
+#: Starts that are refined with all points; the others, with some 200 of them, end after a few steps.
+_KEPT, _STEPS, _FEW, _FEW_STEPS = 3, 10, 200, 6
+
+_SIGNED_AXES = np.array(
+    [np.diag(signs)[[*order]] for signs in product((1.0, -1.0), repeat=3) for order in permutations(range(3))]
+)
+
+#: Forms of all subjects that are nearer than this are all one.
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A shape or form as it is drawn.
+
+    Parameters
+    ----------
+    mesh
+        The surface, centred by area, of unit root mean square radius.
+    body
+        Surface with the same vertices, which says how far each is from the centre: of a form, its shape.
+    is_mirrored
+        Whether it is the mirror image of the form that a method made.
+    """
+
+    mesh: Mesh
+    body: Mesh
+    is_mirrored: bool = False
+
+    @cached_property
+    def values(self) -> NDArray[np.float64]:
+        """How far each vertex is from the centre of the body."""
+        return outwardness(self.body)
 
 
 @dataclass(frozen=True)
@@ -31,21 +85,39 @@ class StoredForms:
     folder: Path
     data_root: Path | None = None
     _sets: dict[str, ShapeSet | None] = field(default_factory=dict, repr=False)
+    _firsts: dict[tuple[str, str], Drawn | None] = field(default_factory=dict, repr=False)
 
-    def shape(self, record: Record, name: str) -> Mesh | None:
+    def shape(self, record: Record, name: str) -> Drawn | None:
         """Return a prepared shape; None if it is not stored."""
         mesh = read_prepared(self.folder, record, name)
         if mesh is None:
             return None
         rotation = self._camera(record, name).rotation if record.input == "mesh" else np.eye(3)
-        return mesh.with_vertices(_centred(mesh.vertices @ rotation.T))
+        turned = centred(mesh.with_vertices(mesh.vertices @ rotation.T))
+        return Drawn(turned, turned)
 
-    def form(self, record: Record, name: str) -> Mesh | None:
-        """Return the form of a shape, turned as the shape; None if one of them is not stored."""
+    def form(self, record: Record, name: str) -> Drawn | None:
+        """Return the form of a shape, turned to that of the first pose; None if it is not stored.
+
+        The form of the first pose of a subject is turned as its shape.
+        """
+        label = record.labels[record.shapes.index(name)]
+        first = next((record.shapes[k] for k in record.answered if record.labels[k] == label), name)
+        if (record.key, first) not in self._firsts:
+            self._firsts[record.key, first] = self._as_its_shape(record, first)
+        target = self._firsts[record.key, first]
+        form = target if name == first else self._as_its_shape(record, name)
+        return form if form is target or form is None or target is None else turned(form, target)
+
+    def _as_its_shape(self, record: Record, name: str) -> Drawn | None:
         form, shape = read_form(self.folder, record, name), self.shape(record, name)
         if form is None or shape is None:
             return None
-        return form.with_vertices(_centred(turned_like(form.vertices, shape.vertices)))
+        mesh = centred(form)
+        if mesh.vertices.shape == shape.mesh.vertices.shape:
+            turn, _ = orthogonal_procrustes(mesh.vertices, shape.mesh.vertices)
+            mesh = mesh.with_vertices(mesh.vertices @ turn)
+        return Drawn(mesh, shape.mesh if np.array_equal(mesh.faces, shape.mesh.faces) else mesh)
 
     def _camera(self, record: Record, name: str) -> Camera:
         source = record.data.source
@@ -59,7 +131,115 @@ class StoredForms:
         return shapes.camera(entries[0]) if shapes and entries else FRONT
 
 
-def _centred(points: np.ndarray) -> np.ndarray:
-    """Centre points on the middle of their extent, and scale its longest side to 2."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    return np.asarray((points - (low + high) / 2) / max(float((high - low).max()) / 2, 1e-12))
+def centred(mesh: Mesh) -> Mesh:
+    """Centre a surface by area, and scale it to unit root mean square radius."""
+    weights = np.maximum(mesh.vertex_areas, 1e-12)  # of a line or point, all vertices count
+    points = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
+    radius = np.sqrt(np.average((points**2).sum(axis=1), weights=weights))
+    return mesh.with_vertices(points / max(float(radius), 1e-12))
+
+
+def turned(form: Drawn, target: Drawn) -> Drawn:
+    """Return a form, turned to another one, or mirrored if that brings it clearly nearer.
+
+    How far points are from the centre of the body tells a head from a foot.
+    """
+    points, others = (np.column_stack([each.mesh.vertices, each.values]) for each in (form, target))
+    points, others = (each[np.linspace(0, len(each) - 1, SAMPLES).astype(int)] for each in (points, others))
+    distance, turn = alignment(points, others)
+    mirrored_distance, mirrored_turn = alignment(points * [-1, -1, -1, 1], others)
+    is_mirrored = mirrored_distance < NEARER * distance
+    vertices = form.mesh.vertices @ (-mirrored_turn if is_mirrored else turn)
+    return Drawn(form.mesh.with_vertices(vertices), form.body, is_mirrored)
+
+
+def alignment(points: Points, target: Points) -> tuple[float, Points]:
+    """Return the distance of points from a target, mean over both of that to the nearest point, and their rotation.
+
+    Parameters
+    ----------
+    points, target
+        Centred coordinates and what else near points share, shape (n, 3 or more).
+    """
+    axes, others = (np.linalg.svd(each[:, :3].T @ each[:, :3])[0] for each in (points, target))
+    turns = axes @ _SIGNED_AXES @ others.T
+    few = slice(None, None, max(1, len(points) // _FEW))
+    distances, turns = _nearer(points[few], target[few], turns[np.linalg.det(turns) > 0], _FEW_STEPS)
+    distances, turns = _nearer(points, target, turns[np.argsort(distances, kind="stable")[:_KEPT]], _STEPS)
+    return float(distances.min()), turns[distances.argmin()]
+
+
+def _nearer(points: Points, target: Points, turns: Points, steps: int) -> tuple[NDArray[np.float64], Points]:
+    """Return distances and rotations, shape (k, 3, 3), after some steps of iterative closest points, both ways."""
+    trees = cKDTree(points), cKDTree(target)
+    for step in range(steps + 1):
+        away, nearest = trees[1].query(_moved(points, turns))
+        back, nearest_back = trees[0].query(_moved(target, turns.transpose(0, 2, 1)))
+        if step < steps:
+            pairs = points[:, :3].T @ target[nearest, :3] + points[nearest_back, :3].transpose(0, 2, 1) @ target[:, :3]
+            left, _, right = np.linalg.svd(pairs)
+            left[..., 2] *= np.linalg.det(left @ right)[:, None]  # no mirror image
+            turns = left @ right
+    return (away.mean(axis=1) + back.mean(axis=1)) / 2, turns
+
+
+def _moved(points: Points, turns: Points) -> Points:
+    rest = np.broadcast_to(points[:, 3:], (len(turns), len(points), points.shape[1] - 3))
+    return np.concatenate([points[:, :3] @ turns, rest], axis=2)
+
+
+def spread_of_forms(folder: Path, record: Record, watch: Watch | None = None) -> NDArray[np.float64] | None:
+    """Return how far forms of one subject are apart, by the median distance of forms of different subjects.
+
+    Forms are centred by area, of unit root mean square radius, and turned; :func:`alignment` of samples is their
+    distance.
+
+    Parameters
+    ----------
+    folder
+        The results folder, which keeps the result beside distances, under a key of the forms.
+    record
+        The record.
+    watch
+        Shows progress; None to compute nothing.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        The spread, the same where forms may also be mirrored (the scorer admits no mirror images), and the floor, that
+        of two samplings of one form; NaN where all forms are one. None if it is not kept and not computed.
+    """
+    cache, key = Cache(folder), digest([file_digest(Path(__file__)), record.files.get("forms"), record.labels])
+    arrays = cache.read("records", key)
+    if arrays is None and watch:
+        forms = {number: read_form(folder, record, record.shapes[number]) for number in record.answered}
+        known = {number: form for number, form in forms.items() if form}
+        if len(known) < max(len(forms), 1):
+            return None
+        arrays = {"spread": _spread(known, record.labels, watch)}
+        cache.write("records", key, arrays)
+    return arrays["spread"] if arrays else None
+
+
+def _spread(forms: Mapping[int, Mesh], labels: Sequence[str], watch: Watch) -> NDArray[np.float64]:
+    samples = {number: _samples(form, number) for number, form in forms.items()}
+    again = {number: _samples(form, len(labels) + number) for number, form in forms.items()}
+    floor = [_nearer(samples[number], again[number], np.eye(3)[None], 0)[0] for number in forms]
+    every = np.random.default_rng(0).permutation([*combinations(range(len(labels)), 2)]).tolist()
+    pairs = [(a, b) for a, b in every if a in forms and b in forms]
+    within = [(a, b) for a, b in pairs if labels[a] == labels[b]][:PAIRS]
+    between = [(a, b) for a, b in pairs if labels[a] != labels[b]][:PAIRS]
+    found = []
+    for a, b in watch(within + between):
+        distance = alignment(samples[a], samples[b])[0]
+        found.append([distance, min(distance, alignment(-samples[a], samples[b])[0])])
+    distances = np.reshape(found, (-1, 2))
+    near, far = (np.median(of, axis=0) if len(of) else [np.nan] * 2 for of in np.split(distances, [len(within)]))
+    above, below = np.array([*near, np.median(floor)]), np.array([*far, far[0]])
+    return np.where(below > _SAME, above / np.maximum(below, _SAME), np.nan)
+
+
+def _samples(mesh: Mesh, seed: int) -> Points:
+    """Return samples of a centred surface, uniform by area, shape (SAMPLES, 3)."""
+    surface = Trimesh(centred(mesh).vertices, mesh.faces, process=False)
+    return np.asarray(sample_surface(surface, SAMPLES, np.maximum(mesh.face_areas, 1e-12), seed=seed)[0])

@@ -27,7 +27,7 @@ from benchmark.report import figures
 from benchmark.report.drawing import PALETTE, shaded
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import blocks, hundredths
-from benchmark.report.forms import StoredForms
+from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.results import Results
@@ -89,10 +89,10 @@ class Pages:
         """Return an image of a shape, which is drawn once; "" where it is not stored."""
         file = f"pictures/{_safe(f'{record.input}-{record.data.name}-{shape}')}.webp"
         if file not in self.files:
-            if (mesh := self.forms.shape(record, shape)) is None:
+            if (drawn := self.forms.shape(record, shape)) is None:
                 return ""
             stream = io.BytesIO()
-            shaded(mesh, UPRIGHT, _PIXELS).save(stream, format="WEBP", quality=80)
+            shaded(drawn.mesh, UPRIGHT, _PIXELS).save(stream, format="WEBP", quality=80)
             self.files[file] = stream.getvalue()
         return f"<img src='{file}' width='{_PIXELS}' height='{_PIXELS}' alt='' loading='lazy'>"
 
@@ -182,23 +182,27 @@ def html_table(view: TableView) -> Iterator[str]:
 def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
     """Yield the page of forms: poses of one subject, each with its forms by several methods."""
     records = dict(islice(figures.effect_records(view).items(), SIDE_BY_SIDE - 1))
-    shapes = figures.some_shapes(next(iter(records.values())), 1, POSES) if records else []
+    shapes = figures.some_shapes(next(iter(records.values())), POSES) if records else []
     rows = {shape: _forms_of(pages, records, shape) for shape in shapes}
     if not any(len(meshes) > 1 for meshes in rows.values()):
         yield f"<p>No forms of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
         return
-    yield "<p>Drag to turn, scroll to zoom. The colour shows how far a point is from the centre of the body.</p>"
+    yield (
+        "<p>Drag to turn, scroll to zoom. The colour shows how far a point is from the centre of the body. "
+        "Forms are turned to that of the first pose of the subject.</p>"
+    )
     for shape, meshes in rows.items():
         yield f"<h2>{_text(shape)}</h2><div class='forms'>"
-        for title, mesh in meshes.items():
-            values = figures.values_like(mesh, meshes.get(ITSELF))
-            yield f"<figure>{_html(mesh_chart(mesh, values))}<figcaption>{_text(title)}</figcaption></figure>"
+        for title, form in meshes.items():
+            name = f"{title}, mirrored" if form.is_mirrored else title
+            chart = mesh_chart(form.mesh, form.values)
+            yield f"<figure>{_html(chart)}<figcaption>{_text(name)}</figcaption></figure>"
         yield "</div>"
 
 
-def _forms_of(pages: Pages, records: Mapping[str, Record], shape: str) -> dict[str, Mesh]:
+def _forms_of(pages: Pages, records: Mapping[str, Record], shape: str) -> dict[str, Drawn]:
     """Return a shape and its stored forms by the title of their row."""
-    meshes: dict[str, Mesh] = {}
+    meshes: dict[str, Drawn] = {}
     for title, record in records.items():
         form, surface = pages.forms.form(record, shape), pages.forms.shape(record, shape)
         if form is not None and surface is not None:

@@ -11,13 +11,19 @@ from benchmark.api import Entry, ShapeSet
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
-from benchmark.report.drawing import shaded, turned_like
+from benchmark.reference.paper import MEASURES, PRINTED
+from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
+    COLOURS,
+    GREY,
     RECALLS,
+    WIDTH,
     _precision,
     cost_figure,
-    effect_figure,
-    pareto_front,
+    distances_figure,
+    effect_records,
+    forms_figure,
+    paper_figure,
     save,
     scores_figure,
 )
@@ -94,7 +100,7 @@ def test_pages_of_400_shapes_are_small(tmp_path):
 def test_figures_have_fonts_that_publishers_take(results, tmp_path):
     view = table_views(results.records)[0]
     forms = StoredForms(results.folder)
-    figures = [scores_figure(view), cost_figure(view), effect_figure(view, forms)]
+    figures = [scores_figure(view), cost_figure(view), forms_figure(view, forms)[0]]
     for number, figure in enumerate(figures):
         save(figure, tmp_path / f"{number}.pdf")
         data = (tmp_path / f"{number}.pdf").read_bytes()
@@ -102,7 +108,7 @@ def test_figures_have_fonts_that_publishers_take(results, tmp_path):
         assert b"CreationDate" not in data
     few = table_views(results.records, methods=["surface-area"])[0]
     with pytest.raises(ConfigurationError, match="no selected row of table rods has forms"):
-        effect_figure(few, forms)
+        forms_figure(few, forms)
 
 
 def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
@@ -115,15 +121,64 @@ def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
     assert _precision(refused, matrix)[RECALLS > 0.5] == pytest.approx(0.4)
 
 
-def test_no_point_of_the_front_is_dominated():
-    assert pareto_front([(1.0, 0.5), (2.0, 0.4), (3.0, 0.9), (0.5, 0.1)]) == [(0.5, 0.1), (1.0, 0.5), (3.0, 0.9)]
+def test_the_line_of_costs_steps_along_the_best_so_far_and_names_stand_beside_the_axes(monkeypatch):
+    monkeypatch.setattr("benchmark.report.figures.MEASURE", "NN")
+    rows = {"slow": (9.0, 0.5), "best": (3.0, 0.9), "fast": (4e-5, 0.1), "worse": (4.0, 0.4)}
+    records = [record(name, nn, seconds={"canonicalise": seconds}) for name, (seconds, nn) in rows.items()]
+    (place,) = cost_figure(table_views(records)[0]).axes
+    assert place.lines[-1].get_xydata() == pytest.approx(np.array([[0.001, 0.1], [3, 0.9], [4, 0.9], [9, 0.9]]))
+    assert [line.get_xdata()[0] for line in place.lines if line.get_marker() == "<"] == [0.001]  # not measured
+    assert [text.get_text() for text in place.texts] == ["Fast", "Worse", "Slow", "Best"]
+    across, heights = zip(*(text.xyann for text in place.texts), strict=True)
+    assert min(across) > 1
+    assert np.diff(heights) == pytest.approx(0.25)
 
 
-def test_a_form_is_turned_as_its_shape():
-    points = rod(0.1, 1.0).vertices
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    assert turned_like(points @ turn, points) == pytest.approx(points - points.mean(axis=0))
-    assert turned_like(points[:5], points) == pytest.approx(points[:5])  # it has other vertices than its shape
+def test_the_papers_scores_are_hollow_marks_and_lie_in_a_band_beside_ours():
+    view = table_views([record("gps", 0.7, dataset="tosca"), record("learned", 0.7, dataset="tosca")])[0]
+    marks = [line for line in scores_figure(view).axes[0].lines if line.get_marker() == "D"]
+    assert [line.get_xdata()[0] for line in marks] == [of["DCG"] for of in PRINTED["III"].values()][::-1]
+    assert {line.get_markerfacecolor() for line in marks} == {"none"}
+    points = [line.get_xydata().tolist() for line in paper_figure(view).axes[0].lines]
+    assert points == [[[PRINTED["III"]["gps"][name], view.rows[5].scored["ours"].means[name]]] for name in MEASURES]
+    with pytest.raises(ConfigurationError, match="the paper has no scores"):
+        paper_figure(table_views([record()])[0])
+
+
+def test_colours_of_marks_have_a_contrast_of_three_with_white():
+    for colour in (*COLOURS.values(), GREY):
+        red, green, blue = (((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5))
+        assert 1.05 / (0.2126 * red + 0.7152 * green + 0.0722 * blue + 0.05) >= 3, colour
+
+
+def test_networks_of_views_are_in_charts_beside_rows_of_complete_surfaces():
+    view = table_views([record(), record("learned", input_="view")])[0]
+    titles = ["GPS", "Depth network, 128 px, view"]
+    assert sorted(text.get_text() for text in cost_figure(view).axes[0].texts) == titles[::-1]
+    assert list(effect_records(view)) == titles
+
+
+def test_distances_are_sorted_by_class(monkeypatch):
+    labels = ["b", "a", "b", "a"]
+    apart = (np.array(labels)[:, None] != np.array(labels)).astype(float)
+    monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, record: apart)
+    (image,) = distances_figure(table_views([record(labels=labels)])[0], StoredForms(None)).axes[0].images
+    near, far = 4.5, 12.5  # mean ranks
+    assert image.get_array().tolist() == [[near, near, far, far]] * 2 + [[far, far, near, near]] * 2
+
+
+def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
+    view, forms = table_views(results.records)[0], StoredForms(results.folder)
+    figure, caption = forms_figure(view, forms, ["thin0", "thin1", "thick0"])
+    assert figure.get_size_inches()[0] == WIDTH
+    assert [place.get_title() for place in figure.axes[:6]] == ["Shape", "GPS", "Identity (no\ncanonical form)"] * 2
+    assert len(figure.axes) == 2 * 6
+    assert [len(place.images) for place in figure.axes[6:]] == [1, 1, 1, 0, 0, 0]
+    assert "(thin0, thin1, thick0)" in caption
+    save(figure, tmp_path / "forms.png")
+    assert Image.open(tmp_path / "forms.png").width == round(300 * WIDTH)
+    with pytest.raises(ConfigurationError, match="thin9"):
+        forms_figure(view, forms, ["thin9"])
 
 
 def test_the_nearer_of_two_surfaces_is_drawn():

@@ -1,0 +1,81 @@
+"""Forms as they are drawn, turned to each other, and how far they are apart."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from scipy.stats import special_ortho_group
+
+from benchmark.report import forms
+from benchmark.report.forms import Drawn, StoredForms, alignment, centred, spread_of_forms, turned
+from tests.toy import rod
+
+
+def body(bend=1.2):
+    """A rod that is bent and twisted, so that it is not its mirror image."""
+    mesh = rod(0.1, bend)
+    return centred(mesh.with_vertices(mesh.vertices + np.outer(mesh.vertices[:, 0] ** 3, [0, 1, 0])))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("seed", range(3))
+def test_rotated_and_mirrored_copies_come_out_equal_and_the_mirrored_one_is_marked(sign, seed):
+    mesh, turn = body(), sign * special_ortho_group(3, seed).rvs()
+    copy = mesh.with_vertices(mesh.vertices @ turn)
+    form = turned(Drawn(copy, copy), Drawn(mesh, mesh))
+    assert form.is_mirrored == (sign < 0)
+    assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=1e-9)
+
+
+def test_distances_admit_rotations_but_no_mirror_image():
+    points = body().vertices
+    turn = special_ortho_group(3, 0).rvs()
+    distance, found = alignment(points @ turn, points)
+    assert distance < 1e-9
+    assert found == pytest.approx(turn.T)
+    distance, found = alignment(-points, points)
+    assert distance > 0.02
+    assert np.linalg.det(found) == pytest.approx(1)
+
+
+def test_a_spread_is_the_floor_for_copies_and_a_mirror_image_counts_only_in_the_first_ratio(monkeypatch):
+    monkeypatch.setattr(forms, "SAMPLES", 400)
+    near, far = body(), body(0.1)
+    turns = [special_ortho_group(3, seed).rvs() for seed in range(4)]
+    copies = [
+        mesh.with_vertices(3 * mesh.vertices @ turn + 1)
+        for mesh, turn in zip((near, near, far, far), turns, strict=True)
+    ]
+    spread, mirrored, floor = forms._spread(dict(enumerate(copies)), "aabb", iter)
+    assert spread == pytest.approx(mirrored, rel=0.1)
+    assert spread == pytest.approx(floor, rel=0.1)
+    copies[1] = copies[1].with_vertices(-copies[1].vertices)
+    copies[3] = copies[3].with_vertices(-copies[3].vertices)
+    other, mirrored, floor = forms._spread(dict(enumerate(copies)), "aabb", iter)
+    assert mirrored == pytest.approx(floor, rel=0.1)
+    assert other > 1.3 * floor
+
+
+def test_forms_that_are_all_one_point_have_no_spread(monkeypatch):
+    monkeypatch.setattr(forms, "SAMPLES", 20)
+    points = {number: body().with_vertices(np.zeros_like(body().vertices)) for number in range(3)}
+    assert np.isnan(forms._spread(points, "aab", iter)).all()
+
+
+def test_a_spread_is_computed_on_demand_and_kept(results, monkeypatch):
+    record = next(record for record in results.records if record.method == "gps")
+    assert spread_of_forms(results.folder, record) is None
+    found = spread_of_forms(results.folder, record, iter)
+    monkeypatch.setattr(forms, "_spread", None)
+    assert spread_of_forms(results.folder, record, iter).tolist() == found.tolist()
+    assert spread_of_forms(results.folder, next(r for r in results.records if r.method == "surface-area"), iter) is None
+
+
+def test_forms_of_a_subject_are_turned_to_that_of_its_first_pose(results):
+    record = next(record for record in results.records if record.method == "identity")
+    stored = StoredForms(results.folder)
+    first, second = (stored.form(record, name).mesh.vertices for name in ("thin0", "thin1"))
+    assert first == pytest.approx(stored.shape(record, "thin0").mesh.vertices)
+    posed = stored.shape(record, "thin1").mesh.vertices
+    assert np.linalg.norm(second, axis=1) == pytest.approx(np.linalg.norm(posed, axis=1))
+    before, after = (cKDTree(first).query(points)[0].mean() for points in (posed, second))
+    assert after < 0.5 * before
