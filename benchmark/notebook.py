@@ -38,6 +38,8 @@ def run(
     results: str | Path = "results",
     data_root: str | Path | None = None,
     quick: bool = False,
+    gallery: str | Path = "",
+    same_names: bool = False,
     seed: int = 0,
     again: bool = False,
     watch: Callable[[Any], object] = lambda _: None,
@@ -58,6 +60,9 @@ def run(
         The results folder; the folder of the official data sets, by default ``CANONICAL_FORMS_DATA``.
     quick
         Whether to leave out most poses.
+    gallery, same_names
+        Name or folder of the shapes that are ranked for the data, which are queries, and whether one of the same name
+        is left out; by default all other shapes of the data.
     seed
         Base seed.
     again
@@ -88,6 +93,7 @@ def run(
         folder, datasets=[str(name) for name in _listed(data)], methods=_listed(methods),
         plugins=[Path(path).resolve() for path in plugins], scorer=scorer, input=input,
         data_root=Path(root) if root else None, quick=quick, seed=seed,
+        gallery=str(gallery) if gallery else "", same_names=same_names,
         rerun=["failed", "finished"] if again else ["failed"],
     )  # fmt: skip
     ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}

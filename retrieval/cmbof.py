@@ -109,19 +109,36 @@ class CMBOF(CheckedParameters):
         DatasetError
             If no view of any form has a keypoint.
         """
-        features = [Features(arrays["descriptors"], arrays["view_offsets"]) for arrays in signatures]
-        codebook = sample_codebook((form.descriptors for form in features), self.n_words, draw)
-        forms = [_histograms(form, codebook) for form in features]
+        return self.compare_to(signatures, signatures, draw)
+
+    def compare_to(
+        self, queries: Sequence[SignatureArrays], gallery: Sequence[SignatureArrays], draw: int
+    ) -> NDArray[np.float64]:
+        """Return the dissimilarities of M queries to N forms, from which alone the codebook is drawn, shape (M, N)."""
+        columns = _features(gallery)
+        rows = columns if queries is gallery else _features(queries)
+        codebook = sample_codebook((form.descriptors for form in columns), self.n_words, draw)
+        of_columns = _histograms(columns, codebook)
+        of_rows = of_columns if rows is columns else _histograms(rows, codebook)
         turns = self.views.permutations
-        distances = match(forms, forms, turns, len(codebook))
+        distances = match(of_rows, of_columns, turns, len(codebook))
         if self.allow_mirror:
             reflected = self.views.permutation_of(REFLECTION)
-            mirrored = [_histograms(form.mirrored(reflected), codebook) for form in features]
-            across = match(forms, mirrored, turns, len(codebook))
-            np.fill_diagonal(across, 0.0)
-            distances = np.minimum(distances, np.minimum(across, across.T))
+            to_mirrored = match(of_rows, _histograms(columns, codebook, reflected), turns, len(codebook))
+            of_mirrored = to_mirrored.T
+            if rows is not columns:
+                of_mirrored = match(_histograms(rows, codebook, reflected), of_columns, turns, len(codebook))
+            distances = np.minimum(distances, np.minimum(to_mirrored, of_mirrored))
         return distances
 
 
-def _histograms(features: Features, codebook: Descriptors) -> Histograms:
-    return count_words(nearest_words(features.descriptors, codebook), features.view_offsets, len(codebook))
+def _features(signatures: Sequence[SignatureArrays]) -> list[Features]:
+    return [Features(arrays["descriptors"], arrays["view_offsets"]) for arrays in signatures]
+
+
+def _histograms(
+    forms: Sequence[Features], codebook: Descriptors, reflected: NDArray[np.int32] | None = None
+) -> list[Histograms]:
+    """Return the words of forms, or of their mirror images."""
+    seen = forms if reflected is None else [form.mirrored(reflected) for form in forms]
+    return [count_words(nearest_words(form.descriptors, codebook), form.view_offsets, len(codebook)) for form in seen]

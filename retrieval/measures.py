@@ -1,8 +1,8 @@
 """Retrieval measures of a distance matrix: of each query, their means, and their chance level.
 
-Each shape is a query, and all others are its results; the query itself is removed by its index, so that a duplicate at
-distance 0 counts as a result. For a query of a class of size C there are c = C - 1 relevant results among the N - 1;
-g_i = 1 if the result at rank i is relevant. With results at equal distance, measures are means over their orders.
+The shapes of a gallery are ranked for each query. If the query is one of them, it is removed by its index, so that a
+duplicate at distance 0 counts as a result. N results remain, of which c are of its class: relevant. g_i = 1 if the
+result at rank i is relevant. With results at equal distance, measures are means over their orders.
 
 References
 ----------
@@ -16,7 +16,7 @@ ECIR 2008 (expected values under ties).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,9 +29,9 @@ FloatArray = NDArray[np.float64]
 MEASURES: dict[str, str] = {
     "NN": "nearest neighbour: g_1",
     "FT": "first tier: (g_1 + ... + g_c) / c",
-    "ST": "second tier: (g_1 + ... + g_min(2c, N - 1)) / c",
+    "ST": "second tier: (g_1 + ... + g_min(2c, N)) / c",
     "DCG": "discounted cumulative gain: sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)",
-    "E": "E-measure: 2 h / (k + c), h hits in the first k = min(32, N - 1) ranks",
+    "E": "E-measure: 2 h / (k + c), h hits in the first k = min(32, N) ranks",
     "nDCG": "normalised discounted cumulative gain: as DCG with w_i = 1 / log2(i + 1)",
     "mAP": "mean average precision: mean over the relevant shapes of the precision at their rank",
 }
@@ -55,7 +55,7 @@ class Scores:
     means
         Each of :data:`MEASURES`, averaged over all queries that have a relevant result.
     per_query
-        The same for each query, each of shape (N,); NaN for the only member of a class.
+        The same for each query; NaN for one without a relevant result.
     tied_queries
         Number of queries with a relevant and an irrelevant result at the same distance, at any rank.
     lone_queries
@@ -68,41 +68,69 @@ class Scores:
     lone_queries: int
 
 
-def evaluate(distances: ArrayLike, labels: ArrayLike, answered: ArrayLike | None = None) -> Scores:
-    """Score a distance matrix against the classes of its shapes.
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """The gallery of queries.
+
+    Parameters
+    ----------
+    labels
+        Class of each shape, shape (N,).
+    own
+        For each query, the index of the shape that is left out for it, such as itself; -1 for none.
+    answered
+        Indices of the shapes that have a result; None for all.
+    """
+
+    labels: ArrayLike
+    own: ArrayLike = -1
+    answered: ArrayLike | None = None
+
+
+def evaluate(
+    distances: ArrayLike, labels: ArrayLike, answered: ArrayLike | None = None, targets: Targets | None = None
+) -> Scores:
+    """Score distances between queries and a gallery against their classes.
 
     A shape without a result scores 0 in every measure as a query, and ranks behind all other shapes as a target.
 
     Parameters
     ----------
     distances
-        Distances between the shapes that have a result, shape (n, n), symmetric and finite; the diagonal is ignored.
+        Distances between the m queries and the n shapes of the gallery that have a result, shape (m, n), finite; if the
+        queries are the gallery, symmetric, and the diagonal is ignored.
     labels
-        Class of each shape of the gallery, shape (N,), of any comparable type.
+        Class of each query, shape (M,), of any comparable type.
     answered
-        Indices of the n shapes that have a result, in their order; None for all.
+        Indices of the m queries that have a result, in their order; None for all.
+    targets
+        The gallery; None if it is the queries, each of which is left out for itself.
 
     Raises
     ------
     ConfigurationError
-        If the matrix is not square, finite and symmetric, does not fit the labels, or no class has two members.
+        If the matrix is not finite, does not fit the labels, is not symmetric although it has to be, or there is
+        nothing to retrieve.
     """
     names = np.asarray(labels)
-    places = np.arange(len(names)) if answered is None else np.asarray(answered, dtype=np.intp)
-    matrix = check_distances(distances, len(places))
-    classes = np.unique(names, return_inverse=True)[1]
-    relevant = classes == classes[:, None]
-    np.fill_diagonal(relevant, False)
+    gallery = targets or Targets(names, np.arange(len(names)), answered)
+    rows, columns = (_places(one, of) for one, of in ((answered, names), (gallery.answered, gallery.labels)))
+    matrix = _check_distances(distances, (len(rows), len(columns)), is_square=targets is None)
+    classes = np.unique(np.concatenate([names, np.asarray(gallery.labels)]), return_inverse=True)[1]
+    of_gallery, own = classes[len(names) :], np.broadcast_to(gallery.own, names.shape)
+    others = np.arange(len(of_gallery)) != own[:, None]
+    relevant = (classes[: len(names), None] == of_gallery) & others
     values, tied = np.zeros((len(names), len(MEASURES))), 0
-    for row, query in zip(matrix, places, strict=True):
-        whole = np.full(len(names), 2.0 * np.abs(row).max() + 1.0)  # shapes without a result rank last
-        whole[places] = row
+    for row, query in zip(matrix, rows, strict=True):
+        whole = np.full(len(of_gallery), 2.0 * np.abs(row).max() + 1.0)  # shapes without a result rank last
+        whole[columns] = row
         if relevant[query].any():
-            values[query], is_tied = _of_query(np.delete(whole, query), np.delete(relevant[query], query))
+            values[query], is_tied = _of_query(whole[others[query]], relevant[query][others[query]])
             tied += is_tied
     values[~relevant.any(axis=1)] = np.nan
     if np.isnan(values).all():
-        raise ConfigurationError("no class has two members", "check the labels: nothing can be retrieved")
+        problem = "no class has two members" if targets is None else "no query has a shape of its class in the gallery"
+        raise ConfigurationError(problem, "check the labels: nothing can be retrieved")
     return Scores(
         means=dict(zip(MEASURES, np.nanmean(values, axis=0).tolist(), strict=True)),
         per_query=dict(zip(MEASURES, values.T, strict=True)),
@@ -111,32 +139,37 @@ def evaluate(distances: ArrayLike, labels: ArrayLike, answered: ArrayLike | None
     )
 
 
+def _places(answered: ArrayLike | None, labels: ArrayLike) -> NDArray[np.intp]:
+    return np.arange(len(np.asarray(labels))) if answered is None else np.asarray(answered, dtype=np.intp)
+
+
 def score_draws(
-    matrices: Iterable[FloatArray], labels: Sequence[str], answered: Sequence[int] | None = None
+    matrices: Iterable[FloatArray],
+    labels: Sequence[str],
+    answered: Sequence[int] | None = None,
+    targets: Targets | None = None,
 ) -> dict[str, Any]:
     """Return the measures of a gallery as plain numbers, means over the matrices.
 
     Parameters
     ----------
     matrices
-        One for each draw of the scorer, shape (n, n); only one is in memory at a time.
-    labels
-        Class of each shape of the gallery, N of them.
-    answered
-        Indices of the n shapes that have a result; None for all. The others are queries with 0 in every measure.
+        One for each draw of the scorer, shape (m, n); only one is in memory at a time.
+    labels, answered, targets
+        As for :func:`evaluate`.
 
     Returns
     -------
     dict
-        ``scores`` and ``per_query`` by measure (None for the only member of a class), ``tied_queries`` and
+        ``scores`` and ``per_query`` by measure (None for a query without a relevant result), ``tied_queries`` and
         ``lone_queries``.
 
     Raises
     ------
     ConfigurationError
-        If a matrix is not square, finite and symmetric, or no class has two members.
+        As for :func:`evaluate`.
     """
-    draws = [evaluate(matrix, labels, answered=answered) for matrix in matrices]
+    draws = [evaluate(matrix, labels, answered, targets) for matrix in matrices]
     queries = {name: np.mean([draw.per_query[name] for draw in draws], axis=0) for name in draws[0].per_query}
     return {
         "scores": {name: float(np.mean([draw.means[name] for draw in draws])) for name in draws[0].means},
@@ -149,23 +182,23 @@ def score_draws(
     }
 
 
-def chance_levels(labels: ArrayLike) -> dict[str, float]:
+def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str, float]:
     """Return the exact means of all measures over random rankings: those of a matrix in which all distances tie."""
-    count = len(np.asarray(labels))
-    return evaluate(np.zeros((count, count)), labels).means
+    every = targets and replace(targets, answered=None)
+    shape = len(np.asarray(labels)), len(np.asarray(every.labels if every else labels))
+    return evaluate(np.zeros(shape), labels, targets=every).means
 
 
-def check_distances(distances: ArrayLike, count: int) -> FloatArray:
-    """Return a distance matrix of ``count`` shapes; raise ``ConfigurationError`` unless finite and symmetric."""
+def _check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: bool) -> FloatArray:
+    """Return distances; raise ``ConfigurationError`` unless they are finite, and symmetric if they have to be."""
     matrix = np.asarray(distances, dtype=np.float64)
-    if matrix.shape != (count, count):
-        raise ConfigurationError(
-            f"{count} shapes have distances of shape {matrix.shape}", "compare all pairs of shapes"
-        )
+    if matrix.shape != shape:
+        problem = f"{shape[0]} queries and {shape[1]} shapes have distances of shape {matrix.shape}"
+        raise ConfigurationError(problem, "compare all pairs")
     if not np.isfinite(matrix).all():
         raise ConfigurationError("a distance is NaN or infinite", "leave out the shapes that the method cannot treat")
-    difference = float(np.abs(matrix - matrix.T).max(initial=0.0))
-    if difference > ASYMMETRY * np.abs(matrix).max(initial=0.0, where=~np.eye(count, dtype=bool)):
+    difference = float(np.abs(matrix - matrix.T).max(initial=0.0)) if is_square else 0.0
+    if difference > ASYMMETRY * np.abs(matrix).max(initial=0.0, where=~np.eye(*shape, dtype=bool)):
         raise ConfigurationError(
             f"the distances are not symmetric (largest difference {difference:.3g})", "average them with the transpose"
         )

@@ -207,14 +207,14 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
 # Retrieval -----------------------------------------------------------------------------------------------------------
 
 
-def retrieve(query: Path, name: str, method: str, options: Selection, k: int) -> None:
-    """Print the shapes of a gallery that are nearest to a query."""
+def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wanted: Input | None = None) -> None:
+    """Print the shapes of a gallery, complete surfaces or views, that are nearest to a query."""
     check_ending(options.picture)
     start, component = time.perf_counter(), select_one(method, options.plugins)
     scorer = select_one(options.scorer, options.plugins, "scorer")
     shapes = options.open_dataset(name)
-    input_ = _input(query, shapes, component)
-    job = _job(name, shapes, component, options, input_)
+    input_, of_gallery = _inputs(query, shapes, component, wanted)
+    job = _job(name, shapes, component, options, of_gallery)
     itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]
     preparation = Preparation(shapes, input_, Cache(options.results))
     if itself and not options.has_camera:
@@ -263,14 +263,16 @@ def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> An
     return method.load(model) if model else method
 
 
-def _input(query: Path, shapes: ShapeSet, component: Component) -> Input:
-    """Return the input for a query and a gallery: a view if either is a depth image, or the method's only input."""
-    is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in shapes.inputs
+def _inputs(query: Path, shapes: ShapeSet, component: Component, wanted: Input | None) -> tuple[Input, Input]:
+    """Return the inputs of query and gallery: views if either is a depth image, or the method's only input."""
+    is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in shapes.inputs or wanted == "view"
     input_: Input = "view" if is_view or "mesh" not in component.info.inputs else "mesh"
-    if input_ not in component.info.inputs:
-        problem = f"method '{component.name}' needs complete surfaces, and {query} is compared with views"
-        raise ConfigurationError(problem, "choose a method that accepts views")
-    return input_
+    for each in (input_, wanted or input_):
+        if each not in component.info.inputs:
+            made, what = ("complete surfaces", "views")[:: 1 if each == "view" else -1]
+            problem = f"method '{component.name}' needs {made}, and {query} is compared with {what}"
+            raise ConfigurationError(problem, f"choose a method that accepts {what}")
+    return input_, wanted or input_
 
 
 def _query_shape(query: Path, preparation: Preparation, options: Selection, *, of_gallery: bool) -> Shape:

@@ -22,7 +22,7 @@ from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.galleries import selected_galleries
 from benchmark.protocols.tables import TABLES, Table, own_table
 from benchmark.registry import by_name, select_one
-from benchmark.report.frames import changed, chosen_records
+from benchmark.report.frames import changed, chosen_records, fold_of
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import Planned, estimate, plan_selection
@@ -44,6 +44,7 @@ def _data(selection: Selection) -> dict[str, Any]:
         "tables": selection.tables, "datasets": names, "plugins": selection.plugins, "input": selection.input,
         "data_root": selection.require_data_root(), "quick": selection.quick,
         "subjects": [name for name in selection.subjects.split(",") if name],
+        "gallery": selection.gallery, "same_names": selection.same_names,
     }  # fmt: skip
 
 
@@ -174,12 +175,13 @@ def _print_tables_of(
     every = chosen_records(
         labelled[: len(records)], quick=selection.quick, scorer=selection.scorer, seed=selection.seed
     )
-    wanted = {(table if table in TABLES else own_table(record.data.name)).identifier for table, record in jobs}
+    owns = [(table, own_table(record.data.name, fold_of(record))) for table, record in jobs]
+    wanted = {(table if table in TABLES else own).identifier for table, own in owns}
     sets = {record.data.name for table, record in jobs if not table.is_robustness}
     of_jobs = [record for record in every if (record.gallery, record.input) in pairs]
     print_tables(view for view in table_views(of_jobs, wanted, methods, sets) if view.table.identifier in wanted)
-    if any(changed(record.data.name) for _, record in jobs):
-        say_lines("\n" + robustness_markdown(of_jobs))
+    if any(changed(record.data.name) for _, record in jobs) and (robustness := robustness_markdown(of_jobs)):
+        say_lines("\n" + robustness)
 
 
 def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
@@ -189,6 +191,12 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
             where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
             absent = "" if is_present(official, data_root) else f", which is not at {where}; see --data-root"
             say(f"{name}: generated stand-in for {official}{absent}", err=True)
+    for record in {job.record.gallery: job.record for job in jobs if job.record.keeps_same_names}.values():
+        both = len({*record.shapes} & {*record.sides[-1].shapes})
+        say(
+            f"{record.gallery}: {both} of {len(record.shapes)} queries have the name of a shape of the gallery",
+            err=True,
+        )
     for folder in dict.fromkeys(job.galleries[0].source for job in jobs if not is_known(job.galleries[0].source)):
         if Path(folder).is_dir() and (unread := skipped_files(Path(folder))):
             say(f"{folder}: skipped {len(unread)} point clouds, such as {unread[0].name}; see 'data check'", err=True)

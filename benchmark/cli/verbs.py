@@ -20,7 +20,7 @@ from benchmark.text import say, say_lines
 
 _JOBS = (
     "everything", "tables", "methods", "datasets", "input", "scorer", "plugins", "results", "data_root", "seed",
-    "quick", "subjects",
+    "quick", "subjects", "gallery", "same_names",
 )  # fmt: skip
 _RECORDS = ("tables", "methods", "datasets", "input", "scorer", "results", "seed", "quick", "published")
 _DATA = ("plugins", "data_root")
@@ -190,11 +190,14 @@ def retrieve(
     dataset: Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")],
     query: Annotated[Path, Argument(metavar="QUERY")],
     k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
+    input: Annotated[
+        Literal["mesh", "view"] | None, Option("--input", help="What to show of the gallery. [as of the query]")
+    ] = None,
 ) -> None:
     """Show the shapes that are nearest to a mesh or a depth image."""
     from benchmark.cli.forms import retrieve
 
-    retrieve(query, dataset, method, selection, k)
+    retrieve(query, dataset, method, selection, k, input)
 
 
 @cli.command()
@@ -208,6 +211,9 @@ def score(
         Literal["list", "number", "listing", "natural"] | None,
         Option("--order", help="Order of rows without names: that of a .cla or its numbers, or of a folder."),
     ] = None,
+    gallery: Annotated[
+        Path | None, Option("--gallery", metavar="FILE|FOLDER", help="Labels of the columns, if rows are queries.")
+    ] = None,
     format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
     title: Annotated[str, Option("--title", metavar="NAME", help="Name of the row. [name of the file]")] = "",
     results: Annotated[
@@ -218,11 +224,13 @@ def score(
 ) -> None:
     """Score the distances of any program.
 
-    DISTANCES is a symmetric N x N matrix: .npy, .npz, .txt, .csv, .mat, or .matrix of PSB.
+    DISTANCES is a symmetric N x N matrix (any M x N with --gallery): .npy, .npz, .txt, .csv, .mat, or .matrix of PSB.
     """
     from benchmark.scoring.evaluation import score
     from benchmark.scoring.rows import keep_distances, record_beside
 
+    if gallery and results is not None:
+        raise ConfigurationError("a row that is kept has the queries as its gallery", "omit --gallery or --results")
     title, name = title or distances.stem, dataset or labels.resolve().stem
     if results is not None:
         record_beside(results, name, input, title)  # or say before all work that there can be no row
@@ -230,7 +238,7 @@ def score(
         raise ConfigurationError("--dataset names the data of a row that is kept", "pass --results, too")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # among the notes
-        evaluation = score(distances, labels, order or "")
+        evaluation = score(distances, labels, order or "", gallery)
     record = keep_distances(results, evaluation, title, name, input) if results is not None else None
     for note in evaluation.notes:
         say(note, err=True)

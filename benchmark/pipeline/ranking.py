@@ -6,8 +6,10 @@ import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +20,7 @@ from benchmark.pipeline.stages import MACHINE, NOTE, REFUSED, SECONDS, Incomplet
 from retrieval.measures import score_draws
 
 if TYPE_CHECKING:
-    from benchmark.pipeline.records import Record
+    from benchmark.pipeline.records import Ranked, Record
 
 #: Arrays of prepared shapes and forms that ranking does not read.
 _SURFACES = ("vertices", "faces", "depth")
@@ -47,7 +49,8 @@ def rank(
     cache
         The cached files.
     remake
-        Computes the files of the shape with an index again; called if they are missing or damaged.
+        Computes the files of the shape with an index again, where the gallery follows the queries; called if they are
+        missing or damaged.
     comparing
         The scorer, or the descriptor that compares its own vectors.
 
@@ -56,7 +59,7 @@ def rank(
     dict
         What the record says of the outcome.
     dict
-        ``distances`` of the answered shapes, shape (n, n), means over the draws; empty if all shapes are refused.
+        ``distances`` of the answered queries to the answered shapes, means over the draws; empty if there are none.
 
     Raises
     ------
@@ -64,10 +67,44 @@ def rank(
         If files of a shape are missing or damaged again.
     """
     start = time.perf_counter()
+    answered, refused = _read(record, cache, remake)
+    in_gallery, refused_there = answered, refused
+    if record.against:
+        in_gallery, refused_there = _read(record.against, cache, lambda index: remake(len(record.shapes) + index))
+    if not (answered and in_gallery):
+        return refused_there if answered else refused, {}
+    queries, gallery = ([[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery))
+    matrices = distances(comparing, gallery, queries if record.against else None)
+    total, draws = np.zeros((len(queries), len(gallery))), 0
+
+    def summed() -> Iterator[NDArray[np.float64]]:
+        nonlocal draws
+        for matrix in matrices:
+            np.add(total, matrix, out=total)
+            draws += 1
+            yield matrix
+
+    targets = record.targets and replace(record.targets, answered=[*in_gallery])
+    content = {
+        **score_draws(summed(), record.labels, [*answered], targets),
+        **refused,
+        **({"against": msgspec.to_builtins(record.against) | refused_there} if record.against else {}),
+        "notes": _summarise_notes(answered.values()),
+        "seconds": _median_seconds(list(answered.values())),
+        "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
+    }
+    content["seconds"][STAGES["records"]] = round((time.perf_counter() - start) / len(record.shapes), 4)
+    return content, {"distances": total / draws}
+
+
+def _read(
+    side: Ranked, cache: Cache, remake: Callable[[int], object]
+) -> tuple[dict[int, dict[Kind, Arrays]], dict[str, Any]]:
+    """Return the stages of the shapes with a result by index, and what a record says of the others."""
     answered: dict[int, dict[Kind, Arrays]] = {}
     unsupported: list[tuple[str, str]] = []
     unprepared: list[str] = []
-    for index, (shape, keys) in enumerate(zip(record.shapes, record.keys, strict=True)):
+    for index, (shape, keys) in enumerate(zip(side.shapes, side.keys, strict=True)):
         stages = _read_stages(cache, keys)
         if stages is None:
             remake(index)
@@ -80,28 +117,7 @@ def rank(
             unprepared += [shape] if REFUSED in stages["prepared"] else []
         else:
             answered[index] = stages
-    if not answered:
-        return {"unsupported": unsupported}, {}
-    matrices = distances(comparing, [[*stages.values()][-1] for stages in answered.values()])
-    total, draws = np.zeros((len(answered), len(answered))), 0
-
-    def summed() -> Iterator[NDArray[np.float64]]:
-        nonlocal draws
-        for matrix in matrices:
-            np.add(total, matrix, out=total)
-            draws += 1
-            yield matrix
-
-    content = {
-        **score_draws(summed(), record.labels, list(answered) if unsupported else None),
-        "unsupported": unsupported,
-        "unprepared": unprepared,
-        "notes": _summarise_notes(answered.values()),
-        "seconds": _median_seconds(list(answered.values())),
-        "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
-    }
-    content["seconds"][STAGES["records"]] = round((time.perf_counter() - start) / len(record.shapes), 4)
-    return content, {"distances": total / draws}
+    return answered, {"unsupported": unsupported, "unprepared": unprepared}
 
 
 def _read_stages(cache: Cache, keys: Mapping[Kind, str]) -> dict[Kind, Arrays] | None:
@@ -117,15 +133,25 @@ def _read_stages(cache: Cache, keys: Mapping[Kind, str]) -> dict[Kind, Arrays] |
     return stages
 
 
-def distances(comparing: Descriptor | Scorer, answers: Sequence[Arrays]) -> Iterator[NDArray[np.float64]]:
-    """Yield the distances of signatures for each draw of their scorer; of a descriptor, those of its vectors."""
-    if len(answers) == 1:
+def distances(
+    comparing: Descriptor | Scorer, answers: Sequence[Arrays], queries: Sequence[Arrays] | None = None
+) -> Iterator[NDArray[np.float64]]:
+    """Yield the distances of signatures for each draw of their scorer; of a descriptor, those of its vectors.
+
+    Queries are compared with the answers; without queries, the answers are.
+    """
+
+    def compared(arrays: Arrays) -> Any:
+        if isinstance(comparing, Descriptor):
+            return arrays["descriptor"]
+        return {name: array for name, array in arrays.items() if name != SECONDS}
+
+    of_gallery, of_queries = [*map(compared, answers)], None if queries is None else [*map(compared, queries)]
+    if of_queries is None and len(answers) == 1:
         yield np.zeros((1, 1))
-    elif isinstance(comparing, Descriptor):
-        yield compute_distances(comparing, [arrays["descriptor"] for arrays in answers])
-    else:
-        signatures = [{name: array for name, array in arrays.items() if name != SECONDS} for arrays in answers]
-        yield from (compute_distances(comparing, signatures, draw) for draw in range(comparing.info.draws))
+        return
+    draws = 1 if isinstance(comparing, Descriptor) else comparing.info.draws
+    yield from (compute_distances(comparing, of_gallery, draw, of_queries) for draw in range(draws))
 
 
 def _summarise_notes(answered: Iterable[Mapping[Kind, Arrays]]) -> dict[str, dict[str, float]]:

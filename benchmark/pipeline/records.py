@@ -19,7 +19,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
 from benchmark.reference.paper import MEASURES
 from benchmark.text import LONGEST_MESSAGE, brief, clean, say
-from retrieval.measures import DECIMALS
+from retrieval.measures import DECIMALS, Targets
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
@@ -81,8 +81,48 @@ class Note(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max: float
 
 
-class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """What a finished job leaves: its scores, or why it has none.
+class Ranked(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Shapes that a job ranks.
+
+    Parameters
+    ----------
+    gallery, gallery_digest
+        Name of the gallery, and the digest of its shapes, classes and data.
+    input
+        ``"mesh"`` or ``"view"``.
+    data, shapes, labels
+        Data set, shapes and their classes, in the order of the distance matrix.
+    unsupported, unprepared
+        Shapes without a result, with the reason, and those of them that could not be prepared for any method.
+    files
+        Keys of the cached files of each shape; in local records only.
+    """
+
+    gallery: Name
+    gallery_digest: str
+    input: Input
+    data: Data
+    shapes: list[Name]
+    labels: list[Name]
+    unsupported: list[tuple[Name, str]] = []
+    unprepared: list[Name] = []
+    files: dict[Kind, list[Key]] = {}
+
+    @property
+    def answered(self) -> list[int]:
+        """Indices of the shapes with a result, in the order of the distances."""
+        refused = {name for name, _ in self.unsupported}
+        return [number for number, name in enumerate(self.shapes) if name not in refused]
+
+    @property
+    def keys(self) -> list[dict[Kind, str]]:
+        """Keys of the cached files of each shape, in the order in which they are made."""
+        rows = zip(*self.files.values(), strict=True)
+        return [{kind: key for kind, key in zip(self.files, row, strict=True) if key} for row in rows]
+
+
+class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What a finished job leaves: its scores, or why it has none; its shapes are the queries.
 
     Parameters
     ----------
@@ -90,21 +130,17 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         Digest of everything that determines the scores.
     status, reason, traceback
         Outcome of the job; what went wrong unless it is ``"ok"``.
-    gallery, gallery_digest
-        Name of the gallery, and the digest of its shapes, classes and data.
-    input, method, title, family, cite, parameters, defaults, seed
+    against, keeps_same_names
+        The gallery, unless it is the queries, and whether a query leaves out no shape of its own name.
+    method, title, family, cite, parameters, defaults, seed
         What ran; ``parameters`` are those that differ from their defaults, ``defaults`` all others.
     scorer, scorer_title
         What compared the forms; "" for a descriptor.
-    data, shapes, labels
-        Data set, shapes and their classes, in the order of the distance matrix.
     scores, per_query
-        Each measure: its mean, and its values; None for the only shape of a class. Published records have values of
-        the printed measures only.
+        Each measure: its mean, and its values; None without another shape of the class. Published records have values
+        of the printed measures only.
     tied_queries, lone_queries
         Numbers of queries with ties that matter, and of queries without a relevant shape.
-    unsupported, unprepared
-        Shapes without a result, with the reason, and those of them that could not be prepared for any method.
     models, seen
         Trained models, and shapes that they were trained on.
     notes
@@ -113,23 +149,19 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         Median seconds per shape by stage; the machines that made the forms, none if they are unknown.
     finished, commit, packages
         When it ended, and by which code and packages.
-    parts, files
-        Digests of the parts of the key by name, and keys of the cached files of each shape; in local records only.
+    parts
+        Digests of the parts of the key by name; in local records only.
     published
         Whether it was read from the published records; never stored.
     """
 
     key: Annotated[str, Meta(pattern="^[0-9a-f]{32}$")]
     status: Status
-    gallery: Name
-    gallery_digest: str
-    input: Input
     method: Name
     title: Name
     family: Name
-    data: Data
-    shapes: list[Name]
-    labels: list[Name]
+    against: Ranked | None = None
+    keeps_same_names: bool = False
     reason: str = ""
     traceback: str = ""
     cite: str = ""
@@ -142,8 +174,6 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     per_query: dict[str, list[Share | None]] = {}
     tied_queries: int = 0
     lone_queries: int = 0
-    unsupported: list[tuple[Name, str]] = []
-    unprepared: list[Name] = []
     models: list[Model] = []
     seen: list[Name] = []
     notes: dict[str, Note] = {}
@@ -153,7 +183,6 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     commit: str = ""
     packages: dict[str, str] = {}
     parts: dict[str, str] = {}
-    files: dict[Kind, list[Key]] = {}
     published: bool = False
 
     def __post_init__(self) -> None:
@@ -170,7 +199,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
         A folder is its content at its path: with other content, only the same path is the same data set.
         """
-        return self.content == other.content or self.data.paths == other.data.paths
+        at, of_other = ([side.data.paths for side in record.sides] for record in (self, other))
+        return self.content == other.content or at == of_other
 
     @property
     def content(self) -> tuple[str, str]:
@@ -178,16 +208,25 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         return self.gallery_digest, self.data.content
 
     @property
-    def answered(self) -> list[int]:
-        """Indices of the shapes with a result, in the order of the distances."""
-        refused = {name for name, _ in self.unsupported}
-        return [number for number, name in enumerate(self.shapes) if name not in refused]
+    def sides(self) -> tuple[Ranked, ...]:
+        """The queries, and the gallery if it is another one."""
+        return (self, self.against) if self.against else (self,)
 
     @property
-    def keys(self) -> list[dict[Kind, str]]:
-        """Keys of the cached files of each shape, in the order in which they are made."""
-        rows = zip(*self.files.values(), strict=True)
-        return [{kind: key for kind, key in zip(self.files, row, strict=True) if key} for row in rows]
+    def targets(self) -> Targets | None:
+        """The gallery for measures; None if it is the queries."""
+        if self.against is None:
+            return None
+        places = {} if self.keeps_same_names else {name: place for place, name in enumerate(self.against.shapes)}
+        return Targets(self.against.labels, [places.get(name, -1) for name in self.shapes])
+
+    @property
+    def are_queries(self) -> list[bool]:
+        """Whether each query has something to find; those that have not count nowhere."""
+        gallery = self.against or self
+        own = set() if self.keeps_same_names else {*zip(gallery.shapes, gallery.labels, strict=True)}
+        members, queries = Counter(gallery.labels), zip(self.shapes, self.labels, strict=True)
+        return [members[label] > ((name, label) in own) for name, label in queries]
 
     @property
     def coverage(self) -> float:
@@ -275,25 +314,30 @@ def _skip(what: str) -> None:
 
 def _faults(record: Record) -> Iterator[str]:
     """Yield the contradictions in a record whose fields have the right types."""
-    if len({*record.shapes}) != len(record.shapes) or len(record.labels) != len(record.shapes):
-        yield "`shapes` names a shape twice, or has another length than `labels`"
-    unsupported = [name for name, _ in record.unsupported]
-    for field_name, names in (("unprepared", record.unprepared), ("seen", record.seen), ("unsupported", unsupported)):
-        if not set(names) <= set(record.shapes):
-            yield f"`{field_name}` names a shape that is not in `shapes`"
-    if any(len(keys) != len(record.shapes) for keys in record.files.values()):
-        yield "`files` has other lengths than `shapes`"
+    for side in record.sides:
+        yield from _faults_of_shapes(side)
+    if not set(record.seen) <= set(record.shapes):
+        yield "`seen` names a shape that is not in `shapes`"
     expected = {*MEASURES} if record.status == "ok" else set[str]()
     if not expected <= record.per_query.keys() <= record.scores.keys() or bool(expected) != bool(record.scores):
         yield "`scores`, `per_query` and `status` do not fit together"
         return
-    members = Counter(record.labels)
     for name, values in record.per_query.items():
         known = [value for value in values if value is not None]
-        if [value is None for value in values] != [members[label] < 2 for label in record.labels]:
+        if [value is not None for value in values] != record.are_queries:
             yield f"`per_query.{name}` does not fit `labels`"
         elif known and abs(sum(known) / len(known) - record.scores[name]) > 10.0**-DECIMALS:
             yield f"`scores.{name}` is not the mean of its queries"
+
+
+def _faults_of_shapes(side: Ranked) -> Iterator[str]:
+    if len({*side.shapes}) != len(side.shapes) or len(side.labels) != len(side.shapes):
+        yield "`shapes` names a shape twice, or has another length than `labels`"
+    for field_name, names in (("unprepared", side.unprepared), ("unsupported", [name for name, _ in side.unsupported])):
+        if not set(names) <= set(side.shapes):
+            yield f"`{field_name}` names a shape that is not in `shapes`"
+    if any(len(keys) != len(side.shapes) for keys in side.files.values()):
+        yield "`files` has other lengths than `shapes`"
 
 
 def record_of(content: Mapping[str, Any]) -> Record:
@@ -348,20 +392,21 @@ def unneeded(results: Path, is_unwanted: Callable[[Record], bool]) -> tuple[list
 def _files_of(record: Record) -> Iterator[str]:
     """Yield the files of a record; the frame of the camera is kept beside prepared shapes."""
     yield from (f"records/{record.key}.npz", f"prepared/{record.parts.get('the camera')}.npz")
-    for kind, keys in record.files.items():
-        yield from (f"{kind}/{key}.npz" for key in keys)
+    for side in record.sides:
+        for kind, keys in side.files.items():
+            yield from (f"{kind}/{key}.npz" for key in keys)
 
 
 # Files of a record ---------------------------------------------------------------------------------------------------
 
 
 def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
-    """Return the distances of the shapes with a result, shape (n, n), means over draws; None if not here."""
+    """Return the distances of queries and shapes with a result, means over draws; None if not here."""
     distances = (Cache(results).read("records", record.key) or {}).get("distances", np.empty(0))
-    return distances if distances.shape == (len(record.answered),) * 2 else None
+    return distances if distances.shape == (len(record.answered), len(record.sides[-1].answered)) else None
 
 
-def read_prepared(results: Path, record: Record, shape: str) -> Mesh | None:
+def read_prepared(results: Path, record: Ranked, shape: str) -> Mesh | None:
     """Return the prepared surface of a shape of a record; None if it is not kept here, or could not be prepared."""
     arrays = _read_arrays(results, record, "prepared", shape)
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in arrays else None
@@ -374,6 +419,6 @@ def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in form and "faces" in arrays else None
 
 
-def _read_arrays(results: Path, record: Record, kind: Kind, shape: str) -> dict[str, NDArray[Any]]:
+def _read_arrays(results: Path, record: Ranked, kind: Kind, shape: str) -> dict[str, NDArray[Any]]:
     keys = dict(zip(record.shapes, record.files.get(kind, []), strict=False))
     return Cache(results).read(kind, keys.get(shape, "")) or {}

@@ -81,7 +81,7 @@ def search(
     if not stored:
         raise ConfigurationError(f"no form of {record.row} is kept in {results}", "run it again here")
     comparing = scorer if isinstance(method, Method) else method
-    draws = [matrix[-1, :-1] for matrix in distances(comparing, [*stored.values(), answer])]
-    pairs = zip(np.mean(draws, axis=0).tolist(), stored, strict=True)
+    (nearness,) = np.mean([*distances(comparing, [*stored.values()], [answer])], axis=0)
+    pairs = zip(nearness.tolist(), stored, strict=True)
     hits = [Hit(record.shapes[index], record.labels[index], distance) for distance, index in sorted(pairs)]
     return SearchResult(hits, form)

@@ -408,16 +408,26 @@ def _check_signature(signature: object, who: str) -> SignatureArrays:
     return dict(signature)
 
 
-def compute_distances(comparing: Descriptor | Scorer, outputs: Sequence[Any], draw: int = 0) -> FloatArray:
+def compute_distances(
+    comparing: Descriptor | Scorer, outputs: Sequence[Any], draw: int = 0, queries: Sequence[Any] | None = None
+) -> FloatArray:
     """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw of their scorer.
+
+    Those of queries to the outputs, shape (M, N), depend on no other query.
 
     Raises
     ------
     InvalidForm
-        If they are anything but a square matrix of finite real numbers, shape (N, N).
+        If they are anything but a matrix of finite real numbers, shape (N, N) without queries.
     """
-    matrix = comparing.compare(outputs, draw) if isinstance(comparing, Scorer) else comparing.distances(outputs)
-    return _check_numbers(matrix, comparing, (len(outputs),) * 2, _MATRIX_HINT)
+    if queries is None:
+        matrix = comparing.compare(outputs, draw) if isinstance(comparing, Scorer) else comparing.distances(outputs)
+        return _check_numbers(matrix, comparing, (len(outputs),) * 2, _MATRIX_HINT)
+    if compare_to := getattr(comparing, "compare_to", None):
+        shape = len(queries), len(outputs)
+        return _check_numbers(compare_to(queries, outputs, draw), comparing, shape, _MATRIX_HINT)
+    each = (compute_distances(comparing, [*outputs, query], draw) for query in queries)
+    return np.stack([matrix[-1, :-1] for matrix in each])
 
 
 def _check_numbers(output: object, component: object, shape: tuple[int, ...], hint: str) -> FloatArray:

@@ -19,10 +19,10 @@ from benchmark.datasets.catalogue import (
     sources,
     table_name,
 )
-from benchmark.datasets.changes import CHANGES, LEVELS, changed_name
+from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.protocols.models import MissingModel, Model, TooNear, UnusableModel, find_models
-from benchmark.protocols.tables import INPUTS, PARTS, TABLES, Table, gallery_name, own_table
+from benchmark.protocols.tables import AGAINST, INPUTS, PARTS, TABLES, Table, gallery_name, own_table
 from benchmark.protocols.trainings import NoFolds
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
@@ -64,6 +64,8 @@ class Gallery:
         The inputs of its column that its shapes have.
     is_split
         Whether networks see only views, and all other methods only complete surfaces.
+    against
+        The gallery if its shapes are queries of another one, with the input of that one.
     """
 
     table: Table
@@ -75,6 +77,7 @@ class Gallery:
     data_root: Path | None = None
     inputs: tuple[Input, ...] = ()
     is_split: bool = False
+    against: Gallery | None = None
 
     @property
     def name(self) -> str:
@@ -87,8 +90,13 @@ class Gallery:
         if unknown := [name for name in subjects if name not in known]:
             raise did_you_mean("subject", unknown[0], list(known))
         entries = tuple(entry for entry in self.entries if entry.subject in subjects)
-        check_retrievable(self.dataset, entries)
-        return replace(self, entries=entries, part=" ".join(filter(None, [self.part, ", ".join(subjects)])))
+        part, against = " ".join(filter(None, [self.part, ", ".join(subjects)])), self.against
+        if against is None:
+            check_retrievable(self.dataset, entries)
+            return replace(self, entries=entries, part=part)
+        of_gallery = tuple(entry for entry in against.entries if entry.subject in subjects)
+        part = f"{', '.join(subjects)} {self.part}"  # which has no table
+        return replace(self, entries=entries, part=part, against=replace(against, entries=of_gallery))
 
     def rows(
         self, input_: Input, methods: Iterable[Component], trained_here: Path | None = None, *, named: bool = False
@@ -124,6 +132,8 @@ class Gallery:
             return method.learns or not self.table.is_ablation
         name = method.base_name
         is_default = self.table.includes(name) and name not in self.table.omits
+        if self.table.changes and split_name(self.source)[1]:
+            is_default &= name in QUICK_ROWS or method.learns
         return is_default and (not self.quick or name in QUICK_ROWS)
 
     def _trainings(self, method: Component, trained_here: Path | None, is_wanted: bool) -> Iterator[Component]:
@@ -219,9 +229,23 @@ def selected_galleries(
     quick: bool = False,
     subjects: Sequence[str] = (),
     input: Input | None = None,
+    gallery: str = "",
+    same_names: bool = False,
 ) -> list[Gallery]:
-    """Return the :func:`galleries` of a selection, with data sets of plugin files, some subjects, or one input."""
-    chosen = galleries(tables, sources(datasets, plugins), data_root, quick)
+    """Return the :func:`galleries` of a selection, with data sets of plugin files, some subjects, or one input.
+
+    With a ``gallery``, the data sets are its queries; it lacks shapes with the name of the query for ``same_names``.
+    """
+    sets = sources(datasets, plugins)
+    if gallery:
+        if not sets or [*tables]:
+            raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
+        (known,) = sources([gallery], plugins)
+        owns = ((own_table(table_name(name), f"{AGAINST}{table_name(known)}"), name) for name in sets)
+        crossed = [(replace(own, gallery=known, keeps_same_names=not same_names), name) for own, name in owns]
+        chosen = [one for table, name in crossed for one in _galleries(table, name, data_root, quick=quick)]
+    else:
+        chosen = galleries(tables, sets, data_root, quick)
     if subjects:  # some tables show a part of a data set: those that have the subjects are meant
         having = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
         chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
@@ -238,8 +262,8 @@ def _is_selected(table: Table, tables: Sequence[str], sets: Sequence[str], quick
     """Return whether a selection includes a table, by its name, that of the table it belongs to, or its data set."""
     if tables:
         return table.identifier in tables or (table.part_of in tables and not quick)
-    if table.runs == "named":
-        return not table.is_robustness and bool(set(table.datasets) & set(sets))
+    if table.runs in ("named", "alone"):
+        return table.runs == "named" and bool(set(table.datasets) & set(sets))
     return table.runs == "quick" or not quick or (bool(sets) and not table.part_of and not table.is_ablation)
 
 
@@ -256,7 +280,7 @@ def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table
         raise did_you_mean("data set", name, CATALOGUE)
     if own and not any(name in table.datasets for table in TABLES if not table.is_robustness):
         return [own_table(table_name(name))]
-    return [table for table in selected if name in table.datasets or table.is_robustness]
+    return [table for table in selected if table.shows(name) or table.is_robustness]
 
 
 def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) -> Iterator[Gallery]:
@@ -265,17 +289,31 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
     for column in with_folds or table.columns:
         is_split = column.input == "as printed"
         sets = table.stand_ins if column.over_draws and name in table.stand_ins[:1] else (name,)
+        if name in table.datasets:
+            sets += tuple(f"{name}{change}" for change in table.changes)
         for source in _conditions(name) if table.is_robustness else sets:
             dataset = open_dataset(source, data_root)
             check_ranked(dataset)
             wanted = (INPUTS if source == sets[0] else INPUTS[:1]) if is_split else (column.input,)
             inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
             for part in column.parts[: 1 if quick else None]:
-                entries = Part(PARTS[part]).of(dataset)
-                check_retrievable(dataset, entries if part else None)
+                entries, against = Part(PARTS.get(part, ())).of(dataset), None
                 some = thinned(entries, QUICK_POSES) if quick else entries
+                if part.startswith(AGAINST):
+                    against = _known(table, source, data_root, quick=quick)
+                else:
+                    check_retrievable(dataset, entries if part else None)
                 is_quick = len(some) < len(entries)
-                yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split)
+                yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split, against)
+
+
+def _known(table: Table, source: str, data_root: Path | None, *, quick: bool) -> Gallery:
+    """Return the gallery of queries: complete surfaces where there are any, of their own data set by default."""
+    name = table.gallery or source
+    while "mesh" not in (dataset := open_dataset(name, data_root)).inputs and split_name(name)[1]:
+        name = name.rpartition("[")[0]  # what changes views alone
+    entries = thinned(dataset.shapes, QUICK_POSES) if quick else dataset.shapes
+    return Gallery(table, name, dataset, entries, quick, data_root=data_root, inputs=dataset.inputs[:1])
 
 
 def _conditions(name: str) -> list[str]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 from benchmark.api.contracts import Input
+from benchmark.datasets.changes import split_name
 from benchmark.datasets.official import EXTENDED
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS
 from benchmark.reference import paper
@@ -22,9 +23,14 @@ SYNTHETIC_HUMANS = ("people[draw=0]", "people[draw=1]", "people[draw=2]")
 FOLDS = tuple(f"fold {number}" for number in range(len(SUBJECT_FOLDS)))
 CATS_AND_HORSES = "held out"
 
+#: How the names of parts begin whose shapes are ranked in another gallery; that of tables of the suite.
+AGAINST = "against "
+SURFACES = f"{AGAINST}complete surfaces"
+
 #: Subjects of each part of a data set, by name or by index in the data set; all of them for the whole one, "".
 PARTS: Mapping[str, tuple[int | str, ...]] = {
     "": (),
+    SURFACES: (),
     CATS_AND_HORSES: HELD_OUT,
     **dict(zip(FOLDS, SUBJECT_FOLDS, strict=True)),
 }
@@ -119,13 +125,17 @@ class Table:
     omits
         Methods that run on its data only if they are selected by name.
     runs
-        Runs that make it by default: all, full ones, or only those that name it or its data set.
+        Runs that make it by default: all, full ones, or only those that name it or its data set, or it alone.
     part_of
         Table with which it is also made; "" if there is none.
     all_unseen
         Whether it is an error if a model was trained on one of its shapes or subjects.
     is_robustness
         Whether it has one gallery for each change of its data set.
+    changes
+        Changes of its data set that have a table each, too.
+    gallery, keeps_same_names
+        Data set of the gallery of its queries, and whether a query leaves out no shape of its own name.
     """
 
     identifier: str
@@ -136,10 +146,13 @@ class Table:
     has_paper: bool = False
     names: tuple[str, ...] = ()
     omits: tuple[str, ...] = ()
-    runs: Literal["quick", "full", "named"] = "full"
+    runs: Literal["quick", "full", "named", "alone"] = "full"
     part_of: str = ""
     all_unseen: bool = True
     is_robustness: bool = False
+    changes: tuple[str, ...] = ()
+    gallery: str = ""
+    keeps_same_names: bool = False
 
     @property
     def datasets(self) -> tuple[str, ...]:
@@ -156,12 +169,23 @@ class Table:
         """Whether its rows are trainings of the network."""
         return self.names == ABLATION
 
+    @property
+    def is_cross(self) -> bool:
+        """Whether some of its galleries are others than their queries."""
+        return any(part.startswith(AGAINST) for part in self.parts)
+
+    def shows(self, dataset: str) -> bool:
+        """Return whether it can be made for a data set; one of queries and another gallery, also for changed views."""
+        return dataset in self.datasets or (self.is_cross and split_name(dataset)[0] in self.datasets)
+
     def includes(self, base_name: str) -> bool:
         """Return whether a method may have a row if none was selected by name."""
         return base_name in self.names if self.names else base_name not in ONLY_ABLATED
 
 
 _FAIR = "all methods on one depth view"
+_CROSS = "one depth view against views and against complete surfaces"
+_BOTH_GALLERIES = (Column("against views", input="view"), Column(SURFACES, (SURFACES,), "view"))
 _ALL, _FEW = "15 subjects", "5 subjects"
 
 _synthetic = partial(Table, dataset="shrec14-synthetic", stand_ins=SYNTHETIC_HUMANS)
@@ -188,10 +212,16 @@ TABLES: tuple[Table, ...] = (
     _synthetic(
         "IV", "Ablation of the depth network", columns=(Column("ours", FOLDS, "view"),), has_paper=True, names=ABLATION
     ),
+    _synthetic("I-cross", f"Synthetic humans, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone", omits=OTHER_FORMS),
+    _real("II-cross", f"Real humans, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone"),
+    _animals(
+        "III-cross", f"Animals and people, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone",
+        changes=("[view-angle=3]", "[view-angle=5]"),
+    ),
     *(_official(name, dataset=name, columns=BOTH_INPUTS, runs="named") for name in EXTENDED),
     Table(
         "robustness", "Robustness to changes of the shapes", "animals-few", columns=(Column("mesh", input="mesh"),),
-        names=ROBUST, runs="named", all_unseen=False, is_robustness=True,
+        names=ROBUST, runs="alone", all_unseen=False, is_robustness=True,
     ),
 )  # fmt: skip
 
@@ -201,7 +231,13 @@ def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
     return f"{dataset}{part and ' ' + part}{' (quick)' if quick else ''}"
 
 
-def own_table(dataset: str) -> Table:
-    """Return the table of a data set that no table of the suite uses: complete surfaces and views, side by side."""
+def own_table(dataset: str, part: str = "") -> Table:
+    """Return the table of a data set that no table of the suite uses: complete surfaces and views, side by side.
+
+    With a part that begins with :data:`AGAINST`, its shapes are queries of another gallery.
+    """
+    if part.startswith(AGAINST):
+        columns, name = tuple(replace(column, parts=(part,)) for column in BOTH_INPUTS), f"{dataset} {part}"
+        return Table(name, f"Retrieval on {name}", dataset, columns=columns, all_unseen=False)
     name = f"{dataset}-folder" if any(dataset == table.identifier for table in TABLES) else dataset
     return Table(name, f"Retrieval on {dataset}", dataset, columns=BOTH_INPUTS, all_unseen=False)

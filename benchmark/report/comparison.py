@@ -62,7 +62,7 @@ def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
 
 def _lines(first: Record, second: Record) -> list[str]:
     """Return a heading, and a line for each measure."""
-    every, seen = ranked_classes(first.labels), seen_classes(first) | seen_classes(second)
+    every, seen = ranked_classes(first), seen_classes(first) | seen_classes(second)
     judged = [place for place, label in enumerate(every) if label not in seen]
     values = np.array([query_measures([record])[judged] for record in (first, second)])
     labels, gains = [every[place] for place in judged], values[0] - values[1]

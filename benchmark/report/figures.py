@@ -154,18 +154,18 @@ def _distances(view: TableView, forms: StoredForms) -> list[tuple[Row, list[tupl
 
 def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean precision of the queries of a record; refused shapes rank nothing and are found by nobody."""
-    labels = np.array([record.labels[number] for number in record.answered])
-    sizes = {label: record.labels.count(label) - 1 for label in set(record.labels)}
-    n_queries = sum(sizes[label] > 0 for label in record.labels)
-    total = np.zeros(len(RECALLS))
-    for query, label in enumerate(labels):
-        order = np.argsort(np.delete(matrix[query], query), kind="stable")
-        hits = np.cumsum(np.delete(labels, query)[order] == label)
-        if sizes[label] and len(hits):
+    names, labels = (np.array(values) for values in (record.sides[-1].shapes, record.sides[-1].labels))
+    answered, total = record.sides[-1].answered, np.zeros(len(RECALLS))
+    for row, query in zip(matrix, record.answered, strict=True):
+        others = record.keeps_same_names | (names != record.shapes[query])
+        size = np.count_nonzero(others & (labels == record.labels[query]))
+        order = np.argsort(row[others[answered]], kind="stable")
+        hits = np.cumsum(labels[answered][others[answered]][order] == record.labels[query])
+        if size and len(hits):
             precision = np.maximum.accumulate((hits / np.arange(1, len(hits) + 1))[::-1])[::-1]
-            places = np.searchsorted(hits, np.ceil(RECALLS * sizes[label] - 1e-9))
+            places = np.searchsorted(hits, np.ceil(RECALLS * size - 1e-9))
             total += np.where(places < len(hits), precision[np.minimum(places, len(hits) - 1)], 0.0)
-    return total / max(n_queries, 1)
+    return total / max(sum(record.are_queries), 1)
 
 
 def paper_figure(view: TableView) -> Figure:

@@ -23,7 +23,7 @@ from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.records import Record, read_form, read_prepared
+from benchmark.pipeline.records import Ranked, Record, read_form, read_prepared
 from benchmark.report.drawing import outwardness
 
 Watch = Callable[[list[tuple[int, int]]], Iterable[tuple[int, int]]]
@@ -87,7 +87,7 @@ class StoredForms:
     _sets: dict[str, ShapeSet | None] = field(default_factory=dict, repr=False)
     _firsts: dict[tuple[str, str], Drawn | None] = field(default_factory=dict, repr=False)
 
-    def shape(self, record: Record, name: str) -> Drawn | None:
+    def shape(self, record: Ranked, name: str) -> Drawn | None:
         """Return a prepared shape; None if it is not stored."""
         mesh = read_prepared(self.folder, record, name)
         if mesh is None:
@@ -119,7 +119,7 @@ class StoredForms:
             mesh = mesh.with_vertices(mesh.vertices @ turn)
         return Drawn(mesh, shape.mesh if np.array_equal(mesh.faces, shape.mesh.faces) else mesh)
 
-    def _camera(self, record: Record, name: str) -> Camera:
+    def _camera(self, record: Ranked, name: str) -> Camera:
         source = record.data.source
         if source not in self._sets:
             try:

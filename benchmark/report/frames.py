@@ -69,8 +69,10 @@ def chosen_records(
 @cache
 def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
     """Return the tables that show a part of a data set; a set that no table uses has its own."""
-    known = tuple(table for table in TABLES if dataset in table.datasets and not table.is_robustness)
-    return tuple(table for table in known if fold in table.parts) if known else (own_table(dataset),)
+    known = tuple(table for table in TABLES if table.shows(dataset) and not table.is_robustness)
+    shown = tuple(table for table in known if fold in table.parts)
+    has_own = all(table.is_cross for table in known) and not (fold and shown)
+    return (*shown, own_table(dataset, fold)) if has_own else shown
 
 
 def seconds_of(record: Record) -> float | None:
@@ -97,6 +99,8 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     for record in records:
         dataset, fold = record.data.name, fold_of(record)
         for table in tables_of(dataset, fold):
+            if table.is_cross and not record.against:
+                continue  # it shows scores of another table
             where = table.identifier, dataset, row_of(record), record.input, fold
             rows += [(*where, measure, value) for measure, value in record.scores.items()]
             with_paper |= {(table.identifier, dataset)} if table.has_paper else set()

@@ -27,8 +27,11 @@ def table_notes(view: TableView) -> list[str]:
     rows = view.printed_rows
     unreadable = dict.fromkeys(shape for row in rows for record in row.records for shape in record.unprepared)
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
+    crossed = [title for title, records in view.samples.items() if records[0].against]
+    of_views = (row.title for row in rows if row.kind == "network" and not {*crossed} & {*row.scored})
     facts = {
         "{}": " ".join(_columns(view)),
+        "No form of a surface: {}.": _listed(of_views if crossed else ()),
         "No difference is certain: {}.": _listed(_undecided(view)),
         "No result: {}.": _listed(_failed(rows)),
         "Cannot be read or prepared, and counts 0 in every row: {}.": _listed(unreadable),
@@ -48,6 +51,8 @@ def _columns(view: TableView) -> Iterator[str]:
     """Say what the columns show."""
     if any(column.input == "as printed" for column in view.columns):
         yield "Complete surfaces; networks see one depth view."
+    if view.table.is_cross:
+        yield "Queries are ranked against all other shapes, and left out if none is of their class."
     if view.table.is_ablation:
         yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
     for column in view.columns:

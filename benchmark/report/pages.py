@@ -21,7 +21,7 @@ from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import decimate
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import Ranked, Record
 from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
 from benchmark.report.drawing import PALETTE, shaded
@@ -85,7 +85,7 @@ class Pages:
         ]  # fmt: skip
         self.files[name] = "\n".join(lines) + "\n"
 
-    def picture(self, record: Record, shape: str) -> str:
+    def picture(self, record: Ranked, shape: str) -> str:
         """Return an image of a shape, which is drawn once; "" where it is not stored."""
         file = f"pictures/{_safe(f'{record.input}-{record.data.name}-{shape}')}.webp"
         if file not in self.files:
@@ -246,7 +246,7 @@ def queries_page(pages: Pages, view: TableView) -> Iterator[str]:
 
 def _worst(pages: Pages, record: Record) -> list[str]:
     """Return a table row for each of the worst queries of a job; none if its distances are not stored."""
-    labels = dict(zip(record.shapes, record.labels, strict=True))
+    classes = dict(zip(record.shapes, record.labels, strict=True))
     scores = dict(zip(record.shapes, record.per_query[MEASURE], strict=True))
     answered = [(scores[shape], shape) for shape in (record.shapes[number] for number in record.answered)]
     lines = []
@@ -256,9 +256,9 @@ def _worst(pages: Pages, record: Record) -> list[str]:
         except ConfigurationError:
             return []
         cells = [f"<th>{pages.picture(record, query)}<br>{_text(query)}<br>{MEASURE} {hundredths(score)}</th>"]
-        for shape in matches["shape"]:
-            mark = "hit" if labels[shape] == labels[query] else "miss"
-            cells.append(f"<td class='{mark}'>{pages.picture(record, shape)}<br>{_text(shape)}</td>")
+        for shape, label in zip(matches["shape"], matches["class"], strict=True):
+            mark = "hit" if label == classes[query] else "miss"
+            cells.append(f"<td class='{mark}'>{pages.picture(record.sides[-1], shape)}<br>{_text(shape)}</td>")
         lines.append(f"<tr>{''.join(cells)}</tr>")
     return lines
 

@@ -104,7 +104,7 @@ class Results:
         return str(found.index[0])
 
     def distances(self, job: str) -> DataFrame:
-        """Return the distances between all shapes of a job that have a result, named by the shapes.
+        """Return the distances of the queries of a job to its gallery, both with a result, named by the shapes.
 
         Raises
         ------
@@ -115,8 +115,8 @@ class Results:
         matrix = read_distances(self.folder, record)
         if matrix is None:
             raise ConfigurationError(f"the distances of {record.method} are not in {self.folder}", "run it here")
-        shapes = [record.shapes[number] for number in record.answered]
-        return DataFrame(matrix, index=shapes, columns=shapes)
+        rows, *columns = ([side.shapes[number] for number in side.answered] for side in record.sides)
+        return DataFrame(matrix, index=rows, columns=columns[0] if columns else rows)
 
     def form(self, job: str, shape: str) -> Mesh:
         """Return the canonical form of a shape.
@@ -135,13 +135,13 @@ class Results:
         return form
 
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
-        """Return the nearest other shapes of a query: ``rank``, ``shape``, ``class``, ``distance``."""
+        """Return the nearest shapes, but the query itself: ``rank``, ``shape``, ``class``, ``distance``."""
         record, matrix = self._record(job), self.distances(job)
         if query not in matrix.index:
             raise did_you_mean("shape", query, matrix.index)
-        row = matrix.loc[query].drop(query)
+        row = matrix.loc[query].drop([] if record.keeps_same_names else query, errors="ignore")
         order = np.argsort(row.to_numpy(), kind="stable")[:count]
-        labels = dict(zip(record.shapes, record.labels, strict=True))
+        labels = dict(zip(record.sides[-1].shapes, record.sides[-1].labels, strict=True))
         shapes = [str(name) for name in row.index[order]]
         columns = {"rank": range(1, len(shapes) + 1), "shape": shapes, "class": [labels[name] for name in shapes]}
         return DataFrame(columns | {"distance": row.to_numpy()[order]})

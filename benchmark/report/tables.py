@@ -155,8 +155,8 @@ class TableView:
         Whether poses were omitted to save time.
     columns
         The columns in which some row has scores.
-    galleries
-        Labels of each gallery, by column.
+    samples
+        A record of each gallery, by column.
     rows
         All rows, in blocks; those of the paper first.
     paper
@@ -174,12 +174,17 @@ class TableView:
     title: str
     quick: bool
     columns: tuple[Column, ...]
-    galleries: Mapping[str, Sequence[Sequence[str]]]
+    samples: Mapping[str, Sequence[Record]]
     rows: tuple[Row, ...]
     paper: Mapping[str, Mapping[str, float]]
     shown: frozenset[str]
     left_out: tuple[str, ...]
     never_ran: bool = False
+
+    @property
+    def galleries(self) -> dict[str, list[list[str]]]:
+        """Classes of the queries of each gallery, by column."""
+        return {title: [*map(ranked_classes, of_column)] for title, of_column in self.samples.items()}
 
     @property
     def printed_rows(self) -> list[Row]:
@@ -192,9 +197,14 @@ class TableView:
         """Numbers of shapes and classes of the galleries of each column."""
         texts = {}
         for column in self.columns:
-            first, *others = self.galleries[column.title]
+            first, *others = self.samples[column.title]
+            classes = ranked_classes(first)
             times = f"{len(others) + 1} x " if others else ""
-            texts[column.title] = f"{times}{len(first)} shapes of {len(set(first))} classes"
+            texts[column.title] = f"{times}{len(classes)} shapes of {len(set(classes))} classes"
+            if first.against:
+                left_out, many = len(first.shapes) - len(classes), len(first.against.shapes)
+                numbers = f"{len(classes)} queries of {len(set(classes))} classes, {left_out} left out"
+                texts[column.title] = f"{numbers}, {many} shapes"
         if len(set(texts.values())) == 1:
             return next(iter(texts.values()))
         return "; ".join(f"{title}: {text}" for title, text in texts.items())
@@ -203,7 +213,7 @@ class TableView:
     def caption(self) -> str:
         """Caption with the data; it says if they are a stand-in."""
         quick = ", quick run with some of the poses" if self.quick else ""
-        named = "" if self.table.caption.endswith(f" {self.title}") else f": {self.title}"  # a folder is its own table
+        named = "" if f" {self.title}" in self.table.caption else f": {self.title}"  # a folder is its own table
         return f"{self.table.caption}{named} ({self.size}{quick})"
 
     @property
@@ -220,8 +230,8 @@ class TableView:
     def chance(self) -> dict[str, dict[str, float]]:
         """Scores of a random order, by column: means over galleries."""
         return {
-            title: {name: statistics.fmean(chance_levels(labels)[name] for labels in galleries) for name in MEASURES}
-            for title, galleries in self.galleries.items()
+            title: {name: statistics.fmean(levels[name] for levels in map(_chance, of_column)) for name in MEASURES}
+            for title, of_column in self.samples.items()
         }
 
     @property
@@ -285,16 +295,16 @@ def table_views(
     by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in records:
         name = record.data.name
-        if name not in sets if sets else changed(name):
-            continue  # the table of robustness shows changed sets
         for table in tables_of(name, fold_of(record)):
+            if name not in sets if sets else changed(name) and not table.is_cross:
+                continue  # the table of robustness shows changed sets
             if not wanted or {table.identifier, table.part_of} & wanted:
                 main = table.stand_ins[0] if name in table.stand_ins else name
                 by_table.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
     keys = sorted(by_table, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
     every = [replace(_view(table, main, by_table[table, main], shown), never_ran=paper) for table, main in keys]
-    views = [view for view in every if any(row.scored or row.failed for row in view.rows)]
+    views = [view for view in every if any(row.scored or row.failed for row in view.rows) and _is_of_table(view)]
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
 
@@ -312,6 +322,11 @@ def _marks(rivals: Sequence[Scored], p_values: NDArray[np.float64]) -> NDArray[n
     return marks
 
 
+def _is_of_table(view: TableView) -> bool:
+    """Return whether a table of queries and another gallery has more than the scores that another table shows."""
+    return not view.table.is_cross or any(of_column[0].against for of_column in view.samples.values())
+
+
 def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
     """Return whether a table that was asked for is shown on this data: where it ran here, else the official ones."""
     rivals = [other for other in views if other.table == view.table]
@@ -325,7 +340,8 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
     newest = [record for of in current.values() for record in of]
     left_out = [f"{r.method} on {r.gallery}, {r.input}" for r in records if r not in current[r.gallery]]
     sample = next((record for record in newest if record.data.name == dataset), newest[0])
-    labels = {gallery: next((ranked_classes(r.labels) for r in of if r.labels), []) for gallery, of in current.items()}
+    samples = {gallery: next((record for record in of if record.labels), of[0]) for gallery, of in current.items()}
+    labels = {gallery: ranked_classes(record) for gallery, record in samples.items()}
     quick = sample.data.quick
     galleries = {column: _galleries(table, column, dataset, labels, quick=quick) for column in table.columns}
     printed = PRINTED[table.identifier] if table.has_paper and not quick else {}
@@ -340,7 +356,7 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
     listed = _arranged(listed, order)
     titles = Counter(row.title for row in listed)
     listed = [replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row for row in listed]
-    ranked = {column: [labels[name] for name in names if name in labels] for column, names in galleries.items()}
+    ranked = {column: [samples[name] for name in names if name in samples] for column, names in galleries.items()}
     known = [column for column in table.columns if ranked[column]]
     columns = tuple(column for column in known if any(column.title in row.scored for row in listed)) or tuple(known[:1])
     return TableView(
@@ -419,10 +435,13 @@ def seen_classes(record: Record) -> set[str]:
     return {label for shape, label in zip(record.shapes, record.labels, strict=True) if shape in seen}
 
 
-def ranked_classes(labels: Sequence[str]) -> list[str]:
-    """Return the classes of the queries that have something to find: those of a class of one shape count nowhere."""
-    sizes = Counter(labels)
-    return [label for label in labels if sizes[label] > 1]
+def ranked_classes(record: Record) -> list[str]:
+    """Return the classes of the queries that have something to find; the others count nowhere."""
+    return [label for label, counts in zip(record.labels, record.are_queries, strict=True) if counts]
+
+
+def _chance(record: Record) -> dict[str, float]:
+    return chance_levels(record.labels, record.targets)
 
 
 def query_measures(records: Sequence[Record], labels: Sequence[str] = ()) -> NDArray[np.float64]:

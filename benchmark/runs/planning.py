@@ -16,11 +16,11 @@ import msgspec
 from benchmark.api.contracts import Input
 from benchmark.code_digest import ROOT, code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.pipeline.cache import Cache, Kind
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.ranking import STAGES
-from benchmark.pipeline.records import Record, Row, read_records, record_of
+from benchmark.pipeline.records import Ranked, Record, Row, read_records, record_of
 from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery, selected_galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
@@ -45,8 +45,8 @@ class Planned:
 
     Parameters
     ----------
-    job
-        The job.
+    job, against
+        The job; what it is at the shapes of the gallery, if these are not the queries.
     galleries
         The shapes, once for each table that shows them.
     record
@@ -68,6 +68,7 @@ class Planned:
     """
 
     job: Job
+    against: Job | None
     galleries: tuple[Gallery, ...]
     record: Record = field(repr=False)
     models: tuple[Path | None, ...] = field(repr=False)
@@ -78,9 +79,14 @@ class Planned:
     is_pending: bool
 
     def steps(self) -> list[Step]:
-        """Return the step at each shape."""
-        shapes = zip(self.record.shapes, self.record.keys, self.models, strict=True)
-        return [Step(self.job, shape, keys, model) for shape, keys, model in shapes]
+        """Return the step at each shape, those of the gallery behind those of the queries."""
+        jobs, models = (self.job, self.against), iter(self.models)
+        return [
+            Step(job, shape, keys, next(models))
+            for side, job in zip(self.record.sides, jobs, strict=False)
+            for shape, keys in zip(side.shapes, side.keys, strict=True)
+            if job
+        ]
 
 
 def plan_selection(
@@ -166,12 +172,21 @@ def plan(
                 continue
             rows = gallery.rows(input_, chosen, results / "models", named=are_named)
             for job in planning.jobs(gallery, input_, rows) if rows else ():
+                _check_pair(job.record)
                 first = jobs.setdefault(job.record.key, job)
                 if first is not job:
                     paths = dict.fromkeys([*first.record.data.paths, *job.record.data.paths])
                     record = _at(first.record, [*paths])
                     jobs[record.key] = replace(first, galleries=(*first.galleries, gallery), record=record)
     return list(jobs.values())
+
+
+def _check_pair(record: Record) -> None:
+    """Raise ``DatasetError`` unless another gallery has two classes, and a query another shape of its own in it."""
+    if record.against and (len(classes := {*record.against.labels}) < 2 or not any(record.are_queries)):
+        shown, there = (", ".join(sorted(names)[:3]) for names in ({*record.labels}, classes))
+        problem = f"nothing can be retrieved: queries are of {shown}, and shapes of {record.against.gallery} of {there}"
+        raise DatasetError(problem, "name the classes of both alike, and give the gallery two or more")
 
 
 @dataclass
@@ -194,33 +209,39 @@ class _Planning:
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
-        facts, preparation = gallery_facts(gallery, input_), Preparation(gallery.dataset, input_, Cache(self.results))
-        prepared = [preparation.key(entry) for entry in gallery.entries]
-        source = gallery.source
-        if is_path(source) and not is_known(source):  # workers may have another working directory
-            source = str(Path(source).absolute())
+        facts, sides = gallery_facts(gallery, input_), [self._side(gallery, input_)]
+        if gallery.against:
+            sides.append(self._side(gallery.against, gallery.against.inputs[0]))
+        source, *there = (_absolute(side.gallery.source) for side in sides)
         data_root, path = gallery.data_root and gallery.data_root.absolute(), path_of(source)
+        paths_there = [path for path in map(path_of, there) if path]
         for method in methods:
             scorer = None if method.missing_packages() or method.describes else self.scorer
             row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "")
-            earlier = _earlier(self._records.get(row, []), (facts["gallery_digest"], facts["data"]["content"]), path)
+            content = facts["gallery_digest"], facts["data"]["content"]
+            of_row = (record for record in self._records.get(row, []) if _is_against(record, paths_there, content))
+            earlier = _earlier([*of_row], content, path)
             before = earlier.record
-            state, reason, models = _obstacle(gallery, input_, method, self.results / "models")
-            seen = _seen(gallery, models)
+            obstacles = [_obstacle(side.gallery, side.input, method, self.results / "models") for side in sides]
+            state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
+            of_sides = [(side, models) for side, (*_, models) in zip(sides, obstacles, strict=True)]
+            models = [model for _, of_side in of_sides for model in of_side]
+            seen = _seen(gallery, of_sides[0][1])
             if seen and gallery.table.all_unseen:
                 state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
                 reason += "; take a model of another training"
-            key, code, parts, files = digest(["unavailable", row]), "", dict[str, str](), dict[str, list[str]]()
+            key, code, parts, files = digest(["unavailable", row]), "", dict[str, str](), [dict[str, list[str]]()] * 2
             if state is None:
                 code = digest([self._key(method), self._key(self.scorer)])
-                files = self._files(prepared, method, scorer, models)
+                files = [self._files(side.prepared, method, scorer, of_side) for side, of_side in of_sides]
                 titles = [method.title, scorer.title if scorer else ""]
-                key = digest(
-                    [row, titles, facts["gallery_digest"], [*zip(*files.values(), strict=True)], self._ranking]
-                )
-                parts = self._parts(preparation, method, scorer, models) | {"the data": facts["gallery_digest"]}
+                keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
+                key = digest([row, titles, facts["gallery_digest"], keys, self._ranking])
+                for side, of_side in reversed(of_sides):
+                    parts |= self._parts(side.preparation, method, scorer, of_side)
+                parts["the data"] = facts["gallery_digest"]
                 state, reason = _state(before, key, parts)
-            content = facts | {
+            record = facts | {
                 "data": facts["data"] | {"paths": earlier.paths},
                 "key": key,
                 "status": "unavailable",
@@ -236,16 +257,19 @@ class _Planning:
                 "models": [model.summary() for model in dict.fromkeys(filter(None, models))],
                 "seen": seen,
                 "parts": parts,
-                "files": files,
+                "files": files[0],
+                **({"against": facts["against"] | {"files": files[1]}} if there else {}),
             }
             corrections = [(record, "") for record in earlier.moved]
             if before and state in ("finished", "failed") and before.data.paths != earlier.paths:
                 corrections.append((_at(before, earlier.paths), earlier.version))
             anew = "finished" in self.rerun
+            job = Job(key, row, source, data_root, method, self.scorer, self.results, code, anew)
             yield Planned(
-                Job(key, row, source, data_root, method, self.scorer, self.results, code, anew),
+                job,
+                replace(job, source=there[0], row=row._replace(input=sides[1].input)) if there else None,
                 (gallery,),
-                record_of(content),
+                record_of(record),
                 tuple(model.folder if model else None for model in models),
                 state,
                 reason,
@@ -253,6 +277,10 @@ class _Planning:
                 corrections=tuple(corrections),
                 is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
             )
+
+    def _side(self, gallery: Gallery, input_: Input) -> _Side:
+        preparation = Preparation(gallery.dataset, input_, Cache(self.results))
+        return _Side(gallery, input_, preparation, [preparation.key(entry) for entry in gallery.entries])
 
     def _files(
         self, prepared: list[str], method: Component, scorer: Component | None, models: Models
@@ -279,6 +307,20 @@ class _Planning:
 
 def _as_json(values: Mapping[str, Any]) -> dict[str, Any]:
     return dict(json.loads(json.dumps(dict(values), default=str)))
+
+
+class _Side(NamedTuple):
+    """The queries of jobs, or their gallery if it is another one, under one input; keys of the prepared shapes."""
+
+    gallery: Gallery
+    input: Input
+    preparation: Preparation
+    prepared: list[str]
+
+
+def _absolute(source: str) -> str:
+    """Return a source for workers, which may have another working directory."""
+    return str(Path(source).absolute()) if is_path(source) and not is_known(source) else source
 
 
 class _Earlier(NamedTuple):
@@ -311,6 +353,11 @@ def _earlier(records: Sequence[Record], content: tuple[str, str], path: str) -> 
     return _Earlier(same or version, paths, version.key if version else "", moved)
 
 
+def _is_against(record: Record, paths: list[str], content: tuple[str, str]) -> bool:
+    """Return whether a record is of the same shapes, or of a gallery at the same path."""
+    return record.content == content or record.against is None or record.against.data.paths == paths
+
+
 def _without(record: Record, path: str) -> Record:
     return _at(record, [other for other in record.data.paths if other != path])
 
@@ -321,7 +368,17 @@ def _at(record: Record, paths: list[str]) -> Record:
 
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
-    """Return the fields of a record that describe the shapes of a gallery."""
+    """Return the fields of a record that describe the shapes of a gallery, or of queries and their gallery."""
+    if gallery.against:
+        queries = gallery_facts(replace(gallery, against=None), input_)
+        against = gallery_facts(gallery.against, gallery.against.inputs[0])
+        keeps, sides = gallery.table.keeps_same_names, (queries, against)
+        content = [side["data"]["content"] for side in sides]
+        data = queries["data"] | {"content": digest(content) if any(content) else ""}
+        digest_of_both = digest([keeps, *((side["gallery_digest"], side["input"]) for side in sides)])
+        return queries | {
+            "against": against, "keeps_same_names": keeps, "data": data, "gallery_digest": digest_of_both
+        }  # fmt: skip
     shapes = gallery.dataset
     content = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
     return {
@@ -430,26 +487,28 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
     unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
     sizes = dict[str, float]()
     for record in pending:
-        seconds = _seconds_a_shape(record, finished)
-        unknown += not seconds
-        for kind, keys in record.files.items():
-            of_file = seconds.get(STAGES[kind], 0.0) + (seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0)
-            spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
-            sizes |= dict.fromkeys(filter(None, keys), _SIZES[kind])
-        spent[record.key] = seconds.get(STAGES["records"], 0.0) * len(record.shapes)
+        each = [(side, _seconds_a_shape(record.method, side, finished)) for side in record.sides]
+        unknown += not all(seconds for _, seconds in each)
+        for side, seconds in each:
+            for kind, keys in side.files.items():
+                shared = seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0
+                of_file = seconds.get(STAGES[kind], 0.0) + shared
+                spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
+                sizes |= dict.fromkeys(filter(None, keys), _SIZES[kind])
+        spent[record.key] = sum(seconds.get(STAGES["records"], 0.0) * len(side.shapes) for side, seconds in each)
     return Estimate(sum(spent.values()), unknown, sum(sizes.values()) / 1e9)
 
 
-def _seconds_a_shape(job: Record, finished: Sequence[Record]) -> dict[str, float]:
+def _seconds_a_shape(method: str, side: Ranked, finished: Sequence[Record]) -> dict[str, float]:
     """Return seconds by stage; empty if they are unknown."""
-    timed = [record for record in finished if record.seconds and record.input == job.input]
-    alike = [record for record in timed if record.method == job.method]
-    alike = alike or [record for record in timed if _base(record) == _base(job)]
-    of_gallery = [record for record in alike if record.gallery == job.gallery]
+    timed = [record for record in finished if record.seconds and record.input == side.input and not record.against]
+    alike = [record for record in timed if record.method == method]
+    alike = alike or [record for record in timed if _base(record.method) == _base(method)]
+    of_gallery = [record for record in alike if record.gallery == side.gallery]
     seconds = [record.seconds for record in of_gallery[-1:] or alike]
     stages = set[str]().union(*seconds)
     return {stage: statistics.median(of_job.get(stage, 0.0) for of_job in seconds) for stage in stages}
 
 
-def _base(record: Record) -> str:
-    return record.method.partition("[")[0]
+def _base(method: str) -> str:
+    return method.partition("[")[0]

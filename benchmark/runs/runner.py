@@ -120,8 +120,8 @@ class _Run:
     def __init__(self, jobs: dict[str, Planned], results: Path) -> None:
         self.jobs, self.results = jobs, results
         self.queue = Queue(self._is_open)
-        #: Shapes without a result yet, by the key of the job.
-        self.left: dict[str, set[str]] = {}
+        #: Places of steps without a result yet, by the key of the job.
+        self.left: dict[str, set[tuple[object, ...]]] = {}
         #: Why shapes remain without one, by the key of the job.
         self.incomplete = defaultdict[str, list[str]](list)
         #: Steps, and shapes of a data set, that are tried for the second time.
@@ -147,7 +147,7 @@ class _Run:
 
     def _is_open(self, step: Step) -> bool:
         """Return whether the outcome of a step is still wanted."""
-        return step.job.key in self.jobs and (not step.shape or step.shape in self.left[step.job.key])
+        return step.job.key in self.jobs and (not step.shape or step.place in self.left[step.job.key])
 
     def _tasks(self) -> list[Task]:
         """Return a task for each shape, plugin and seed, with the steps of all jobs that lack its files."""
@@ -156,9 +156,9 @@ class _Run:
         for key, planned in self.jobs.items():
             job, steps = planned.job, planned.steps()
             missing = [step for step in steps if job.anew or not cache.has(*[*step.keys.items()][-1])]
-            self.left[key] = {step.shape for step in missing}
+            self.left[key] = {step.place for step in missing}
             for step in missing:
-                tasks[job.source, job.plugin, job.row.seed, step.shape].append(step)
+                tasks[step.job.source, job.plugin, job.row.seed, step.shape].append(step)
         return [Task(tuple(steps)) for steps in tasks.values()]
 
     def _take(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
@@ -173,7 +173,7 @@ class _Run:
         elif step.shape and outcome.status in ("ok", "refused"):
             if outcome.scope == "shape":
                 self._announce(step, outcome.reason)
-            yield from self._finish(planned, step.shape)
+            yield from self._finish(planned, step)
         else:
             yield planned, self._end(planned, step.shape, outcome)
 
@@ -185,10 +185,10 @@ class _Run:
         self.retried.add(tried)
         return is_first
 
-    def _finish(self, planned: Planned, shape: str = "") -> Iterator[tuple[Planned, Record]]:
-        """Note that a job is done with a shape; after the last one, rank its gallery or say what it lacks."""
+    def _finish(self, planned: Planned, step: Step | None = None) -> Iterator[tuple[Planned, Record]]:
+        """Note that a job is done with a step; after the last one, rank its gallery or say what it lacks."""
         left = self.left[planned.job.key]
-        left.discard(shape)
+        left -= {step.place} if step else set()
         if left:
             return
         reason, *others = dict.fromkeys(self.incomplete[planned.job.key]) or [""]
@@ -207,13 +207,10 @@ class _Run:
             self._announce(step, outcome.reason)
         if outcome.scope == "job" or not step.shape:
             self.left[step.job.key].clear()
-        same = (step.job.source, step.job.data_root, step.job.row.input)
-        for planned in [*self.jobs.values()]:
-            job = planned.job
-            is_at_shape = outcome.scope == "shape" and (job.source, job.data_root, job.row.input) == same
-            if job.key == step.job.key or (is_at_shape and step.shape in self.left[job.key]):
-                self.incomplete[job.key].append(outcome.reason)
-                yield from self._finish(planned, step.shape)
+        for key, planned in [*self.jobs.items()]:
+            if key == step.job.key or (outcome.scope == "shape" and step.place in self.left[key]):
+                self.incomplete[key].append(outcome.reason)
+                yield from self._finish(planned, step)
 
     def _announce(self, step: Step, reason: str) -> None:
         """Say once why a shape has no result."""

@@ -83,6 +83,11 @@ class Step(NamedTuple):
     def __str__(self) -> str:
         return f"{self.job.method.name}, {self.shape}" if self.shape else f"ranking {self.job.row}"
 
+    @property
+    def place(self) -> tuple[str, Path | None, Input, str]:
+        """The shape and how it is seen, for all jobs."""
+        return self.job.source, self.job.data_root, self.job.row.input, self.shape
+
 
 class Task(NamedTuple):
     """Work for one worker: all steps at one shape of a data set, or the ranking of one job.
@@ -326,7 +331,7 @@ class Work:
         content, distances = rank(record, cache, remake, comparing)
         if not distances:
             name, reason = content["unsupported"][0]
-            number = len(record.shapes)
+            number = len(content["unsupported"])
             return Outcome("unsupported", f"none of {number} shapes could be processed; {name}: {reason}")
         cache.write("records", job.key, distances)
         return Outcome("ok", content=content)

@@ -1,8 +1,9 @@
-"""Score a distance matrix: every shape is a query; with ties, scores are means over their orders."""
+"""Score a distance matrix of queries and a gallery, as a rule the same; with ties, scores are means over orders."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import bootstrap_intervals
-from benchmark.scoring.files import Orders, are_row_numbers, as_distances, as_labels
-from retrieval.measures import chance_levels, evaluate
+from benchmark.scoring.files import Labels, Orders, are_row_numbers, as_distances, as_labels
+from retrieval.measures import Targets, chance_levels, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -37,10 +38,10 @@ class Evaluation:
         One row for each measure: ``score``, the mean over queries, ``low`` and ``high``, its 95 % interval over
         classes, and ``chance``, the mean over random orders.
     queries
-        One row for each shape, under its name if it has one: ``class`` and each measure; NaN for the only shape of a
-        class.
+        One row for each query, under its name if it has one: ``class`` and each measure; NaN without another shape of
+        its class.
     distances
-        The matrix, shape (N, N), in the order of ``queries``, with a diagonal of 0.
+        The matrix, with a row for each query; if they are the gallery, with a diagonal of 0.
     notes
         How many shapes are no queries, and whether the nearest are of other classes more often than by chance.
     """
@@ -51,14 +52,14 @@ class Evaluation:
     notes: tuple[str, ...] = ()
 
 
-def score(distances: object, labels: object, order: str = "") -> Evaluation:
+def score(distances: object, labels: object, order: str = "", gallery: object = None) -> Evaluation:
     """Score distances computed by any program.
 
     Parameters
     ----------
     distances
         Shape (N, N), symmetric: an array, a pandas frame whose index and columns name the shapes, or the path of a file
-        (.npy, .npz, .txt, .csv, .mat, .matrix). The diagonal is ignored.
+        (.npy, .npz, .txt, .csv, .mat, .matrix). The diagonal is ignored. With a ``gallery``, any shape (M, N).
     labels
         Class of each shape: a list in the order of the rows, a mapping by name, or the path of a ``.cla`` file, a text
         file with lines ``label`` or ``name label``, or a folder of shapes.
@@ -66,6 +67,8 @@ def score(distances: object, labels: object, order: str = "") -> Evaluation:
         Order of rows without names: ``"list"`` or ``"number"`` of a ``.cla`` file, ``"listing"`` (as Python sorts) or
         ``"natural"`` (cat2 before cat10) of a folder. It is needed where they differ, but for ``.matrix`` files, which
         follow the list.
+    gallery
+        Class of each column, given like the labels, if rows are queries of another gallery; nothing is left out of it.
 
     Returns
     -------
@@ -87,34 +90,60 @@ def score(distances: object, labels: object, order: str = "") -> Evaluation:
     """
     from pandas import DataFrame
 
-    matrix, names, classes = _joined(distances, labels, order)
+    matrix, sides = _joined(distances, order, [labels] if gallery is None else [labels, gallery])
+    names, classes = sides[0]
+    targets = None if gallery is None else Targets(sides[1][1])
     diagonal = matrix.diagonal().copy()
-    np.fill_diagonal(matrix, 0)
+    if targets is None:
+        np.fill_diagonal(matrix, 0)
     _check(matrix)
-    scores = evaluate(matrix, classes)
+    scores = evaluate(matrix, classes, targets=targets)
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
     of_queries = [label for label, counts in zip(classes, is_query, strict=True) if counts]
     ends = bootstrap_intervals(values[is_query], of_queries, LEVEL)
-    columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes)}
+    chance = chance_levels(classes, targets)
+    columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance}
     table = DataFrame(columns, index=list(scores.means))
     is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"] - _ROUNDING)
-    is_farthest = np.isfinite(diagonal).all() and (diagonal >= matrix.max(axis=1)).all() and diagonal.min() > 0
-    if is_farthest and np.unique(matrix).size > 2 and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
-        hint = "pass distances, not similarities; set the diagonal of distances to 0"
-        raise ConfigurationError("each shape is farthest from itself", hint)
+    if targets is None and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
+        _check_diagonal(diagonal, matrix)
     queries = DataFrame({"class": classes, **scores.per_query}, index=list(names) or None).rename_axis("shape")
     n_lone = scores.lone_queries
     lone = f"ranked, but no queries: {n_lone} of {len(matrix)} shapes (alone in their class, or of class -1)"
+    if targets is not None:
+        lone = f"{len(matrix) - n_lone} queries; {n_lone} left out, as the gallery has no shape of their class"
     if is_reversed:
         warnings.warn(_REVERSED, stacklevel=2)
-    return Evaluation(table, queries, matrix, (*[lone] * bool(n_lone), *[_REVERSED] * is_reversed))
+    is_said = bool(n_lone) or targets is not None
+    return Evaluation(table, queries, matrix, (*[lone] * is_said, *[_REVERSED] * is_reversed))
 
 
-def _joined(distances: object, labels: object, order: str) -> tuple[NDArray[np.float64], tuple[str, ...], list[str]]:
-    """Return distances with the name and class of each shape, joined by name if both have names; () without names."""
-    given, orders = as_labels(labels)
-    matrix, names = as_distances(distances, len(given))
+_Side = tuple[tuple[str, ...], list[str]]
+
+
+def _joined(distances: object, order: str, labels: Sequence[object]) -> tuple[NDArray[np.float64], list[_Side]]:
+    """Return distances with the names and classes of their rows, and of their columns if these are others."""
+    sides = [as_labels(of_side) for of_side in labels]
+    matrix, *names = as_distances(distances, *(len(given) for given, _ in sides))
+    known = dict.fromkeys(name for _, orders in sides for name in orders)
+    if order and order not in known:
+        if not any(isinstance(given, dict) for given, _ in sides):
+            raise ConfigurationError(f"labels without names have no order '{order}'", "omit the order")
+        raise did_you_mean("order of these labels", order, known)
+    is_psb = isinstance(distances, str | Path) and Path(distances).suffix.lower() == ".matrix"
+    joined = list[_Side]()
+    for (given, orders), of_side, what, count in zip(sides, names, ("rows", "columns"), matrix.shape, strict=False):
+        default = "list" if is_psb and "list" in orders else ""
+        joined.append(side := _side(given, orders, of_side, order if order in orders else default))
+        if len(side[1]) != count or len(set(side[0])) < len(side[0]):
+            problem = f"there are {count} {what} of distances and {len(side[1])} labels, or a name appears twice"
+            raise ConfigurationError(problem, "pass one label for each shape, and no header")
+    return matrix, joined
+
+
+def _side(given: Labels, orders: Orders, names: tuple[str, ...], order: str) -> _Side:
+    """Return the names and classes of rows or columns, joined by name if both have names; () without names."""
     if names and are_row_numbers(names):
         if isinstance(given, dict) and {*given} == {*names}:
             orders = {"list": list(given), "number": names, **orders}
@@ -123,21 +152,12 @@ def _joined(distances: object, labels: object, order: str) -> tuple[NDArray[np.f
         if unknown := [name for name in names if name not in given]:
             problem = f"shapes without a label: {len(unknown)}, the first is '{unknown[0]}'"
             raise ConfigurationError(problem, f"use the names of the labels: {', '.join(list(given)[:3])} ...")
-        is_psb = isinstance(distances, str | Path) and Path(distances).suffix.lower() == ".matrix"
-        names = names or _ordered(orders or {"": list(given)}, order or ("list" if is_psb and "list" in orders else ""))
-    elif order:
-        raise ConfigurationError(f"labels without names have no order '{order}'", "omit the order")
-    classes = [given[name] for name in names] if isinstance(given, dict) else given
-    if len(classes) != len(matrix) or len(set(names)) < len(names):
-        problem = f"there are {len(matrix)} rows of distances and {len(classes)} labels, or a name appears twice"
-        raise ConfigurationError(problem, "pass one label for each shape, and no header")
-    return matrix, names, classes
+        names = names or _ordered(orders or {"": list(given)}, order)
+    return names, [given[name] for name in names] if isinstance(given, dict) else given
 
 
 def _ordered(orders: Orders, order: str) -> tuple[str, ...]:
     """Return the names of rows that have none, in the order that is named, or in which all agree."""
-    if order and order not in orders:
-        raise did_you_mean("order of these labels", order, filter(None, orders))
     first, *others = [orders[order]] if order else orders.values()
     for row, names in enumerate(zip(first, *others, strict=True)):
         if len({*names}) > 1:
@@ -149,8 +169,16 @@ def _ordered(orders: Orders, order: str) -> tuple[str, ...]:
     return tuple(first)
 
 
+def _check_diagonal(diagonal: NDArray[np.float64], matrix: NDArray[np.float64]) -> None:
+    """Raise ``ConfigurationError`` if distances, with the diagonal that they had, seem to be similarities."""
+    is_farthest = np.isfinite(diagonal).all() and (diagonal >= matrix.max(axis=1)).all() and diagonal.min() > 0
+    if is_farthest and np.unique(matrix).size > 2:
+        hint = "pass distances, not similarities; set the diagonal of distances to 0"
+        raise ConfigurationError("each shape is farthest from itself", hint)
+
+
 def _check(values: NDArray[np.float64]) -> None:
-    """Raise ``ConfigurationError`` if a distance off the diagonal, which is 0, is not finite or negative."""
+    """Raise ``ConfigurationError`` if a distance is not finite or negative."""
     if len(wrong := np.argwhere(~np.isfinite(values))):
         row, column = wrong[0] + 1
         problem = f"distances are NaN or infinite, the first in row {row}, column {column}"

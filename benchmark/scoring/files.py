@@ -30,10 +30,11 @@ _NUMERALS = b"0123456789.,;+-eEinfaN \t\r\n"
 #: Smallest distance of a file in the right order of bytes.
 _SMALLEST = 1e-30
 
+Labels = dict[str, str] | list[str]
 Orders = Mapping[str, Sequence[str]]
 
 
-def as_labels(labels: Any) -> tuple[dict[str, str] | list[str], Orders]:
+def as_labels(labels: Any) -> tuple[Labels, Orders]:
     """Return the class of each shape, by name if the shapes have names, and the orders that their rows may have.
 
     Parameters
@@ -56,7 +57,7 @@ def as_labels(labels: Any) -> tuple[dict[str, str] | list[str], Orders]:
     return [str(label) for label in labels], {}
 
 
-def _read_labels(path: Path) -> tuple[dict[str, str] | list[str], Orders]:
+def _read_labels(path: Path) -> tuple[Labels, Orders]:
     if path.is_dir():
         return _folder_labels(path)
     if path.suffix.lower() == ".cla":
@@ -88,49 +89,60 @@ def _folder_labels(folder: Path) -> tuple[dict[str, str], Orders]:
     return labels, orders
 
 
-def as_distances(distances: object, count: int = 0) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Return a matrix of distances and the names of its rows, () if they have none.
+def as_distances(
+    distances: object, count: int = 0, n_columns: int = 0
+) -> tuple[NDArray[np.float64], tuple[str, ...], tuple[str, ...]]:
+    """Return a matrix of distances and the names of its rows and columns, () if they have none.
 
     Parameters
     ----------
     distances
-        A path, an array, or a pandas frame whose index or columns name the shapes. Its diagonal may hold anything.
-    count
-        Number of labels, which decides if the first row and column of a text file may be names or distances.
+        A path, an array, or a pandas frame whose index or columns name the shapes. The diagonal of a square matrix may
+        hold anything.
+    count, n_columns
+        Numbers of labels, which decide if the first row and column of a text file may be names or distances; 0 columns
+        for a square matrix.
 
     Raises
     ------
     ConfigurationError
-        If a file cannot be read, or they are not one N x N matrix of real numbers.
+        If a file cannot be read, or they are not one matrix of real numbers, N x N if it has to be square.
     """
-    content: Any = _read(Path(distances), count) if isinstance(distances, str | Path) else distances
+    content: Any = _read(Path(distances), count, n_columns) if isinstance(distances, str | Path) else distances
     what = str(distances) if isinstance(distances, str | Path) else "the distances"
-    names: tuple[str, ...] = ()
+    rows, columns = tuple[str, ...](), tuple[str, ...]()
     if hasattr(content, "columns"):
-        content, names = _without_names(content)
+        content, rows, columns = _without_names(content, is_square=not n_columns)
     if isinstance(content, np.ma.MaskedArray):
         content = np.ma.filled(content.astype(np.float64), np.nan)
     try:
         matrix = np.array(content)
         if matrix.ndim == 2 and matrix.dtype.kind == "O":
-            np.fill_diagonal(matrix, 0)
+            if not n_columns:
+                np.fill_diagonal(matrix, 0)
             matrix = matrix.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise ConfigurationError(f"{what}: not a matrix of numbers: {one_line(error)}", _HINT) from error
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size or matrix.dtype.kind not in "iufb":
-        raise ConfigurationError(f"{what}: an array of shape {matrix.shape}, {matrix.dtype}, is no N x N matrix", _HINT)
-    return matrix.astype(np.float64), names
+    is_matrix = matrix.ndim == 2 and (n_columns or matrix.shape[0] == matrix.shape[1])
+    if not is_matrix or not matrix.size or matrix.dtype.kind not in "iufb":
+        kind = "M x N" if n_columns else "N x N"
+        raise ConfigurationError(
+            f"{what}: an array of shape {matrix.shape}, {matrix.dtype}, is no {kind} matrix", _HINT
+        )
+    return matrix.astype(np.float64), rows, columns
 
 
-def _without_names(frame: Any) -> tuple[Any, tuple[str, ...]]:
-    """Return the values of a frame, with columns in the order of the rows, and the names of the rows."""
+def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
+    """Return the values of a frame and the names of rows and columns; if it is square, columns in their order."""
     rows, columns = ([str(name) for name in axis] for axis in (frame.index, frame.columns))
+    if not is_square:
+        return frame.to_numpy(), tuple(rows), tuple(columns)
     rows, columns = columns if are_row_numbers(rows) else rows, rows if are_row_numbers(columns) else columns
     if sorted(rows) != sorted(columns) or len({*rows}) < len(rows):
         problem = "rows and columns of the distances have different names, or a name appears twice"
         raise ConfigurationError(problem, "name both like the shapes")
     places = {name: place for place, name in enumerate(columns)}
-    return frame.to_numpy()[:, [places[name] for name in rows]], tuple(rows)
+    return frame.to_numpy()[:, [places[name] for name in rows]], tuple(rows), tuple(rows)
 
 
 def are_row_numbers(names: Sequence[str]) -> bool:
@@ -138,7 +150,7 @@ def are_row_numbers(names: Sequence[str]) -> bool:
     return any([*names] == [str(number) for number in range(first, first + len(names))] for first in (0, 1))
 
 
-def _read(path: Path, count: int) -> Any:
+def _read(path: Path, count: int, n_columns: int) -> Any:
     suffix = path.suffix.lower()
     with named_errors(path, "matrix of distances", ConfigurationError, _HINT):
         if path.stat().st_size > _LARGEST:
@@ -156,26 +168,25 @@ def _read(path: Path, count: int) -> Any:
                     raise ConfigurationError(_TOO_LARGE, _HINT)
                 return archive[name]
         if suffix == ".mat":
-            return _read_mat(path)
+            return _read_mat(path, (count, n_columns))
         if suffix == ".matrix" and path.read_bytes().translate(None, _NUMERALS):
-            return _read_psb(path)
-        return _read_text(_lines(path), count)
+            return _read_psb(path, (count, n_columns))
+        return _read_text(_lines(path), (count, n_columns))
 
 
-def _read_mat(path: Path) -> Any:
+def _read_mat(path: Path, size: tuple[int, int]) -> Any:
     from scipy.io import loadmat
 
     found = {name: value for name, value in loadmat(path).items() if isinstance(value, np.ndarray)}
     real = {name: value.shape for name, value in found.items() if value.dtype.kind in "iuf" and value.size > 1}
-    square = [name for name, shape in real.items() if shape == shape[:1] * 2]
-    return found[_only(square)]  # all variables were read, which finds where the file is cut
+    fitting = [name for name, shape in real.items() if shape == (size if size[1] else shape[:1] * 2)]
+    return found[_only(fitting)]  # all variables were read, which finds where the file is cut
 
 
-def _read_psb(path: Path) -> NDArray[np.float32]:
+def _read_psb(path: Path, size: tuple[int, int]) -> NDArray[np.float32]:
     """Read the distances of the tools of the Princeton Shape Benchmark: N x N floats, rows in the order of the list."""
     content = path.read_bytes()
-    count = math.isqrt(len(content) // 4)
-    matrix = np.frombuffer(content, dtype="<f4").reshape(count, count)
+    matrix = np.frombuffer(content, dtype="<f4").reshape(size if size[1] else (math.isqrt(len(content) // 4),) * 2)
     if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
         raise ConfigurationError(f"it has numbers below {_SMALLEST}", "write it with the lowest byte first")
     return matrix
@@ -189,13 +200,14 @@ def _only(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else "distances"
 
 
-def _read_text(lines: Sequence[str], count: int) -> Any:
+def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
     """Read numbers, with or without names in the first row, in the first column, or in both."""
     from pandas import DataFrame
 
+    count, n_columns = size
     try:
         matrix = np.loadtxt(lines, delimiter=_separator(lines), ndmin=2)  # the fast way, for most files
-        if matrix.shape[0] == matrix.shape[1]:
+        if matrix.shape == (size if n_columns else matrix.shape[:1] * 2):
             return matrix
     except ValueError:
         pass
@@ -207,7 +219,10 @@ def _read_text(lines: Sequence[str], count: int) -> Any:
         if len(row) != width:
             raise ConfigurationError(f"row {number} has length {len(row)}, not {width}", _HINT)
     inner = any(_is_number(row[place]) for place, row in enumerate(rows) if 0 < place < width)
-    if len(rows) == width:  # if numbers may be names or distances, the corner or else the number of labels decides
+    if n_columns:
+        top = len(rows) == count + 1 or not all(map(_is_number, rows[0][1:]))
+        left = width == n_columns + 1 or not all(_is_number(row[0]) for row in rows[1:])
+    elif len(rows) == width:  # if numbers may be names or distances, the corner or else the number of labels decides
         top = left = not _is_number(rows[0][0]) and (inner or count == width - 1)
     else:
         top, left = len(rows) == width + 1, len(rows) == width - 1

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.stages import compute_distances
 from benchmark.registry import select_one
 from retrieval import codebook
 from retrieval.clock import count_words, match
@@ -60,6 +61,31 @@ def test_a_mirror_image_is_another_form_unless_allowed(figures):
     assert (allowed == allowed.T).all()
     assert (np.diag(allowed) == 0).all()
     assert (allowed <= plain).all()
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_queries_depend_on_the_gallery_alone(figures, mirrored):
+    scorer = CMBOF(n_words=50, image_size=64, subdivisions=1, allow_mirror=mirrored)
+    *gallery, first, second = (signature(scorer, mesh) for mesh in figures)
+    both = compute_distances(scorer, gallery, 1, [first, second])
+    assert (compute_distances(scorer, gallery, 1, [second]) == both[1:]).all()
+    assert (compute_distances(scorer, gallery[::-1], 1, [second, first])[::-1, ::-1] == both).all()
+    assert (scorer.compare_to([*gallery], gallery, 1) == scorer.compare(gallery, 1)).all()
+    assert (scorer.compare([*gallery, first], 1)[-1, :-1] != both[0]).any(), "its features are among the words"
+
+
+def test_scorers_that_only_compare_all_pairs_see_one_query_at_a_time():
+    seen = []
+
+    class Pairs:
+        info, signature = SMALL.info, SMALL.signature
+
+        def compare(self, signatures, draw):
+            seen.append(signatures)
+            return np.abs(np.subtract.outer(signatures, signatures)) * (draw + 1)
+
+    assert compute_distances(Pairs(), [1.0, 5.0], 1, [2.0, 9.0]).tolist() == [[2, 6], [16, 8]]
+    assert seen == [[1, 5, 2], [1, 5, 9]]
 
 
 @pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18)])

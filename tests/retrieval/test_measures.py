@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sklearn.metrics import average_precision_score, ndcg_score
 
 from benchmark.errors import ConfigurationError
-from retrieval.measures import MEASURES, chance_levels, evaluate
+from retrieval.measures import MEASURES, Targets, chance_levels, evaluate
 
 
 def one_query(relevance, keys=None):
@@ -142,3 +142,44 @@ def test_refusing_never_beats_the_same_shapes_answered_and_far_away(seed, ties):
 def test_faults_are_named(distances, labels, message):
     with pytest.raises(ConfigurationError, match=message):
         evaluate(distances, labels)
+
+
+def by_definition(distances, labels, targets, answered):
+    """NN, FT, ST and DCG of each query, the mean over all orders of what ties; what has no result ties at the end."""
+    found = []
+    for query, label in enumerate(labels):
+        row = np.full(len(targets.labels), np.inf)
+        row[targets.answered] = distances[answered.index(query)] if query in answered else np.nan
+        others = [place for place in range(len(row)) if place != targets.own[query]]
+        c, orders = sum(targets.labels[place] == label for place in others), []
+        for order in permutations(others):
+            g = np.array([targets.labels[place] == label for place in sorted(order, key=lambda place: row[place])])
+            w = 1 / np.log2(np.maximum(np.arange(1, len(g) + 1), 2))
+            orders.append(
+                [g[0], g[:c].mean(), g[: min(2 * c, len(g))].sum() / c, w @ g / w[:c].sum()] if c else [np.nan] * 4
+            )
+        found.append(np.mean(orders, axis=0) * (query in answered))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_queries_of_another_gallery_are_scored_by_the_definition(seed):
+    random = np.random.default_rng(seed)
+    labels, of_gallery = [*"aabz"], random.permutation([*"aabbc"]).tolist()
+    answered = sorted(random.permutation(4)[: random.integers(2, 5)].tolist())
+    known = sorted(random.permutation(5)[: random.integers(2, 6)].tolist())
+    targets = Targets(of_gallery, random.integers(-1, 5, 4), known)
+    distances = random.integers(0, 4, (len(answered), len(known))).astype(float)
+    scores, names = evaluate(distances, labels, answered, targets), [*MEASURES][:4]
+    expected = by_definition(distances, labels, targets, answered)
+    np.testing.assert_allclose(np.transpose([scores.per_query[name] for name in names]), expected, atol=1e-12)
+    np.testing.assert_allclose([scores.means[name] for name in names], np.nanmean(expected, axis=0))
+    assert scores.lone_queries == np.isnan(expected[:, 0]).sum() >= 1
+    tied = by_definition(np.zeros((4, 5)), labels, Targets(of_gallery, targets.own, range(5)), range(4))
+    levels = chance_levels(labels, targets)
+    np.testing.assert_allclose([levels[name] for name in names], np.nanmean(tied, axis=0))
+
+
+def test_queries_without_a_class_in_the_gallery_are_refused():
+    with pytest.raises(ConfigurationError, match="no query has a shape of its class in the gallery"):
+        evaluate(np.zeros((1, 2)), ["a"], targets=Targets(["a", "b"], [0]))

@@ -21,7 +21,7 @@ def gallery(folder: Path | str) -> Any:
     shapes = open_dataset(str(folder))
     return SimpleNamespace(
         table=SimpleNamespace(all_unseen=False), name=shapes.name, source=str(folder), dataset=shapes,
-        entries=shapes.shapes, quick=False,
+        entries=shapes.shapes, quick=False, against=None,
         inputs=("mesh", "view"), data_root=None,
         rows=lambda input_, methods, folder, named: methods, models=lambda method, folder: {},
     )  # fmt: skip
