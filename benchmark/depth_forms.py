@@ -23,7 +23,7 @@ from benchmark.registry import Component, select_one
 #: Size in metres below which an object is hardly a person.
 _SMALLEST_PERSON = 1.0
 
-__all__ = ["canonical_form_of_depth", "form_of_object", "method_of_depth"]
+__all__ = ["canonical_form_of_depth", "form_of_object", "method_of_depth", "small_for_person"]
 
 
 def canonical_form_of_depth(
@@ -136,10 +136,15 @@ def form_of_object(
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
     form = form_with_fit(maker, shape, observed.notes)
-    if people_training(maker) and float(size := observed.notes["size"]) < _SMALLEST_PERSON:
-        doubts = [f"{size} m is small for a person, so the depth scale may be wrong", form.notes.get("doubt")]
-        return replace(form, notes={**form.notes, "doubt": "; ".join(str(doubt) for doubt in doubts if doubt)})
-    return form
+    doubts = [str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt]
+    return replace(form, notes={**form.notes, "doubt": "; ".join(doubts)}) if doubts else form
+
+
+def small_for_person(shape: Shape, model: object) -> str:
+    """Return a warning if a view in metres is small and a model, or that in a folder, was shown people alone; or ""."""
+    size = float(np.ptp(shape.mesh.vertices, axis=0).max() * np.sqrt(shape.source_area or 0.0))
+    is_small = people_training(model) and size < _SMALLEST_PERSON
+    return f"{size:.2g} m is small for a person, so the depth scale may be wrong" if is_small else ""
 
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:

@@ -22,7 +22,7 @@ from benchmark.datasets.frames import frame_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth
+from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth, small_for_person
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.interpolation import interpolate, vertex_normals
@@ -222,6 +222,8 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     else:
         shape = _query_shape(query, preparation, options, of_gallery=bool(itself))
     maker, record = _with_model(component, job, [entry.identifier for entry in itself]), job.before or job.record
+    if is_depth_file(query) and (doubt := small_for_person(shape, maker)):
+        say(f"{query}: {doubt}", err=True)
     nearest = search(options.results, record, shape, maker, scorer.create(), [entry.identifier for entry in itself])
     hits = nearest.hits[:k]
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]

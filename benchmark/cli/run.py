@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -14,11 +14,14 @@ from benchmark.cli.progress import Bar, counting
 from benchmark.cli.results import outcome, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.folder import skipped_files
+from benchmark.depth_forms import small_for_person
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
+from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.stages import shape_of
 from benchmark.protocols.galleries import selected_galleries
 from benchmark.protocols.tables import TABLES, Table, own_table
 from benchmark.registry import by_name, select_one
@@ -114,6 +117,8 @@ def run(
             fine &= record.status == "ok"
     if any(record.traceback for record in ended.values()):
         say("'plan --traceback', with the same selection, prints errors in full", err=True)
+    for line in _small_for_people(jobs):
+        say(line, err=True)
     records = with_results(records, jobs, ended)
     if selection.subjects:  # tables show whole galleries
         for record in _records_of(jobs, records):
@@ -200,6 +205,20 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
     for folder in dict.fromkeys(job.galleries[0].source for job in jobs if not is_known(job.galleries[0].source)):
         if Path(folder).is_dir() and (unread := skipped_files(Path(folder))):
             say(f"{folder}: skipped {len(unread)} point clouds, such as {unread[0].name}; see 'data check'", err=True)
+
+
+def _small_for_people(jobs: Sequence[Planned]) -> Iterator[str]:
+    """Warn of depth images of objects that are small for the people that a network was trained on."""
+    for job in jobs:
+        if not (job.galleries[0].dataset.observe and any(job.models) and job.record.files):
+            continue
+        doubts = list[str]()
+        for step in job.steps():
+            arrays = Cache(step.job.results).read("prepared", step.keys["prepared"], ("depth",)) or {}
+            doubt = small_for_person(shape_of(arrays, step.shape), step.model) if "vertices" in arrays else ""
+            doubts += [f"{step.shape}: {doubt}"] * bool(doubt)
+        if doubts:
+            yield f"{job.record.method}: {len(doubts)} of {len(job.record.shapes)} objects are small; {doubts[0]}"
 
 
 def _summary(jobs: Sequence[Planned]) -> list[str]:

@@ -173,9 +173,9 @@ def with_model(spec: Component) -> Any:
     return method.load(folder)
 
 
-def people_training(method: object) -> str:
-    """Return the training of a method's default model if it shows people alone; else ""."""
-    folder = getattr(method, "model_folder", None)
+def people_training(folder: object) -> str:
+    """Return the training of the model in a folder, or of a method's, if it shows people alone; else ""."""
+    folder = getattr(folder, "model_folder", folder)
     training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
     return training.name if training and training.dataset.partition("[")[0] in _PEOPLE else ""
 
