@@ -1,4 +1,4 @@
-"""Training of a model from training data into a folder: options, pairs, network, pictures and card."""
+"""Training of a model from training data into a folder: options, pairs, network and card."""
 
 from __future__ import annotations
 
@@ -17,24 +17,22 @@ from benchmark.api.learning import CARD, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores
-from learned import pictures
 from learned.methods import TRAINABLE_AT
-from learned.models import CONFIGURATIONS, Configuration, hardware, load, save
+from learned.models import CONFIGURATIONS, hardware, load, save
 from learned.pairs import Pairs, gather
 from learned.paper_network import RESOLUTIONS
 from learned.training import CHECKPOINT, Device, Schedule, device_named, differences, fit, measures, resolved
 
 SAMPLES = 60
-"""Pairs of each kind that are predicted for pictures and measures at the end."""
+"""Pairs of each kind that are predicted for measures at the end."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """Device and threads of a training, and the folder of a model whose weights it begins with."""
+    """Device and threads of a training."""
 
     device: Device = "auto"
     threads: Annotated[int, Interval(1)] | None = None
-    init: str = ""
 
 
 def train(
@@ -53,9 +51,8 @@ def train(
     if schedule.resolution not in RESOLUTIONS:
         hint = f"pass -o resolution=N, {RESOLUTIONS[0]} to {RESOLUTIONS[-1]}"
         raise ConfigurationError(f"the network has no resolution {schedule.resolution}", hint)
-    words = schedule.in_words() + (f", from {machine.init}" if machine.init else "")
-    network, init = _initial(configuration, seed, machine.init)
-    recipe = asdict(schedule) | {"seed": seed, "init": init, "shapes": list(data.identifiers)}
+    words, network = schedule.in_words(), configuration.build(seed)
+    recipe = asdict(schedule) | {"seed": seed, "shapes": list(data.identifiers)}
     _check_finished(folder, recipe)
     torch.set_num_threads(machine.threads or available_cores())
     say(f"training '{name}', seed {seed}: {words}; {data.title}")
@@ -66,16 +63,14 @@ def train(
         return
     unseen = gather(data.validation(), data.n_validation, schedule.resolution, configuration.crop)
     folder.mkdir(parents=True, exist_ok=True)
-    history = fit(network, pairs, unseen, schedule, folder, seed=seed, init=init, device=device, log=say)
+    history = fit(network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say)
     network = network.cpu().eval()
-    title = f"{name}, seed {seed}, {data.name}"
     facts = {
         "seed": seed,
-        "init": init,
         "data_digest": recipe["images"],
         "schedule_in_words": f"{words}, {hardware(device)}",
-        "training_measures": _sampled(network, pairs, folder / "samples-training.png", f"{title}: training pairs"),
-        "validation_measures": _sampled(network, unseen, folder / "samples-validation.png", f"{title}: validation"),
+        "training_measures": _measured(network, pairs),
+        "validation_measures": _measured(network, unseen),
     }
     save(network, configuration, data, schedule, history, folder, facts)
     load(folder)
@@ -83,26 +78,12 @@ def train(
     say(f"finished; the losses of the last epoch are {json.dumps(history[-1])}")
 
 
-def _initial(configuration: Configuration, seed: int, folder: str) -> tuple[nn.Module, str]:
-    """Return the network with random weights or those of the model in a folder, and the digest of the latter."""
-    network = configuration.build(seed)
-    if not folder:
-        return network, ""
-    trained, card = load(Path(folder))
-    try:
-        network.load_state_dict(trained.state_dict())
-    except RuntimeError as error:
-        problem = f"the model in {folder} is of network '{card.configuration.name}', not '{configuration.name}'"
-        raise ConfigurationError(problem, "begin with a model of the same network") from error
-    return network, card.digest
-
-
 def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     """Return whether a folder holds a finished model; raise ``ConfigurationError`` if it is of another recipe."""
     if not (folder / CARD).is_file():
         return False
-    card = {"init": ""} | json.loads((folder / CARD).read_bytes())
-    facts = {"seed": "seed", "init": "init", "shapes": "identifiers", "images": "data_digest"}
+    card = json.loads((folder / CARD).read_bytes())
+    facts = {"seed": "seed", "shapes": "identifiers", "images": "data_digest"}
     known = {name: card.get(fact) for name, fact in facts.items() if name in recipe}
     if changed := differences((card.get("schedule") or {}) | known, recipe):
         problem = f"{folder} holds a finished model of another training, with another {changed}"
@@ -111,10 +92,8 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
 
 
 @torch.inference_mode()
-def _sampled(network: nn.Module, pairs: Pairs, picture: Path, title: str) -> dict[str, float]:
-    """Draw some predictions of the finished network, and return their measures."""
+def _measured(network: nn.Module, pairs: Pairs) -> dict[str, float]:
+    """Return the measures of some predictions of the finished network."""
     rows = torch.from_numpy(np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(np.int64))
     images, targets = pairs[rows]
-    predictions = torch.cat([network(image[None]) for image in images])
-    pictures.draw_samples([pairs.names[row] for row in rows], images, predictions, targets, picture, title)
-    return measures(predictions, targets)
+    return measures(torch.cat([network(image[None]) for image in images]), targets)

@@ -140,7 +140,6 @@ def fit(
     seed: int,
     device: torch.device,
     log: Callable[[str], None],
-    init: str = "",
 ) -> History:
     """Train a network in place; on the same machine, an interrupted training ends with the same weights.
 
@@ -160,8 +159,6 @@ def fit(
         Device to compute on.
     log
         Called with a line of progress every 20 seconds.
-    init
-        Digest of the model with whose weights the network begins.
 
     Returns
     -------
@@ -178,7 +175,7 @@ def fit(
     network.to(device, memory_format=torch.channels_last)
     state = _State(network, torch.optim.Adam(network.parameters(), lr=schedule.learning_rate), folder / CHECKPOINT)
     release = torch.__version__.partition("+")[0]  # a training may go on with another build
-    state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "init": init, "torch": release})
+    state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "torch": release})
     if state.epoch or state.step:
         log(f"going on after epoch {state.epoch} of {schedule.epochs}")
     pairs, validation = pairs.to(device), validation.to(device) if validation else None

@@ -183,7 +183,7 @@ def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
         turned = _rounded(centred.with_vertices(centred.vertices @ ROTATIONS[name](centred).T))
         if len(candidates) == 1:
             return turned
-        pixels = int((render(turned, image_size, view_sphere(0), slice(0, 6, 2)) != BACKGROUND).sum())
+        pixels = int((render(turned, image_size, view_sphere(0))[::2] != BACKGROUND).sum())
         if pixels <= fewest * (1.0 + EQUALLY_LARGE):
             best, fewest = turned, pixels
     return best

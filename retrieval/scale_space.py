@@ -117,25 +117,10 @@ def _convolve(
     own, total = source[start : start + count], target[begin : begin + count]
     for x in range(count):
         total[x] = kernel[0] * own[x]
-    j = 1
-    while j + 4 < size:  # sums that are written for each weight would take twice as long
-        a, b, c, d, e = kernel[j], kernel[j + 1], kernel[j + 2], kernel[j + 3], kernel[j + 4]
-        a0, a1 = source[start - j * step :], source[start + j * step :]
-        b0, b1 = source[start - (j + 1) * step :], source[start + (j + 1) * step :]
-        c0, c1 = source[start - (j + 2) * step :], source[start + (j + 2) * step :]
-        d0, d1 = source[start - (j + 3) * step :], source[start + (j + 3) * step :]
-        e0, e1 = source[start - (j + 4) * step :], source[start + (j + 4) * step :]
+    for j in range(1, size):
+        before, after = source[start - j * step :], source[start + j * step :]
         for x in range(count):
-            subtotal = total[x] + a * (a0[x] + a1[x]) + b * (b0[x] + b1[x])
-            total[x] = subtotal + c * (c0[x] + c1[x]) + d * (d0[x] + d1[x]) + e * (e0[x] + e1[x])
-        j += 5
-    while j < size:  # a last weight that is missing is 0
-        a, b = kernel[j], kernel[j + 1]
-        a0, a1 = source[start - j * step :], source[start + j * step :]
-        b0, b1 = source[start - (j + 1) * step :], source[start + (j + 1) * step :]
-        for x in range(count):
-            total[x] = total[x] + a * (a0[x] + a1[x]) + b * (b0[x] + b1[x])
-        j += 2
+            total[x] = total[x] + kernel[j] * (before[x] + after[x])
 
 
 @njit(cache=True, nogil=True)

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmark.geometry.mesh import Mesh, edges_of
-from benchmark.geometry.rasterise import NOT_BEHIND, draw_triangles
+from benchmark.geometry.rasterise import draw_triangles
 
 BACKGROUND = 1.0
 
@@ -98,7 +98,7 @@ def _cube_rotations() -> NDArray[np.float64]:
 CUBE_ROTATIONS = _cube_rotations()
 
 
-def render(mesh: Mesh, size: int, sphere: ViewSphere, views: slice = slice(None)) -> NDArray[np.float32]:
+def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
     """Render depth images of a form inside the unit sphere.
 
     Each camera is orthographic over [-1, 1] x [-1, 1]; its eye lies on the unit sphere and looks at the origin with
@@ -112,8 +112,6 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere, views: slice = slice(None)
         Height and width of each image in pixels.
     sphere
         View directions.
-    views
-        Slice of the views to render.
 
     Returns
     -------
@@ -126,13 +124,8 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere, views: slice = slice(None)
     Lian, Godil, Sun, Xiao, "CM-BOF: visual similarity-based 3D shape retrieval using Clock Matching and
     Bag-of-Features", Machine Vision and Applications 24, 2013.
     """
-    chosen, opposite = np.arange(len(sphere.directions))[views].tolist(), sphere.opposite
-    rows = {view: row for row, view in enumerate(chosen)}
-    fronts = [view for view in chosen if not opposite[view] < view or opposite[view] not in rows]
-    # The image of each view, and that of its opposite view, or -1 if that is not wanted.
-    sides = np.array([(rows[view], rows.get(opposite[view], -1)) for view in fronts], dtype=np.int64)
-    images = np.full((len(chosen), size, size), BACKGROUND, dtype=np.float32)
-    _draw_views(mesh.vertices, mesh.faces, sphere.cameras[fronts], sides, images, NOT_BEHIND)
+    images = np.full((len(sphere.directions), size, size), BACKGROUND, dtype=np.float32)
+    _draw_views(mesh.vertices, mesh.faces, sphere.cameras, sphere.opposite, images)
     return images
 
 
@@ -141,18 +134,17 @@ def _draw_views(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     cameras: NDArray[np.float64],
-    sides: NDArray[np.int64],
+    opposite: NDArray[np.int32],
     images: NDArray[np.float32],
-    nothing: NDArray[np.float32],
 ) -> None:
+    """Draw each view and its opposite at once."""
     half = 0.5 * images.shape[1]
     projected = np.empty_like(vertices)
-    for v in range(cameras.shape[0]):
+    for v in np.flatnonzero(opposite > np.arange(len(opposite))):
         right, up, eye = cameras[v, 0], cameras[v, 1], cameras[v, 2]
         for i in range(vertices.shape[0]):
             x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
             projected[i, 0] = half * (1.0 + (right[0] * x + right[1] * y + right[2] * z))
             projected[i, 1] = half * (1.0 - (up[0] * x + up[1] * y + up[2] * z))
             projected[i, 2] = 0.5 * (1.0 - (eye[0] * x + eye[1] * y + eye[2] * z))
-        behind = images[sides[v, 1]] if sides[v, 1] >= 0 else nothing
-        draw_triangles(projected, faces, images[sides[v, 0]], behind)
+        draw_triangles(projected, faces, images[v], images[opposite[v]])

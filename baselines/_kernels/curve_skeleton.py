@@ -60,11 +60,6 @@ class CurveSkeleton:
     owners: Indices
     bones: Indices
 
-    @property
-    def degrees(self) -> Indices:
-        """Number of bones at each joint, shape (k,)."""
-        return np.bincount(self.bones.ravel(), minlength=len(self.joints))
-
     def path_lengths(self) -> FloatArray:
         """Return the lengths of the shortest paths along the bones between all pairs of joints, shape (k, k)."""
         first, second = self.joints[self.bones.T]

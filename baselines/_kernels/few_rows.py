@@ -7,8 +7,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from baselines._kernels.arap import factorise_definite
-from baselines._kernels.orientation import oriented
 from baselines._kernels.spectrum import spectrum
+from baselines.classic_mds import oriented
 from benchmark.api.contracts import FloatArray, Shape
 
 

@@ -99,7 +99,7 @@ class TrainingData:
     n_pairs
         Largest number of pairs; those that cannot be rendered are left out.
     validation
-        Yields pairs of other subjects, for curves and pictures; no model is selected by them.
+        Yields pairs of other subjects, for curves; no model is selected by them.
     n_validation
         Largest number of pairs for validation.
     clearance
@@ -144,7 +144,7 @@ class Learner(Protocol):
         data
             Training data.
         folder
-            Folder for checkpoint, weights, card and pictures.
+            Folder for checkpoint, weights and card.
         options
             Changes to the method's schedule by name, as given on the command line.
         say

@@ -154,7 +154,7 @@ def _frames_under(source: Path, options: Selection) -> list[FrameFiles]:
 def _with_camera(frame: FrameFiles, options: Selection) -> FrameFiles:
     return replace(
         frame,
-        intrinsics=intrinsics_of(options.intrinsics, image=frame.image) if options.intrinsics else frame.intrinsics,
+        intrinsics=intrinsics_of(options.intrinsics) if options.intrinsics else frame.intrinsics,
         mask=options.mask or frame.mask,
         scale=frame.scale if options.depth_scale is None else options.depth_scale,
     )

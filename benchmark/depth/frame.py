@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
 from benchmark.depth.reading import (
-    DEFAULT_SCALE,
     FEWEST_SEEN,
     Depths,
     Mask,
@@ -158,8 +157,7 @@ def scaled(
     shown = raw > 0 if mask is None else checked_mask(mask, raw > 0)
     if not shown.any():
         return in_metres(values)
-    units = {reading or (1.0 if is_float else DEFAULT_SCALE) for reading in intrinsics.scales}
-    units |= {1.0} if is_float else set()
+    units = {*intrinsics.scales, *([1.0] if is_float else [])}
     points = unprojected(raw, intrinsics.rays(width, height))[shown]
     lengths = {"away": (float(np.median(points[:, 2])), *_DISTANCES)}
     if mask is not None:
@@ -354,7 +352,7 @@ class FrameFiles:
             hint = "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy"
             raise DepthError(f"there are no intrinsics for {self.image}", hint)
         if self.intrinsics is None or self.intrinsics.scales or file is None:
-            return self.intrinsics or read_intrinsics(file or self.image, self.image)
+            return self.intrinsics or read_intrinsics(file or self.image)
         with suppress(DepthError):  # a file that is not used for its intrinsics may hold anything
-            return replace(self.intrinsics, scales=read_intrinsics(file, self.image).scales)
+            return replace(self.intrinsics, scales=read_intrinsics(file).scales)
         return self.intrinsics

@@ -1,4 +1,4 @@
-"""Intrinsics of a pinhole camera, from text, Open3D, ROS, OpenCV, BOP, NeRF or four numbers; the rays of its pixels."""
+"""Intrinsics of a pinhole camera, from text, Open3D, ROS, OpenCV or four numbers; the rays of its pixels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ NAMES = (
     "intrinsics.txt", "intrinsics.json", "intrinsics.yaml", "intrinsic.txt", "intrinsic.json",
     "depthIntrinsics.txt", "depth_intrinsics.txt", "depth_intrinsics.json", "intrinsics_depth.txt",
     "intrinsic_depth.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "camera_intrinsic.json", "K.txt",
-    "scene_camera.json", "transforms.json",
 )  # fmt: skip
 
 CENTRAL = (0.25, 0.75)
@@ -40,7 +39,7 @@ _BROWN_NAMES = ("", "plumb_bob", "rational_polynomial", "brown_conrady", "brown"
 _BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|unified|panoram"
 
 #: Keys by meaning, without their separators. A depth scale is in units per metre, in metres per unit (RealSense) or in
-#: millimetres per unit (BOP); what a vague key scales is unknown, too.
+#: millimetres per unit (BOP).
 _KEYS = {
     "matrix": "k cameramatrix camk intrinsics intrinsic",
     "columns": "intrinsicmatrix",  # Open3D
@@ -52,14 +51,13 @@ _KEYS = {
     **{name: name for name in _BROWN},
     "scale": "depthscale pngdepthscale integerdepthscale depthunits depthunit depthfactor depthmapfactor"
     " depthscalefactor depthunitscalefactor depthscalingfactor",
-    "vague scale": "scale scalefactor factor units unit",
 }
 _MEANINGS = {key: meaning for meaning, keys in _KEYS.items() for key in keys.split()}
 
 #: Words in keys that change neither where a pixel looks nor what its depth means; ``camera_angle_x`` repeats ``fl_x``.
 _IRRELEVANT = re.compile(
     r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|comment|description|notes?|"
-    r"serial|number|fps|rate|path|file|url|frames|rows|cols|dt|extrinsics?|pose|rotation|translation|transform|[rpt]|"
+    r"serial|number|fps|rate|path|file|url|rows|cols|dt|extrinsics?|pose|rotation|translation|transform|[rpt]|"
     r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|angle|device|sensor|manufacturer)(?![a-z])"
 )
 
@@ -160,24 +158,21 @@ def parse_intrinsics(text: str) -> Intrinsics:
     return camera_of(numbers)
 
 
-def intrinsics_of(value: str, folder: Path = Path(), image: Path | None = None) -> Intrinsics:
+def intrinsics_of(value: str, folder: Path = Path()) -> Intrinsics:
     """Return the intrinsics given as ``fx,fy,cx,cy`` or as a file in a folder, see :func:`read_intrinsics`."""
     if "," in value and not (folder / value).exists():
         return parse_intrinsics(value)
-    return read_intrinsics(folder / value, image)
+    return read_intrinsics(folder / value)
 
 
-def read_intrinsics(path: Path, image: Path | None = None) -> Intrinsics:
+def read_intrinsics(path: Path) -> Intrinsics:
     """Read intrinsics.
 
     Parameters
     ----------
     path
         Text with the numbers of a 3 x 3 or 4 x 4 matrix, or fx, fy, cx and cy; ``camera.json`` of Open3D;
-        ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; ``scene_camera.json`` of BOP; ``transforms.json``
-        of NeRF; or a mapping with ``fx``, ``fy``, ``cx``, ``cy``.
-    image
-        Depth image, which chooses among the entries of a file with one for each image.
+        ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; or a mapping with ``fx``, ``fy``, ``cx``, ``cy``.
 
     Raises
     ------
@@ -186,23 +181,10 @@ def read_intrinsics(path: Path, image: Path | None = None) -> Intrinsics:
         something else that may change where pixels look or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
-        if path.stat().st_size > _LARGEST_FILE * (100 if path.suffix == ".json" else 1):
+        if path.stat().st_size > _LARGEST_FILE:
             raise DepthError("it is too large for intrinsics", _HINT)
         content = _parsed(text := decode(path.read_bytes()))
-        return _of_mapping(_of_image(content, image)) if isinstance(content, Mapping) else parse_intrinsics(text)
-
-
-def _of_image(content: Mapping[str, Any], image: Path | None) -> dict[str, Any]:
-    """Return the content of a file, with the entry of an image in place of one for each image."""
-    frames = content.get("frames") or []  # of NeRF
-    entries = {Path(str(frame.get("depth_file_path", frame.get("file_path")))).stem: frame for frame in frames}
-    entries = entries or {key: entry for key, entry in content.items() if str(key).isdecimal()}  # of BOP
-    name = image.stem if image else ""
-    own = entries.get(name, entries.get(name.lstrip("0") or "0"))
-    if own is None and {"fx", "matrix"} & {_meaning(key) for entry in entries.values() for key in entry}:
-        problem = f"it has {len(entries)} entries, none of them for {name or 'all images'}"
-        raise DepthError(problem, "put it beside the images, with an entry named like each")
-    return {**{key: value for key, value in content.items() if key not in (*entries, "frames")}, **(own or {})}
+        return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
 
 
 def _meaning(key: object) -> str:
@@ -303,19 +285,18 @@ def _check_irrelevant(key: str, value: Any) -> None:
 
 
 def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return the units per metre of each reading of a depth scale, 0 for the default; empty if there is no scale."""
-    value = values.get("scale", values.get("vague scale"))
+    """Return the units per metre of each reading of a depth scale; empty if there is no scale."""
+    value = values.get("scale")
     unit = str(value).strip().lower().replace("metre", "meter").removesuffix("s")
-    unknown = () if "scale" in values else (0.0,)
     if value is None or unit in _UNITS:
-        return () if value is None else (_UNITS[unit], *unknown)
+        return () if value is None else (_UNITS[unit],)
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
     if not 0 < number < math.inf:
         raise DepthError(f"invalid depth scale {value!r:.40}", "write units per metre, or mm")
-    return number, 1 / number, 1000 / number, *unknown
+    return number, 1 / number, 1000 / number
 
 
 def _flat(values: Any) -> list[float]:

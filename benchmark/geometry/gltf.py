@@ -1,11 +1,11 @@
-"""Reading of glTF 2.0: the default scene in its default pose, with skins, morph targets and sparse accessors."""
+"""Reading of glTF 2.0: the triangles of the default scene; what would move or replace them is refused by its name."""
 
 from __future__ import annotations
 
 import base64
 import json
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -27,10 +27,10 @@ _UNREAD = (
 _HARMLESS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp")
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
-#: Largest buffer beside the file in bytes, and most rows of an accessor that has no buffer.
-_LARGEST_BUFFER, _MOST_ROWS = 2**30, 2**24
+#: Largest buffer beside the file in bytes, and most vertices of a scene.
+_LARGEST_BUFFER, _MOST_VERTICES = 2**30, 2**24
 
 
 def read_gltf(data: bytes, path: Path) -> Arrays:
@@ -41,7 +41,7 @@ def read_gltf(data: bytes, path: Path) -> Arrays:
     ValueError
         If the file is damaged.
     UnreadableMesh
-        If it needs an extension that is not read, or a buffer is missing; the message names it.
+        If it needs an extension, a skin, morph targets or sparse data, or a buffer is missing; the message names it.
     """
     text, binary = _chunks(data) if data[:4] == b"glTF" else (data, None)
     tree = json.loads(text)
@@ -56,8 +56,8 @@ def read_gltf(data: bytes, path: Path) -> Arrays:
         vertices.append(points)
         faces.append(corners + start)
         start += len(points)
-        if start > _MOST_ROWS:
-            raise UnreadableMesh(f"its scene shows more than {_MOST_ROWS} vertices", "export one shape")
+        if start > _MOST_VERTICES:
+            raise UnreadableMesh(f"its scene shows more than {_MOST_VERTICES} vertices", "export one shape")
     return np.concatenate(vertices), np.concatenate(faces)
 
 
@@ -145,71 +145,39 @@ class _File:
         if len(scenes) > 1 and "scene" not in self._tree:
             raise ValueError(f"it has {len(scenes)} scenes, and none is the default; export one")
         roots = set(range(len(nodes))) - {child for node in nodes for child in node.get("children", [])}
-        everywhere = _placed(nodes, roots)  # joints may lie outside of the scene
-        for number in _placed(nodes, scenes[self._tree.get("scene", 0)].get("nodes", [])) if scenes else everywhere:
+        shown = scenes[self._tree.get("scene", 0)].get("nodes", []) if scenes else roots
+        for number, transform in _placed(nodes, shown).items():
             node = nodes[number]
             mesh = self._tree["meshes"][node["mesh"]] if "mesh" in node else {"primitives": []}
+            if "skin" in node or any(node.get("weights", mesh.get("weights", []))):
+                poser = "skin" if "skin" in node else "weights"
+                raise UnreadableMesh(f"'{poser}', which poses a mesh, is not read", "apply the pose, and export again")
             for primitive in mesh["primitives"]:
                 vertices = self._accessor(primitive["attributes"]["POSITION"])
-                for target, weight in zip(
-                    primitive.get("targets", []), node.get("weights", mesh.get("weights", [])), strict=False
-                ):
-                    if weight and "POSITION" in target:
-                        vertices = vertices + weight * self._accessor(target["POSITION"])
                 given = primitive.get("indices")
                 corners = np.arange(len(vertices)) if given is None else self._accessor(given)[:, 0]
                 faces = _triangles(corners.astype(np.int64), primitive.get("mode", 4))
-                if "skin" in node:
-                    transforms = self._skin(self._tree["skins"][node["skin"]], primitive["attributes"], everywhere)
-                else:
-                    transforms = everywhere[number][np.newaxis]
-                    faces = faces[:, ::-1] if np.linalg.det(transforms[0]) < 0 else faces
-                rotated = np.einsum(
-                    "vab,vb->va", np.broadcast_to(transforms, (len(vertices), 4, 4))[:, :3, :3], vertices
-                )
-                yield rotated + transforms[:, :3, 3], faces
-
-    def _skin(self, skin: Node, attributes: Mapping[str, int], placed: Mapping[int, Floats]) -> Floats:
-        """Return the transform of each vertex: the mean of those of its joints."""
-        transforms = np.stack([placed[joint] for joint in skin["joints"]])
-        if "inverseBindMatrices" in skin:
-            inverse = self._accessor(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-            transforms = transforms @ inverse[: len(transforms)]
-        sets = range(sum(name.startswith("JOINTS_") for name in attributes))
-        joints = np.concatenate([self._accessor(attributes[f"JOINTS_{k}"]) for k in sets], axis=1).astype(np.int64)
-        weights = np.concatenate([self._accessor(attributes[f"WEIGHTS_{k}"]) for k in sets], axis=1)
-        means = np.einsum("vj,vjab->vab", weights, transforms[joints])
-        return np.asarray(means / weights.sum(axis=1)[:, np.newaxis, np.newaxis])
+                faces = faces[:, ::-1] if np.linalg.det(transform) < 0 else faces
+                yield vertices @ transform[:3, :3].T + transform[:3, 3], faces
 
     def _accessor(self, number: int) -> Floats:
         """Return the numbers behind an accessor, shape (count, width)."""
         accessor = self._tree["accessors"][number]
+        if "sparse" in accessor or "bufferView" not in accessor:
+            what = "is sparse, which is not read" if "sparse" in accessor else "has no data"
+            raise UnreadableMesh(f"accessor {number} {what}", "export it in full")
         kind, shape = np.dtype(_TYPES[accessor["componentType"]]), (accessor["count"], _WIDTHS[accessor["type"]])
-        sparse = accessor.get("sparse")
-        if "bufferView" in accessor:
-            values = self._array(accessor, kind, shape)
-        elif sparse and 0 <= shape[0] <= _MOST_ROWS:
-            values = np.zeros(shape, dtype=kind)
-        else:
-            raise ValueError(f"accessor {number} has no data")
-        if sparse:
-            indices = sparse["indices"]
-            at = self._array(indices, np.dtype(_TYPES[indices["componentType"]]), (sparse["count"], 1))
-            values[at[:, 0]] = self._array(sparse["values"], kind, (sparse["count"], shape[1]))
-        result = values.astype(np.float64)
-        if accessor.get("normalized") and kind.kind != "f":
-            result = np.maximum(result / np.iinfo(kind).max, -1)
-        return result
-
-    def _array(self, part: Node, kind: np.dtype[Any], shape: tuple[int, int]) -> NDArray[Any]:
-        view = self._tree["bufferViews"][part["bufferView"]]
+        view = self._tree["bufferViews"][accessor["bufferView"]]
         start, size = view.get("byteOffset", 0), view["byteLength"]
-        width, offset = kind.itemsize * shape[1], part.get("byteOffset", 0)
+        width, offset = kind.itemsize * shape[1], accessor.get("byteOffset", 0)
         stride = view.get("byteStride", width)
         window = self._buffer(view["buffer"])[start : start + size]
         if stride < width or len(window) < max(size, offset + stride * (shape[0] - 1) + width):
             raise ValueError(f"buffer {view['buffer']} is cut off")
-        return np.ndarray(shape, kind, window, offset, (stride, kind.itemsize)).copy()
+        result = np.ndarray(shape, kind, window, offset, (stride, kind.itemsize)).astype(np.float64)
+        if accessor.get("normalized") and kind.kind != "f":
+            result = np.maximum(result / np.iinfo(kind).max, -1)
+        return result
 
     def _buffer(self, number: int) -> bytes:
         if number not in self._read:

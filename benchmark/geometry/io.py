@@ -258,18 +258,18 @@ def _counted_polygons(lines: Sequence[bytes]) -> NDArray[np.int64]:
     return _fans(_integers(_parsed(b" ".join(corners))), sizes)
 
 
-def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int, width: int = 3) -> Arrays | None:
-    """Read rows of a width for vertices and of four for triangles, whatever the lines; None for anything else."""
+def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
+    """Read rows of three for vertices and of four for triangles, whatever the lines; None for anything else."""
     try:
         numbers = _parsed(body)
     except ValueError:
         return None
-    if len(numbers) != width * n_vertices + 4 * n_faces:
+    if len(numbers) != 3 * n_vertices + 4 * n_faces:
         return None
-    faces = numbers[width * n_vertices :].reshape(-1, 4)
+    faces = numbers[3 * n_vertices :].reshape(-1, 4)
     if (faces[:, 0] != 3).any():
         return None
-    return numbers[: width * n_vertices].reshape(-1, width)[:, :3], _integers(faces[:, 1:])
+    return numbers[: 3 * n_vertices].reshape(-1, 3), _integers(faces[:, 1:])
 
 
 def read_obj(data: bytes, _: Path) -> Arrays:
@@ -306,24 +306,11 @@ def read_vert_tri(data: bytes, path: Path) -> Arrays:
     return vertices, _integers(faces) - (first > 0)
 
 
-#: Header of a PLY file in ASCII of vertices and faces alone, without comments.
-_ASCII_PLY = (
-    rb"ply\s+format ascii 1.0\s+element vertex (\d{1,12})((?:\s+property \w+ \w+)+)"
-    rb"\s+element face (\d{1,12})\s+property list \w+ \w+ vertex_ind(?:ex|ices)\s*"
-)
-
-
 def read_ply(data: bytes, path: Path) -> Arrays:
-    """Read the elements ``vertex`` and ``face``, or ``tristrips``, of PLY."""
+    """Read the elements ``vertex`` and ``face`` of PLY."""
     from plyfile import PlyData, PlyParseError
 
-    header, _, body = data.partition(b"\nend_header")
-    usual = re.fullmatch(_ASCII_PLY, re.sub(rb"(?m)^(comment|obj_info).*\n", b"", header))
-    names = usual[2].split()[2::3] if usual else []
-    if usual and names[:3] == [b"x", b"y", b"z"]:  # plyfile takes five times as long
-        triangles = _triangle_mesh(body, int(usual[1]), int(usual[3]), len(names))
-        if triangles:
-            return triangles
+    header = data.partition(b"\nend_header")[0]
     counts = [int(count) for count in re.findall(rb"(?m)^element[ \t]+\S+[ \t]+(\d{1,18})", header)]
     if sum(counts) > len(data):
         raise ValueError(f"{sum(counts)} rows announced, but it holds {len(data)} bytes")
@@ -334,25 +321,14 @@ def read_ply(data: bytes, path: Path) -> Arrays:
     except (PlyParseError, KeyError, ValueError):
         ply = PlyData.read(io.BytesIO(data))
     elements = [element.name for element in ply.elements]
-    if "vertex" not in elements or not {"face", "tristrips"} & set(elements):
+    if not {"vertex", "face"} <= set(elements):
         raise ValueError(f"it has the elements {', '.join(elements) or 'none'}, not vertex and face")
     vertices = np.stack([np.asarray(ply["vertex"][axis], dtype=np.float64) for axis in "xyz"], axis=1)
-    if "face" not in elements:
-        return vertices, _strips(ply["tristrips"][corners])
     lists = ply["face"][corners]
     if lists.ndim == 2:
         return vertices, _integers(lists)
     sizes = [len(polygon) for polygon in lists]
     return vertices, _fans(_integers(np.concatenate(lists)) if len(lists) else np.empty(0, dtype=np.int64), sizes)
-
-
-def _strips(strips: Sequence[NDArray[np.integer]]) -> NDArray[np.int64]:
-    """Split triangle strips, which a corner of -1 ends, into triangles; every second one is turned."""
-    from trimesh.util import triangle_strips_to_faces
-
-    parts = [part for strip in map(_integers, strips) for part in np.split(strip, np.flatnonzero(strip == -1))]
-    strips = [corners for part in parts if len(corners := part[part != -1]) > 2]
-    return np.asarray(triangle_strips_to_faces(strips), dtype=np.int64)
 
 
 def read_mat(data: bytes, _: Path) -> Arrays:

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from sklearn.manifold import ClassicalMDS, Isomap
 
-from baselines._kernels.orientation import oriented
 from baselines.accelerated_mds import AcceleratedMDS
-from baselines.classic_mds import ClassicMDS, classic_scaling
+from baselines.classic_mds import ClassicMDS, classic_scaling, oriented
 from baselines.gps import GPS
 from baselines.shape_dna import ShapeDNA
 from baselines.si_hks import ScaleInvariantHKS

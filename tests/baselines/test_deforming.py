@@ -6,10 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baselines._kernels.arap import AsRigidAsPossible, _closed_form, nearest_rotations
-from baselines._kernels.repulsion import PROXIMITY, relax, repulsion
 from baselines.constrained_mds import ConstrainedMDS
 from baselines.feature_preserved import FeaturePreserved
-from baselines.mesh_unfolding import MeshUnfolding
+from baselines.mesh_unfolding import PROXIMITY, MeshUnfolding, relax, repulsion
 from tests.baselines.deformable import moved_to, shape_of, sheet, tube
 from tests.baselines.embedding import spread
 

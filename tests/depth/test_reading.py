@@ -304,6 +304,9 @@ BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
         for key, value, said in (
             *((key, 1, f"key '{key}' is not understood: 1") for key in ("skew", "s1", "xi", "lens", "depth_max")),
             ("roi", {"x_offset": 4}, "key 'roi' is not understood"),
+            ("scale", 5000, "key 'scale' is not understood"),
+            ("frames", [{"fl_x": 1}], "key 'frames' is not understood"),
+            ("7", {"cam_K": K}, "key '7' is not understood"),
             ("binning_x", 2, "key 'binning_x' is not understood"),
             ("distortion", "fisheye", "the distortion model is 'fisheye'"),
             ("lens_model", "FISHEYE624", "the distortion model is 'FISHEYE624'"),
@@ -337,30 +340,6 @@ def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(tmp_path: Pat
     assert caught.value.hint
 
 
-NERF = {"fl_x": 525, "fl_y": 526, "cx": 319.5, "cy": 239.5, "w": 640, "h": 480}
-ENTRIES = [{"file_path": f"rgb/{name}.png", "transform_matrix": []} for name in ("0007", "0008")]
-BOP = {"cam_K": K, "depth_scale": 1.0, "cam_R_w2c": K, "cam_t_w2c": [1, 2, 3]}
-PER_IMAGE = {
-    "transforms.json": NERF | {"camera_model": "OPENCV", "k1": 0, "camera_angle_x": 1.1, "frames": ENTRIES},
-    "frames.json": {
-        "frames": [{"file_path": "rgb/a.png", "depth_file_path": "0007.png"} | NERF, ENTRIES[1] | NERF | {"fl_x": 1}]
-    },
-    "scene_camera.json": {"7": BOP, "8": BOP | {"depth_scale": 2}},
-}
-
-
-@pytest.mark.parametrize("name", PER_IMAGE)
-def test_a_file_with_entries_for_all_images_is_read_for_one(tmp_path: Path, name: str) -> None:
-    (tmp_path / name).write_text(json.dumps(PER_IMAGE[name]))
-    read = read_intrinsics(tmp_path / name, tmp_path / "0007.png")
-    assert (read.fx, read.fy, read.cx, read.cy) == (525, 526, 319.5, 239.5)
-    assert read.scales == ((1.0, 1.0, 1000.0) if name.startswith("scene") else ())
-    if name != "transforms.json":
-        for image in (None, Path("0009.png")):
-            with pytest.raises(DepthError, match="it has 2 entries, none of them for"):
-                read_intrinsics(tmp_path / name, image)
-
-
 CAMERA = REALSENSE | {"fx": 130, "fy": 130, "ppx": 79.5, "ppy": 59.5, "width": 160, "height": 120}
 THERE = np.where(OBJECT, np.linspace(1.9, 2.3, 160), 0)
 
@@ -369,7 +348,7 @@ THERE = np.where(OBJECT, np.linspace(1.9, 2.3, 160), 0)
     ("factor", "kind", "stated"),
     [
         *((1000, "i4", {"depth_scale": value}) for value in (1000, 0.001, 1.0, "mm", "millimetres")),
-        *((1000, "i4", {key: value}) for key, value in (("depthUnits", 0.001), ("units", "m"), ("scale", 1))),
+        *((1000, "i4", {key: value}) for key, value in (("depthUnits", 0.001), ("depth_unit", "mm"))),
         *((5000, "u2", {key: 5000}) for key in ("depth_scale", "png_depth_scale", "depth_factor")),
         (5000, "u2", {"depth_unit_scale_factor": 0.0002}),
         (10000, "u2", {"depth_scale": 0.1}),

@@ -53,8 +53,7 @@ def again(folder: Path, options: Mapping[str, Any] = OPTIONS, **changes: Any) ->
 
 
 def test_the_folder_of_a_model_tells_what_was_trained(trained: Path) -> None:
-    pictures = {"samples-training.png", "samples-validation.png"}
-    assert files(trained) == {WEIGHTS, CARD, HISTORY, *pictures}
+    assert files(trained) == {WEIGHTS, CARD, HISTORY}
     card = json.loads((trained / CARD).read_text())
     settings = {name: value for name, value in OPTIONS.items() if name not in ("device", "threads")}
     assert settings.items() <= card["schedule"].items()
@@ -169,7 +168,6 @@ def test_a_finished_model_is_left_alone(trained: Path, copied: Path) -> None:
     [
         ({"epochs": 31}, {}, r"epochs \(30, not 31\)"),
         ({"precision": "bfloat16"}, {}, r"precision \(float32, not bfloat16\)"),
-        ({"init": "itself"}, {}, "init"),
         ({}, {"identifiers": ("slim-0.0",)}, "shapes"),
         ({}, {"pairs": darker}, "images"),
     ],
@@ -177,7 +175,6 @@ def test_a_finished_model_is_left_alone(trained: Path, copied: Path) -> None:
 def test_a_finished_model_of_another_training_is_refused_with_what_differs(
     trained: Path, options: dict[str, Any], changes: dict[str, Any], named: str
 ) -> None:
-    options = {name: str(trained) if value == "itself" else value for name, value in options.items()}
     message = f"holds a finished model of another training, with another {named}; delete the folder to train anew"
     with pytest.raises(ConfigurationError, match=message):
         again(trained, {**OPTIONS, **options}, **changes)
@@ -197,7 +194,6 @@ def test_a_finished_model_of_another_seed_or_of_what_no_option_names_is_refused(
         ({"epoch": 3}, "unknown parameter of the schedule 'epoch'; did you mean epochs"),
         ({"device": "tpu"}, "unknown device of the training 'tpu'; did you mean"),
         ({"resolution": 16}, "the network has no resolution 16; pass -o resolution=N, 32 to 2048"),
-        ({"init": "nowhere"}, "nowhere/card.json cannot be read"),
     ],
 )
 def test_an_option_that_does_not_fit_leaves_no_folder(tmp_path: Path, options: dict[str, Any], message: str) -> None:
@@ -209,20 +205,6 @@ def test_an_option_that_does_not_fit_leaves_no_folder(tmp_path: Path, options: d
 def test_no_pair_is_no_training(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match="no pair to train on"):
         again(tmp_path, pairs=lambda: iter(()))
-
-
-def test_a_training_begins_with_the_weights_of_a_model(trained: Path, tmp_path: Path) -> None:
-    options = {**OPTIONS, "epochs": 1, "early_epochs": 0, "learning_rate": 1e-9}
-    again(tmp_path / "model", {**options, "init": str(trained)})
-    ours, theirs = (tensors_in((folder / WEIGHTS).read_bytes()) for folder in (tmp_path / "model", trained))
-    assert all(torch.allclose(ours[name], theirs[name], atol=1e-3) for name in theirs)
-    assert f"from {trained}" in json.loads((tmp_path / "model" / CARD).read_text())["schedule_in_words"]
-
-
-def test_a_training_does_not_begin_with_another_network(trained: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="is of network 'tiny', not 'literal'; begin with a model of the same"):
-        train("literal", 0, toy_data(), tmp_path / "model", {**OPTIONS, "init": str(trained)}, quiet)
-    assert not (tmp_path / "model").exists()
 
 
 def test_networks_of_generated_bodies_come_trained(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def images() -> Mapping[str, tuple[NDArray[np.float32], float]]:
         "figure": figure(),
         **{name: inputs.mesh("shapes", name) for name in ("closed", "bridged", "large", "open")},
     }
-    drawn = {name: render(to_unit_sphere(mesh), 256, view_sphere(2), slice(7, 8))[0] for name, mesh in meshes.items()}
+    drawn = {name: render(to_unit_sphere(mesh), 256, view_sphere(2))[7] for name, mesh in meshes.items()}
     depths = {**inputs.arrays("depth"), "frame": inputs.arrays("frame")["depth"]}
     uniform = np.random.RandomState(0).uniform  # a frozen stream
     noise = {"noise_square": uniform(size=(400, 400)), "noise_wide": uniform(size=(300, 517))}
