@@ -9,7 +9,14 @@ from sklearn.manifold import smacof
 
 from baselines.constrained_mds import ConstrainedMDS
 from baselines.feature_preserved import FeaturePreserved
-from baselines.smacof import LeastSquaresMDS, NonMetricMDS, guttman_transform, majorise, non_metric_transform
+from baselines.smacof import (
+    LeastSquaresMDS,
+    NonMetricMDS,
+    guttman_transform,
+    level_transform,
+    majorise,
+    non_metric_transform,
+)
 from benchmark.api.contracts import Shape
 from benchmark.geometry import geodesics
 from benchmark.pipeline.stages import SharedResults, compute_output
@@ -102,6 +109,25 @@ def test_the_levels_of_distances_change_no_non_metric_stress(name, expected):
     form = NonMetricMDS().canonicalise(shape)
     assert exact_stress_1(form.vertices, shape.geodesics()) == pytest.approx(expected, rel=2e-5)
     assert form.notes["stress_1"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_disparities_never_fall_where_distances_rise(monkeypatch):
+    """In each iteration, over all pairs in the order of their distances, whose sum of squares theirs is."""
+    shape, used = limbed(200), []
+    pairs = np.triu_indices(shape.mesh.n_vertices, 1)
+    order = np.argsort(shape.geodesics()[pairs], kind="stable")
+
+    def transform(points, levels, disparities):
+        used.append(disparities[levels][pairs][order])
+        return level_transform(points, levels, disparities)
+
+    monkeypatch.setattr("baselines.smacof.level_transform", transform)
+    steps = NonMetricMDS().canonicalise(shape).notes["iterations"]
+    assert len(used) == steps + 1 > 3
+    for disparities in used:
+        rises = np.diff(disparities)
+        assert rises.min() == 0 < rises.max()
+        assert np.linalg.norm(disparities) == pytest.approx(np.linalg.norm(shape.geodesics()[pairs]), rel=1e-5)
 
 
 @pytest.mark.parametrize("power", [0.5, 2.0])
