@@ -6,7 +6,7 @@ import functools
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,8 +43,9 @@ _BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|uni
 _KEYS = {
     "matrix": "k cameramatrix camk intrinsics intrinsic",
     "columns": "intrinsicmatrix",  # Open3D
-    "width": "width imagewidth w",
-    "height": "height imageheight h",
+    "projection": "p projectionmatrix",  # ROS
+    "width": "width imagewidth w cols",
+    "height": "height imageheight h rows",
     **{"fx": "fx flx", "fy": "fy fly", "cx": "cx ppx", "cy": "cy ppy"},
     "coefficients": "distortioncoefficients distortioncoeffs distortion distcoeffs coeffs d",
     "model": "distortionmodel model cameramodel cameratype lensmodel lenstype projection",
@@ -57,15 +58,18 @@ _MEANINGS = {key: meaning for meaning, keys in _KEYS.items() for key in keys.spl
 #: Words in keys that change neither where a pixel looks nor what its depth means; ``camera_angle_x`` repeats ``fl_x``.
 _IRRELEVANT = re.compile(
     r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|comment|description|notes?|"
-    r"serial|number|fps|rate|path|file|url|rows|cols|dt|extrinsics?|pose|rotation|translation|transform|[rpt]|"
+    r"serial|number|fps|rate|path|file|url|dt|"
     r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|angle|device|sensor|manufacturer)(?![a-z])"
 )
+
+#: Words in keys of where the camera is, if several numbers follow.
+_POSE = re.compile("(?<![a-z])(extrinsics?|pose|rotation|translation|transform|[rt])(?![a-z])")
 
 #: Units per metre.
 _UNITS = {"m": 1.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "meter": 1.0, "centimeter": 100.0, "millimeter": 1e3}
 
-#: Largest skew of a camera matrix that is rounding, in pixels.
-_LARGEST_SKEW = 1e-6
+#: Largest skew of a camera matrix that is rounding, in pixels, and relative difference of equal cameras.
+_LARGEST_SKEW, _ROUNDING = 1e-6, 1e-3
 
 _LARGEST_FILE = 100_000
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
@@ -248,10 +252,19 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     if not missing:
         numbers.append([float(values[name]) for name in ("fx", "fy", "cx", "cy")])
     cameras = {camera_of(row, *facts) for row in numbers}
+    _check_rectified(cameras, _flat(values.get("projection", [])))
     if len(cameras) != 1:
         problem = f"name no {' and no '.join(missing)}" if not cameras else "contradict each other"
         raise DepthError(f"keys {', '.join(map(str, content)):.200} {problem}", _HINT)
     return cameras.pop()
+
+
+def _check_rectified(cameras: Iterable[Intrinsics], projection: Sequence[float]) -> None:
+    """Raise ``DepthError`` if rectified images have another camera: the image may be one."""
+    own = [(camera.fx, camera.fy, camera.cx, camera.cy) for camera in cameras]
+    if any(projection) and not np.allclose(own, np.take(projection, [0, 5, 2, 6]), rtol=_ROUNDING):
+        hint = "remove P for an image as taken; for a rectified one, write its camera as K and remove the distortion"
+        raise DepthError("P, the camera of rectified images, is not K", hint)
 
 
 def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -279,7 +292,8 @@ def _check_irrelevant(key: str, value: Any) -> None:
     neutral = (None, "", 0, 1) if re.search("binning|aspect", key) else (None, "", 0)
     leaves = value.values() if isinstance(value, Mapping) else np.ravel(value).tolist()
     words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
-    if not (_IRRELEVANT.search(words) or all(leaf in neutral for leaf in leaves)):
+    is_pose = len(leaves) > 2 and _POSE.search(words)
+    if not (is_pose or _IRRELEVANT.search(words) or all(leaf in neutral for leaf in leaves)):
         hint = "remove it if it changes neither where pixels look nor what depths mean, or apply it to the image"
         raise DepthError(f"key '{key}' is not understood: {value!s:.40}", hint)
 

@@ -44,6 +44,9 @@ _FAR_PLANE = 0.01
 #: Words for inverse depth in names of files, folders and arrays.
 _INVERSE = re.compile("(?<![a-z])disp(arity|arities|s)?(?![a-z])|inv(erse)?[-_ ]?depth|idepth|midas", re.IGNORECASE)
 
+#: Names of arrays beside depths that say what these mean, or where they are.
+_UNREAD = re.compile("scale|unit|offset|crop|intrinsic|camera|mask|^k$", re.IGNORECASE)
+
 _END_OF_PNG = b"IEND\xaeB`\x82"
 
 FEWEST_SEEN = 200
@@ -203,8 +206,9 @@ def _array(path: Path) -> NDArray[Any]:
         return loaded
     with loaded as archive:
         names = archive.files
-        if unread := [name for name in names if re.search("scale|unit", name)]:
-            raise DepthError(f"'{unread[0]}' of the archive is not read", "apply it to the depths, and leave it out")
+        if unread := [name for name in names if _UNREAD.search(name)]:
+            hint = "apply it to the depths, or write the camera or the mask beside the image, and leave it out"
+            raise DepthError(f"'{unread[0]}' of the archive is not read", hint)
         if "depth" not in names and len(names) != 1:
             listed = ", ".join(names[:6]) or "nothing"
             raise DepthError(f"the archive holds {listed}", "name the array of depths 'depth'")

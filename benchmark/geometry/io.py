@@ -279,6 +279,9 @@ def read_obj(data: bytes, _: Path) -> Arrays:
     vertices, polygons = ([match[1] for match in matches] for matches in found.values())
     if not vertices:
         raise ValueError("there is no line of a vertex, 'v x y z'")
+    if free := re.search(rb"(?m)^[ \t]*(surf|call)[ \t]", text):
+        problem = f"it has lines '{free[1].decode()}', which are not read"
+        raise UnreadableMesh(problem, "export one file of triangles")
     if text.rpartition(b"\n")[2].strip():
         raise ValueError("its last line has no line break, so it may be cut off")
     sizes = [len(polygon.split()) for polygon in polygons]
@@ -321,8 +324,8 @@ def read_ply(data: bytes, path: Path) -> Arrays:
     except (PlyParseError, KeyError, ValueError):
         ply = PlyData.read(io.BytesIO(data))
     elements = [element.name for element in ply.elements]
-    if not {"vertex", "face"} <= set(elements):
-        raise ValueError(f"it has the elements {', '.join(elements) or 'none'}, not vertex and face")
+    if not {"vertex", "face"} <= {*elements} or "tristrips" in elements:
+        raise ValueError(f"it has the elements {', '.join(elements) or 'none'}, not vertex and face alone")
     vertices = np.stack([np.asarray(ply["vertex"][axis], dtype=np.float64) for axis in "xyz"], axis=1)
     lists = ply["face"][corners]
     if lists.ndim == 2:

@@ -144,10 +144,7 @@ def _joined(distances: object, order: str, labels: Sequence[object]) -> tuple[ND
 
 def _side(given: Labels, orders: Orders, names: tuple[str, ...], order: str) -> _Side:
     """Return the names and classes of rows or columns, joined by name if both have names; () without names."""
-    if names and are_row_numbers(names):
-        if isinstance(given, dict) and {*given} == {*names}:
-            orders = {"list": list(given), "number": names, **orders}
-        names = ()
+    names = () if are_row_numbers(names) else names
     if isinstance(given, dict):
         if unknown := [name for name in names if name not in given]:
             problem = f"shapes without a label: {len(unknown)}, the first is '{unknown[0]}'"

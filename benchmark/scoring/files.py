@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +53,8 @@ def as_labels(labels: Any) -> tuple[Labels, Orders]:
     if isinstance(labels, str | Path):
         return _read_labels(Path(labels))
     if hasattr(labels, "items"):
-        return {str(name): str(label) for name, label in labels.items()}, {}
+        named = {str(name): str(label) for name, label in labels.items()}
+        return named, _orders_of_numbers(named)
     return [str(label) for label in labels], {}
 
 
@@ -74,7 +75,13 @@ def _read_labels(path: Path) -> tuple[Labels, Orders]:
         labels = dict(rows)
         if len(labels) < len(rows):
             raise ConfigurationError("it names a shape twice", "name each shape once")
-        return labels, {}
+        return labels, _orders_of_numbers(labels)
+
+
+def _orders_of_numbers(names: Iterable[str]) -> Orders:
+    """Return the orders of names that are the numbers of rows; none for other names, whose order is that of rows."""
+    numbers = sorted(names, key=natural_key)
+    return {"list": [*names], "number": numbers} if are_row_numbers(numbers) else {}
 
 
 def _folder_labels(folder: Path) -> tuple[dict[str, str], Orders]:
@@ -137,7 +144,8 @@ def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...]
     rows, columns = ([str(name) for name in axis] for axis in (frame.index, frame.columns))
     if not is_square:
         return frame.to_numpy(), tuple(rows), tuple(columns)
-    rows, columns = columns if are_row_numbers(rows) else rows, rows if are_row_numbers(columns) else columns
+    rows = columns if are_row_numbers(rows) else rows
+    columns = rows if are_row_numbers(columns) else columns
     if sorted(rows) != sorted(columns) or len({*rows}) < len(rows):
         problem = "rows and columns of the distances have different names, or a name appears twice"
         raise ConfigurationError(problem, "name both like the shapes")
@@ -163,10 +171,9 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
             return np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
         if suffix == ".npz":
             with np.load(path, allow_pickle=False) as archive:
-                name = _only(archive.files)
-                if archive.zip.getinfo(f"{name}.npy").file_size > _LARGEST:
+                if max(part.file_size for part in archive.zip.infolist()) > _LARGEST:
                     raise ConfigurationError(_TOO_LARGE, _HINT)
-                return archive[name]
+                return _matrix_of(archive, (count, n_columns))
         if suffix == ".mat":
             return _read_mat(path, (count, n_columns))
         if suffix == ".matrix" and path.read_bytes().translate(None, _NUMERALS):
@@ -177,10 +184,21 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
 def _read_mat(path: Path, size: tuple[int, int]) -> Any:
     from scipy.io import loadmat
 
-    found = {name: value for name, value in loadmat(path).items() if isinstance(value, np.ndarray)}
-    real = {name: value.shape for name, value in found.items() if value.dtype.kind in "iuf" and value.size > 1}
-    fitting = [name for name, shape in real.items() if shape == (size if size[1] else shape[:1] * 2)]
-    return found[_only(fitting)]  # all variables were read, which finds where the file is cut
+    return _matrix_of(loadmat(path), size)  # all variables, which finds where the file is cut
+
+
+def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
+    """Return the only matrix of a file, with names if a list of as many different texts there names its rows."""
+    from pandas import DataFrame
+
+    arrays = {name: value for name, value in found.items() if isinstance(value, np.ndarray) and value.size > 1}
+    real = {name: value.shape for name, value in arrays.items() if value.dtype.kind in "iuf"}
+    matrix = arrays[_only([name for name, shape in real.items() if shape == (size if size[1] else shape[:1] * 2)])]
+    for texts in (value.ravel() for value in arrays.values() if value.dtype.kind in "UO" and not size[1]):
+        names = [str(np.squeeze(text)).strip() for text in texts]
+        if len({*names}) == len(matrix) == len(names):
+            return DataFrame(matrix, names, names)
+    return matrix
 
 
 def _read_psb(path: Path, size: tuple[int, int]) -> NDArray[np.float32]:

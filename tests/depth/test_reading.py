@@ -127,6 +127,8 @@ BAD_IMAGES: dict[str, tuple[bytes | None, str]] = {
     "disp0.png": (PNG, "'disp0' names disparities"),
     "inverse.npz": (stored(FLOATS, "npz", inverse_depth=FLOATS), "'inverse_depth' names disparities or inverse depths"),
     "scaled.npz": (stored(FLOATS, "npz", depth=FLOATS, depth_scale=np.array(1e-3)), "'depth_scale' of the .* not read"),
+    "mask.npz": (stored(FLOATS, "npz", depth=FLOATS, mask=FLOATS), "'mask' of the archive is not read; apply it"),
+    "camera.npz": (stored(FLOATS, "npz", depth=FLOATS, K=np.eye(3)), "'K' of the archive is not read; .*beside the"),
     "factor.pfm": (pfm().replace(b"-1.0", b"-0.5"), "scale factor is 0.5, not 1"),
     "two.npz": (stored(FLOATS, "npz", a=FLOATS, b=FLOATS), "holds a, b; name the array of depths 'depth'"),
     "noise.npz": (b"PK\x03\x04 and more", "not a readable npz file"),
@@ -218,6 +220,7 @@ def test_masks_are_found_by_their_usual_names_unless_there_are_several(tmp_path:
 
 SIZE = (640, 480)
 K = [525, 0, 319.5, 0, 526, 239.5, 0, 0, 1]
+PROJECTION = [525, 0, 319.5, -9, 0, 526, 239.5, 0, 0, 0, 1, 0]
 LENS = (0.1, -0.25, 0.001, -0.002, 0.0)
 OPENCV = """%YAML:1.0
 ---
@@ -252,13 +255,18 @@ WRITTEN: dict[str, tuple[str | dict[str, object], bool, bool]] = {
     "realsense": (REALSENSE | {"model": "distortion.brown_conrady", "coeffs": LENS}, True, True),
     "by name": (REALSENSE | dict(zip(("k1", "k2", "p1", "p2", "k3"), LENS, strict=True)), True, True),
     "irrelevant": (
-        REALSENSE | {"skew": 0, "serialNumber": 1, "binning_x": 1, "roi": {"x": 0}, "R": K},
+        REALSENSE | {"skew": 0, "serialNumber": 1, "binning_x": 1, "roi": {"x": 0}, "R": K, "transform_matrix": K},
         True,
         False,
     ),
     "twice": (REALSENSE | {"D": [0] * 5, "k1": 0.1, "k2": -0.25, "p1": 0.001, "p2": -0.002}, True, True),
     "another model of zeros": (REALSENSE | {"model": "thin_prism", "coeffs": [0] * 5}, True, False),
-    "camera_info": ({"K": K, "height": 480, "width": 640, "distortion_model": "plumb_bob", "D": LENS}, True, True),
+    "rows and columns": ({"rows": 480, "cols": 640, "K": K, "P": [0] * 12}, True, False),
+    "camera_info": (
+        {"P": PROJECTION, "K": K, "height": 480, "width": 640, "distortion_model": "plumb_bob", "D": LENS},
+        True,
+        True,
+    ),
     "nested": (INTRINSIC, True, True),
     "nested yaml": (NESTED, True, False),
     "opencv": (OPENCV, True, True),
@@ -303,6 +311,9 @@ BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
         f"{key} {value}": (json.dumps(REALSENSE | {key: value}), said)
         for key, value, said in (
             *((key, 1, f"key '{key}' is not understood: 1") for key in ("skew", "s1", "xi", "lens", "depth_max")),
+            *((key, "flip", f"key '{key}' is not understood: flip") for key in ("image_transform", "rotation")),
+            ("P", [*PROJECTION[:2], 310, *PROJECTION[3:]], "P, the camera of rectified images, is not K; remove P"),
+            ("cols", 320, "key 'cols' contradicts another one of width"),
             ("roi", {"x_offset": 4}, "key 'roi' is not understood"),
             ("scale", 5000, "key 'scale' is not understood"),
             ("frames", [{"fl_x": 1}], "key 'frames' is not understood"),

@@ -221,6 +221,14 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "from-0.mat": (mat(TRIV=FAN.astype("f8")), "counts vertices from 1, the file from 0; add 1 to each"),
     "beyond.obj": (OBJ.replace("f 1 2", "f -9 2"), "faces name vertices -1"),
     "twice.ply": (ply(POINTS + ROWS).replace(b"element face", b"element vertex"), "not a readable ply file"),
+    "surf.obj": (
+        OBJ + "surf 0 1 0 1 1 2 3 4\n",
+        "it has lines 'surf', which are not read; export one file of triangles",
+    ),
+    "strips.ply": (
+        ply(POINTS + ROWS + "4 0 1 2 3\n", faces=f"element face 2\n{CORNERS}element tristrips 1\n{CORNERS}"),
+        "the elements vertex, face, tristrips, not vertex and face alone",
+    ),
     "no-faces.ply": (ply(POINTS, faces=""), "elements vertex, not vertex and face"),
     "two-corners.ply": (ply(POINTS + "2 0 1\n3 0 2 3\n"), "face 1 of 2 has 2 corners"),
     "zeroed.ply": (

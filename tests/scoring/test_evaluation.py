@@ -1,7 +1,6 @@
 """Twelve shapes on a line, worked by hand: ties, classes of one, files in each format."""
 
 import math
-from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -89,6 +88,7 @@ def table(frame=None, **how):
         "index only": table(header=False),
         "columns only": table(index=False),
         "columns and row numbers": table(pd.DataFrame(SMALL, columns=KEYS)),
+        "row numbers alone": table(pd.DataFrame(SMALL, range(1, 5)), header=False),
         "semicolons and decimal commas": table(pd.DataFrame(SMALL / 2, KEYS, KEYS), sep=";", decimal=","),
         "tabs": table(sep="\t"),
         "R": "".join(table(sep=" ", quoting=2)[3:]).replace("7 ", "7  "),
@@ -145,8 +145,10 @@ def test_rows_without_names_have_the_order_that_all_agree_on_or_that_is_named(tm
     for given in (SMALL, tmp_path / "row-numbers.csv"):
         with pytest.raises(ConfigurationError, match="from row 1: list: 3, 2, 0; number: 0, 1, 2; pass --order list"):
             score(given, tmp_path / "c.cla")
-        with pytest.raises(ConfigurationError, match="list: 3, 0, 1; number") if given is not SMALL else nullcontext():
-            score(given, {"3": "a", "0": "a", "1": "b", "2": "b"})
+        labels = {"3": "a", "0": "a", "1": "b", "2": "b"}
+        with pytest.raises(ConfigurationError, match="list: 3, 0, 1; number: 0, 1, 2; pass --order list or number"):
+            score(given, labels)
+        assert list(score(given, labels, order="list").queries.index) == list("3012")
         assert score(given, tmp_path / "c.cla", order="number").scores.loc["FT", "score"] == 1
     for found in (score(by_list, tmp_path / "c.cla", "list"), score(tmp_path / "m.matrix", tmp_path / "c.cla")):
         assert found.queries["class"].to_dict() == {"3": "dog", "2": "dog", "0": "cat", "1": "cat"}
@@ -207,6 +209,19 @@ def test_a_mat_file_holds_one_full_matrix_of_any_numbers(kind, tmp_path):
     savemat(tmp_path / "m.mat", {"D": SMALL.astype(kind), "distances": csc_matrix(SMALL), "E": SMALL})
     with pytest.raises(ConfigurationError, match="2 full matrices of real numbers: D, E"):
         score(tmp_path / "m.mat", list(OWN.values()))
+
+
+@pytest.mark.parametrize("name", ["m.npz", "m.mat"])
+def test_names_in_a_file_of_arrays_find_their_labels(name, tmp_path):
+    order, path = [2, 0, 3, 1], tmp_path / name
+    content = {
+        "D": SMALL[np.ix_(order, order)],
+        "names": np.array([KEYS[k] for k in order]),
+        "kind": np.array([*"aabb"]),
+    }
+    savemat(path, content) if name == "m.mat" else np.savez(path, **content)
+    found = score(path, OWN)
+    assert (list(found.queries.index), found.scores.loc["FT", "score"]) == ([KEYS[k] for k in order], 1)
 
 
 def test_damage_is_found(files, tmp_path):
