@@ -22,7 +22,7 @@ from benchmark.geometry.io import write_mesh
 def export(
     dataset: ShapeSet, folder: Path, *, force: bool = False, watched: Watched = iter
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Write the readable shapes as ``CLASS/POSE.off``; cameras, depth noise, canonical poses in ``dataset.toml``.
+    """Write the readable shapes as ``CLASS/POSE.off``; cameras and canonical poses in ``dataset.toml``.
 
     Coordinates are exact. Files are written to a temporary sibling folder and moved at the end, so a failure while
     writing leaves the folder unchanged.
@@ -46,7 +46,8 @@ def export(
     Raises
     ------
     ConfigurationError
-        If the folder is nonempty or contains the data set itself, or a class or pose cannot be the name of a file.
+        If the folder is nonempty or contains the data set itself, a class or pose cannot be the name of a file, or the
+        data set has depth noise.
     DatasetError
         If no mesh is readable.
     """
@@ -105,6 +106,8 @@ def _check_target(dataset: ShapeSet, folder: Path, force: bool) -> None:
     sources |= {dataset.folder.resolve()} if dataset.folder else set()
     if any(target == source or target.is_relative_to(source) for source in sources):
         raise ConfigurationError(f"{folder} holds the data set itself", "choose another folder")
+    if any(dataset.sensor(entry) for entry in dataset.shapes):
+        raise ConfigurationError("meshes have no depth noise", "export the set without it, and name it in a run")
     if folder.exists() and not folder.is_dir():
         raise ConfigurationError(f"{folder} is not a folder", "choose another one")
     if folder.exists() and any(folder.iterdir()) and not force:
@@ -134,14 +137,7 @@ def _settings(dataset: ShapeSet, files: Mapping[str, str]) -> str:
         for subject, entry in canonical_shapes(dataset).items()
         if names[entry.identifier] != min((names[member.identifier] for member in members_of[subject]), key=natural_key)
     }
-    sensors = {names[entry.identifier]: dataset.sensor(entry) for entry in dataset.shapes}
-    noise = next((sensor for sensor in sensors.values() if sensor), None)
-    tables = _table("camera", views) + _table("canonical_pose", poses)
-    if noise:
-        seeds = {name: str(sensor.seed) for name, sensor in sensors.items() if sensor}
-        tables += _table("depth_noise", {"deviation": repr(noise.noise), "step": repr(noise.step)})
-        tables += _table("depth_noise.seeds", seeds)
-    return "\n".join(lines) + "\n" + tables
+    return "\n".join(lines) + "\n" + _table("camera", views) + _table("canonical_pose", poses)
 
 
 def _view(camera: Camera) -> str:

@@ -1,19 +1,18 @@
-"""Settings of a folder in ``dataset.toml``: canonical poses, depth cameras and their noise, frame."""
+"""Settings of a folder in ``dataset.toml``: canonical poses, depth cameras, frame."""
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.datasets import ShapeSet
 from benchmark.datasets.base import by_subject
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.files import decode
-from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
+from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 SETTINGS_FILE = "dataset.toml"
 
@@ -25,7 +24,7 @@ VIEWS: Mapping[str, Camera] = {
     "other-side": Camera((-1.0, 0.0, 0.0)),
 }
 
-_KEYS = ("camera", "canonical_pose", "depth_noise", "half_width", "stand_in_for", "up")
+_KEYS = ("camera", "canonical_pose", "half_width", "stand_in_for", "up")
 
 
 def with_settings(shapes: ShapeSet) -> ShapeSet:
@@ -34,8 +33,7 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     All keys are optional: ``camera``, the name of a view, a table with ``direction`` and optionally ``up``, or a table
     from class or shape to either; ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views;
     ``canonical_pose``, a pose or a table from class to pose; ``half_width``, half the width of the camera's frame in
-    file units; ``depth_noise``, a table with ``deviation``, ``step`` and a seed for each shape in ``seeds``;
-    ``stand_in_for``, the official set that generated shapes replace.
+    file units; ``stand_in_for``, the official set that generated shapes replace.
 
     Raises
     ------
@@ -64,9 +62,6 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
         )
     elif up == "y":
         changes["camera"] = lambda entry: _y_up(shapes.camera(entry))
-    if "depth_noise" in values:
-        sensors = _sensors(values["depth_noise"], shapes.shapes, path)
-        changes["sensor"] = lambda entry: sensors[entry.identifier]
     return replace(shapes, **changes)
 
 
@@ -160,15 +155,3 @@ def _y_up(camera: Camera) -> Camera:
         return camera
     (x, y, z), (a, b, c) = camera.direction, camera.up
     return Camera((x, z, -y), (a, c, -b))
-
-
-def _sensors(value: Any, entries: Iterable[Entry], path: Path) -> dict[str, DepthSensor]:
-    try:
-        deviation, step, seeds = float(value["deviation"]), float(value["step"]), value["seeds"]
-        sensors = {entry.identifier: DepthSensor(deviation, step, int(seeds[entry.identifier])) for entry in entries}
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        problem = f"{path}: depth_noise lacks {error}"
-        raise DatasetError(problem, "write deviation, step and seeds, a table from shape to number") from error
-    if not (0 <= deviation < math.inf and 0 <= step < math.inf) or min(sensor.seed for sensor in sensors.values()) < 0:
-        raise DatasetError(f"{path}: a number of depth_noise is negative", "write positive numbers")
-    return sensors

@@ -192,7 +192,6 @@ def test_cameras(rods, text, camera):
         ("canonical_pose = 1.5", "the canonical pose of 'thick' is 1.5; write a pose in quotes"),
         ("half_width = 0", "half_width is 0; write a positive number"),
         ("half_width = inf", "half_width is inf; write a positive number"),
-        ("depth_noise = { deviation = 1, step = 1, seeds = {} }", "depth_noise lacks 'thick0'; write deviation, step"),
         ("camera = ", "cannot read .*dataset.toml: .*correct the file or remove it"),
         ("half_width = 1" + "0" * 400, "half_width is 10"),
         ("half_width = " + "9" * 5000, "cannot read"),
