@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -52,38 +53,30 @@ class FastMDS(CheckedParameters):
         """Return the FastMap embedding, centred at the origin; notes are the number of rows, and the stress on them."""
         from baselines._kernels.few_rows import farthest_points, stress_of_rows
 
-        rows = _Rows(shape)
-        (start,) = farthest_points(shape, 1)
+        rows = dict[int, FloatArray]()
         points = np.zeros((shape.mesh.n_vertices, 3))
+
+        def residual(vertex: int) -> FloatArray:
+            """Return the squared distances from a vertex that the axes so far do not explain, shape (n,)."""
+            if vertex not in rows:
+                rows[vertex] = shape.geodesics_from([vertex])[0]
+            return np.asarray(np.maximum(rows[vertex] ** 2 - ((points - points[vertex]) ** 2).sum(axis=1), 0.0))
+
+        (start,) = farthest_points(shape, 1)
         for axis in range(3):
-            first, second = self._pivots(rows, points, start)
-            to_first, to_second = rows.residual(first, points), rows.residual(second, points)
+            first, second = self._pivots(residual, start)
+            to_first, to_second = residual(first), residual(second)
             squared = to_first[second]
             if squared > 0.0:
                 points[:, axis] = (to_first + squared - to_second) / (2 * np.sqrt(squared))
         points = oriented(points - points.mean(axis=0), shape.mesh.vertex_areas)
-        stress = stress_of_rows(points, list(rows.known), np.stack([*rows.known.values()]))
-        return shape.form(points, rows=len(rows.known), stress_of_rows=stress)
+        stress = stress_of_rows(points, list(rows), np.stack([*rows.values()]))
+        return shape.form(points, rows=len(rows), stress_of_rows=stress)
 
-    def _pivots(self, rows: _Rows, points: FloatArray, start: int) -> tuple[int, int]:
+    def _pivots(self, residual: Callable[[int], FloatArray], start: int) -> tuple[int, int]:
         near, far = start, start
         for _ in range(self.sweeps):
-            near, far = far, int(rows.residual(far, points).argmax())
-            if int(rows.residual(far, points).argmax()) == near:
+            near, far = far, int(residual(far).argmax())
+            if int(residual(far).argmax()) == near:
                 break
         return near, far
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Geodesic distances from single vertices, each computed once."""
-
-    shape: Shape
-    known: dict[int, FloatArray] = field(default_factory=dict)
-
-    def residual(self, vertex: int, points: FloatArray) -> FloatArray:
-        """Return the squared distances from a vertex that the axes so far do not explain, shape (n,)."""
-        if vertex not in self.known:
-            self.known[vertex] = self.shape.geodesics_from([vertex])[0]
-        explained = ((points - points[vertex]) ** 2).sum(axis=1)
-        return np.asarray(np.maximum(self.known[vertex] ** 2 - explained, 0.0))

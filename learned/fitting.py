@@ -16,9 +16,9 @@ from benchmark.api.contracts import Interval
 from benchmark.api.learning import CARD, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
-from benchmark.machine import available_cores
+from benchmark.machine import available_cores, describe_machine
 from learned.methods import TRAINABLE_AT
-from learned.models import CONFIGURATIONS, hardware, load, save
+from learned.models import CONFIGURATIONS, load, save
 from learned.pairs import Pairs, gather
 from learned.paper_network import RESOLUTIONS
 from learned.training import CHECKPOINT, Device, Schedule, device_named, differences, fit, measures, resolved
@@ -68,7 +68,7 @@ def train(
     facts = {
         "seed": seed,
         "data_digest": recipe["images"],
-        "schedule_in_words": f"{words}, {hardware(device)}",
+        "schedule_in_words": f"{words}, {describe_machine()}",
         "training_measures": _measured(network, pairs),
         "validation_measures": _measured(network, unseen),
     }

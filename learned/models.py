@@ -6,7 +6,6 @@ import datetime
 import functools
 import hashlib
 import json
-import platform
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -239,14 +238,6 @@ def save(
     # A line an entry keeps long lists of shapes on one line.
     lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
     _write(folder / CARD, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
-
-
-def hardware(device: torch.device) -> str:
-    """Describe the hardware in words."""
-    if device.type == "cuda":
-        return str(torch.cuda.get_device_name())
-    threads = torch.get_num_threads()
-    return f"{platform.processor() or platform.machine()}, {threads} thread{'s' if threads > 1 else ''}"
 
 
 def _write(path: Path, content: bytes) -> None:
