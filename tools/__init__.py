@@ -1,1 +1,1 @@
-"""Development tools: speed, faults, portability, golden results, bounds checks, documentation."""
+"""Development tools: speed, publishing, figures, documentation."""
