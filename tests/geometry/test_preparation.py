@@ -457,3 +457,28 @@ def test_a_moebius_strip_is_noted_and_turned_as_far_as_it_goes() -> None:
     twice = len(starts) - len(np.unique(np.stack([starts, ends], axis=1), axis=0))
     assert twice == 1  # one seam
     assert prepare(sphere(1)).report["one_sided_components"] == 0
+
+
+def test_copies_become_one_at_their_mean() -> None:
+    corners = [[0, 0, 0], [1 - 1e-6, 0, 0], [0, 1, 0], [1 + 1e-6, 0, 0], [1, 1, 0], [0, 1, 0]]
+    cleaned, _ = clean(Mesh(corners, [[0, 1, 2], [3, 4, 5]]))
+    np.testing.assert_allclose(cleaned.vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], atol=1e-12)
+
+
+def test_a_bridge_in_line_with_borders_has_area_and_its_length_is_that_in_the_file() -> None:
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [3, -1, 0], [3, 0, 0]])
+    prepared = prepare(Mesh(7 * corners, [[0, 1, 2], [3, 4, 5]]))
+    assert prepared.notes == {"joined_pieces": 2, "largest_gap": pytest.approx(7, abs=1e-4)}
+    assert connected_components(prepared.mesh).max() == 0
+    assert prepared.mesh.face_areas.min() > 0.1
+
+
+@pytest.mark.parametrize(("height", "lost"), [(1.2, 0.23), (1.4, 0.26), (1.9, 0.32)])
+def test_what_loses_more_than_a_quarter_of_its_area_is_refused(height: float, lost: float) -> None:
+    """Of three triangles at an edge, the smallest is dropped."""
+    wall = Mesh([[0, 0, 0], [1, 0, 0], [0.5, 2, 0], [0.5, -2, 0], [0.5, 0, height]], [[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    if lost < 0.25:
+        assert prepare(wall).report["lost_area"] == pytest.approx(lost, abs=0.005)
+    else:
+        with pytest.raises(InvalidMesh, match=f"preparation would lose {lost:.0%} of the area"):
+            prepare(wall)
