@@ -52,7 +52,7 @@ def test_the_wheel_has_types_templates_and_examples_and_no_tests(packed):
     assert {f"{name}/py.typed" for name in ("benchmark", "baselines", "learned", "retrieval")} <= packed.keys()
     assert "benchmark/check/shapes.npz" in packed
     assert {f"benchmark/examples/{name}" for name in ("ray_stretch.py", "graph_stress.cpp")} <= packed.keys()
-    assert {"benchmark/reference/references.bib", "benchmark/report/style.css"} <= packed.keys()
+    assert {"benchmark/reference/references.bib", "benchmark/report/templates/table.html"} <= packed.keys()
     assert not any(name.startswith(("tests/", "tools/", "results/")) for name in packed)
 
 

@@ -17,12 +17,22 @@ from griffe import Extension
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
+from benchmark.pipeline.records import read_records
+from benchmark.report.pages import table_html
+from benchmark.report.tables import table_views
+
 if TYPE_CHECKING:
     from griffe import Object
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
+
+#: Style of the tables of a report, and what sorts them.
+OF_REPORT = ("table.css", "report.js")
+
+#: Published tables by their path; they are shown as in a report.
+TABLES = {f"results/tables/{view.stem}.md": view for view in table_views(read_records(ROOT / "results", local=False))}
 
 #: Files outside ``docs/`` that are pages or pictures of the site.
 BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*", "results/*/*.png")
@@ -67,6 +77,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     ]
     shown = "\n\n".join(f"## {_title(path)}\n\n![{_title(path)}]({_uri(path)})" for path in figures)
     files.append(File.generated(config, "gallery.md", content=f"# Canonical forms of all methods\n\n{shown}\n"))
+    for name in OF_REPORT:
+        source = str(ROOT / "benchmark" / "report" / "templates" / name)
+        files.append(File.generated(config, f"images/{name}", abs_src_path=source))
     for module in _modules():
         files.append(File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n"))
     return files
@@ -77,6 +90,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     address = page.file.src_uri
     if address == "gallery.md" or address.startswith("api/"):
         return markdown
+    if view := TABLES.get(address.removeprefix("repository/")):
+        return f"# Table {view.table.identifier}: {view.dataset}\n\n{table_html(view)}"
     source = next((path for path, uri in URIS.items() if uri == address), None)
     source = source or (address.removeprefix("repository/") if address.startswith("repository/") else f"docs/{address}")
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
@@ -19,9 +18,6 @@ from benchmark.report.formats import duration, hundredths, latex_figure, text
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, say
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def recorded(options: Selection) -> list[Record]:
@@ -103,17 +99,10 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     if not views:
         raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
     view, forms = views[0], StoredForms(options.results, options.data_root)
-    draws: dict[str, Callable[[], Figure]] = {
-        "scores": lambda: figures.scores_figure(view),
-        "cost": lambda: figures.cost_figure(view),
-        "precision-recall": lambda: figures.precision_recall_figure(figures.precision_recall(view, forms)),
-        "paper": lambda: figures.paper_figure(view),
-        "distances": lambda: figures.distances_figure(view, forms),
-    }
     if of_forms:
         figure, caption = figures.forms_figure(view, forms, shapes, superposed=what == "spread")
         write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
     else:
-        figure = draws[what]()
+        figure = figures.CHARTS[what](view, forms)
     figures.save(figure, path)
     say(f"wrote {path}")

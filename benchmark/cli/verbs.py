@@ -121,14 +121,13 @@ def report(
     """
     from benchmark.cli.results import draw, recorded, selected_tables
     from benchmark.report.pages import write_report
-    from benchmark.report.results import Results
 
     if figure:
         draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
         return
     records, folder = recorded(selection), output or Path("results/report")
-    results, views = Results(selection.results, tuple(records)), selected_tables(selection, records)
-    files = write_report(results, views, folder, data_root=selection.data_root, force=force)
+    views = selected_tables(selection, records)
+    files = write_report(selection.results, views, folder, data_root=selection.data_root, force=force)
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
@@ -106,6 +106,8 @@ def cost_figure(view: TableView) -> Figure:
     points = sorted(
         (max(seconds, FASTEST), score, row.title, row.kind) for row, seconds, score in known if seconds is not None
     )
+    if not points:
+        raise ConfigurationError(f"no seconds of the rows of {view.stem} are known", "run a method here")
     figure, ((place,),) = subplots(WIDTH, 3)
     for number, (seconds, score, title, kind) in enumerate(sorted(points, key=lambda point: point[1])):
         place.plot(seconds, score, "o" if seconds > FASTEST else "<", ms=3.5, color=COLOURS[kind])
@@ -115,7 +117,7 @@ def cost_figure(view: TableView) -> Figure:
         )  # fmt: skip
     best = np.maximum.accumulate([score for _, score, *_ in points])
     place.step([seconds for seconds, *_ in points], best, where="post", color=GREY, lw=0.8, zorder=0)
-    below = f" (triangle: at most {FASTEST:g})" if points and points[0][0] == FASTEST else ""
+    below = f" (triangle: at most {FASTEST:g})" if points[0][0] == FASTEST else ""
     place.set(xscale="log", xlabel=f"seconds per shape: form and geodesics{below}", ylabel=MEASURE)
     return figure
 
@@ -205,12 +207,13 @@ def distances_figure(view: TableView, forms: StoredForms) -> Figure:
     for place in figure.axes[len(known) :]:
         place.axis("off")
     for place, (row, ((record, matrix), *_)) in zip(figure.axes, known, strict=False):
-        labels = np.array([clean(record.labels[number]) for number in record.answered])
-        order = np.argsort(labels, kind="stable")
-        names, starts, sizes = np.unique(labels[order], return_index=True, return_counts=True)
-        place.imshow(rankdata(matrix[np.ix_(order, order)]).reshape(matrix.shape))
+        sides = record, record.sides[-1]
+        queries, ranked = (np.array([clean(side.labels[number]) for number in side.answered]) for side in sides)
+        down, across = (np.argsort(labels, kind="stable") for labels in (queries, ranked))
+        names, starts, sizes = np.unique(queries[down], return_index=True, return_counts=True)
+        place.imshow(rankdata(matrix[np.ix_(down, across)]).reshape(matrix.shape))
         place.set_yticks(starts + (sizes - 1) / 2, names, parse_math=False, fontsize=4)
-        place.set_xticks(starts[1:] - 0.5, [])
+        place.set_xticks(np.unique(ranked[across], return_index=True)[1][1:] - 0.5, [])
         place.set_title(row.title, parse_math=False)
     return figure
 
@@ -295,10 +298,12 @@ def effect_records(view: TableView) -> dict[str, Record]:
     return {title: record for title, record in every.items() if record.gallery == galleries[0]}
 
 
-def some_shapes(record: Record, count: int = 3) -> list[str]:
-    """Return some shapes with a result of the first class."""
-    label = next(record.labels[number] for number in record.answered)
-    return spread([record.shapes[number] for number in record.answered if record.labels[number] == label], count)
+def some_shapes(record: Record, n_classes: int = 1, n_shapes: int = 3) -> list[str]:
+    """Return some shapes of some classes of a record that have a result."""
+    classes: dict[str, list[str]] = {}
+    for number in record.answered:
+        classes.setdefault(record.labels[number], []).append(record.shapes[number])
+    return [shape for of_class in spread([*classes.values()], n_classes) for shape in spread(of_class, n_shapes)]
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -306,10 +311,10 @@ def save(figure: Figure, path: Path) -> None:
     write_atomically(path, lambda file: write(figure, file, path.suffix.lower()))
 
 
-def write(figure: Figure, file: IO[bytes], ending: str) -> None:
+def write(figure: Figure, file: IO[bytes], ending: str, dpi: int = DPI) -> None:
     """Write a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        figure.savefig(file, format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
+        figure.savefig(file, format=ending[1:], metadata=_UNDATED[ending], dpi=dpi)
 
 
 def subplots(
@@ -319,3 +324,13 @@ def subplots(
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         return figure, figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)
+
+
+#: Charts of a table, or of the first of its columns.
+CHARTS: Mapping[str, Callable[[TableView, StoredForms], Figure]] = {
+    "scores": lambda view, forms: scores_figure(view),
+    "cost": lambda view, forms: cost_figure(view),
+    "precision-recall": lambda view, forms: precision_recall_figure(precision_recall(view, forms)),
+    "paper": lambda view, forms: paper_figure(view),
+    "distances": distances_figure,
+}

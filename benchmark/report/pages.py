@@ -1,49 +1,64 @@
-"""The report as HTML pages that work without a network: overview, a page a table, forms in 3D, and worst queries."""
+"""The report as HTML pages that work without a network: overview, and for each table scores, forms and queries."""
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from html import escape
-from importlib import resources
-from itertools import islice
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
+from statistics import mode
+from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure as Drawing
+from jinja2 import Environment, PackageLoader
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from plotly.graph_objects import Figure, Mesh3d
+from pandas import DataFrame
 from plotly.offline import get_plotlyjs
 from scipy.spatial import cKDTree
 
-from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import decimate
-from benchmark.pipeline.records import Ranked, Record
+from benchmark.pipeline.records import Ranked, Record, read_distances
 from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
 from benchmark.report.drawing import PALETTE, shaded
-from benchmark.report.figures import MEASURE
+from benchmark.report.figures import MEASURE, OBLIQUE
 from benchmark.report.formats import blocks, hundredths
-from benchmark.report.forms import Drawn, StoredForms
+from benchmark.report.forms import Drawn, StoredForms, spread_of_forms
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
-from benchmark.report.results import Results
-from benchmark.report.tables import TableView
+from benchmark.report.tables import Row, TableView
 from benchmark.text import clean, say
 
-#: Vertices of a form in 3D and pixels of its height; forms of a shape, and shapes, for browsers draw at most 16.
-VERTICES, SIDE, SIDE_BY_SIDE, POSES = 700, 180, 6, 2
+#: Pages of a table by the end of their name.
+KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
 
-#: Methods, queries and matches on the page of queries.
-METHODS, WORST, MATCHES = 6, 20, 5
+#: What the charts of a table show, in their order on its page.
+CHARTS = {
+    "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order",
+    "cost": f"{MEASURE} against seconds per shape; no row is both faster and better than those at a step of the line",
+    "precision-recall": "Precision over recall, mean over all queries; a refused shape finds nothing",
+    "paper": "Our scores over those of the paper",
+    "distances": "Distances between shapes by their rank, sorted by class; dark is near",
+}
 
-ITSELF = "the shape"
+#: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its picture.
+CLASSES, POSES, VERTICES, SIDE = 3, 2, 2000, 240
 
-#: Pixels of a picture of a shape.
-_PIXELS = 96
+#: Matches of a query, pixels of the picture of a shape and per inch of matrices, and most characters of a file's name.
+MATCHES, _SMALL, _DPI, _LONGEST = 5, 96, 150, 100
+
+_TEMPLATES = Environment(
+    loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+    finalize=lambda value: "" if value is None else clean(value) if type(value) is str else value,
+)  # fmt: skip
+_TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS}
 
 
 @dataclass
@@ -52,60 +67,44 @@ class Pages:
 
     Parameters
     ----------
-    results
-        The results folder.
     forms
-        Reader of its forms.
+        Reader of the forms of a results folder.
     views
         The tables.
     files
         Contents by name.
     """
 
-    results: Results
     forms: StoredForms
     views: Sequence[TableView]
     files: dict[str, str | bytes] = field(default_factory=dict)
 
-    def add(self, name: str, title: str, body: Iterable[str], view: TableView | None = None) -> None:
-        """Add a page."""
-        links = [_link("index.html", "Overview", is_here=view is None)]
-        links += [_link(f"{v.stem}.html", _short(v), is_here=v is view) for v in self.views]
-        tabs = []
-        if view is not None:
-            names = {f"{view.stem}{ending}.html": text for ending, (text, _) in KINDS.items()}
-            tabs = ["<nav>", *(_link(place, text, is_here=place == name) for place, text in names.items()), "</nav>"]
-        lines = [
-            "<!doctype html>", "<html lang='en'><head><meta charset='utf-8'>",
-            "<meta name='viewport' content='width=device-width, initial-scale=1'>",
-            "<link rel='icon' href='data:,'><link rel='stylesheet' href='style.css'>",
-            "<script src='plotly.min.js'></script>", f"<title>{_text(title)}</title></head><body>",
-            "<header><nav>", *links, "</nav></header>", f"<main><h1>{_text(title)}</h1>", *tabs, *body,
-            "</main></body></html>",
-        ]  # fmt: skip
-        self.files[name] = "\n".join(lines) + "\n"
+    def add(self, name: str, template: str, title: str, views: Iterable[TableView], **content: Any) -> None:
+        """Add a page about some tables."""
+        records = [record for view in views for row in view.printed_rows for record in row.records]
+        content["machines"] = "; ".join(dict.fromkeys(machine for record in records for machine in record.machines))
+        content["tables"] = {"index": "Overview"} | {view.stem: _label(view) for view in self.views}
+        self.files[name] = _TEMPLATES.get_template(template).render(title=title, here=name, **content)
 
-    def picture(self, record: Ranked, shape: str) -> str:
-        """Return an image of a shape, which is drawn once; "" where it is not stored."""
-        file = f"pictures/{_safe(f'{record.input}-{record.data.name}-{shape}')}.webp"
-        if file not in self.files:
-            if (drawn := self.forms.shape(record, shape)) is None:
-                return ""
-            stream = io.BytesIO()
-            shaded(drawn.mesh, UPRIGHT, _PIXELS).save(stream, format="WEBP", quality=80)
+    def picture(self, name: str, drawn: Drawn | None, size: int, *, is_coloured: bool = False) -> str:
+        """Return the name of the picture of a surface, which is drawn once; "" without a surface."""
+        file = f"pictures/{_safe(name)}.webp" if drawn else ""
+        if drawn and file not in self.files:
+            stream, values = io.BytesIO(), drawn.values if is_coloured else None
+            shaded(drawn.mesh, OBLIQUE, size, values).save(stream, format="WEBP", quality=80)
             self.files[file] = stream.getvalue()
-        return f"<img src='{file}' width='{_PIXELS}' height='{_PIXELS}' alt='' loading='lazy'>"
+        return file
 
 
 def write_report(
-    results: Results, views: Sequence[TableView], folder: Path, *, data_root: Path | None = None, force: bool = False
+    results: Path, views: Sequence[TableView], folder: Path, *, data_root: Path | None = None, force: bool = False
 ) -> list[str]:
     """Write the report into its folder.
 
     Parameters
     ----------
     results
-        The results, whose stored forms and distances the pages show.
+        The results folder, whose stored forms and distances the pages show.
     views
         The tables.
     folder
@@ -125,181 +124,206 @@ def write_report(
     ConfigurationError
         If a file would be replaced that the report did not write.
     """
-    pages = Pages(results, StoredForms(results.folder, data_root), views)
-    style = resources.files("benchmark.report").joinpath("style.css").read_text(encoding="utf-8")
-    pages.files |= {"plotly.min.js": get_plotlyjs(), "style.css": style}
-    pages.add("index.html", "Canonical forms benchmark", overview(pages))
-    for view in views:
-        say(f"table {view.table.identifier}, {view.dataset}", err=True)
-        for ending, (name, page) in KINDS.items():
-            title = _title(view) + (f": {name.lower()}" if ending else "")
-            pages.add(f"{view.stem}{ending}.html", title, page(pages, view), view)
+    pages = Pages(StoredForms(results, data_root), views)
+    fixed = ("style.css", "table.css", "report.js")
+    pages.files |= {name: _TEMPLATES.get_template(name).render() for name in fixed}
+    listed = [(view, [*_bests(view)], _add_table(pages, view)) for view in views]
+    pages.add("index.html", "index.html", "Canonical forms benchmark", views, listed=listed, kinds={}, stem="index")
+    if any("Forms" in kinds.values() for *_, kinds in listed):
+        pages.files["plotly.min.js"] = get_plotlyjs()
     write_files(folder, pages.files, force=force)
     return list(pages.files)
 
 
-def overview(pages: Pages) -> Iterator[str]:
-    """Yield the first page: all tables."""
-    for view in pages.views:
-        yield f"<h2>{_link(f'{view.stem}.html', _title(view))}</h2>"
-        yield from html_table(view)
+def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
+    """Add the pages of a table that have content, and return their titles by address."""
+    say(f"table {_label(view)}", err=True)
+    facets = [replace(view, columns=(column,)) for column in view.columns]
+    forms = [found for facet in facets if (found := _forms(pages, facet))]
+    queries = [found for facet in facets if (found := _queries(pages, facet))]
+    scores = _scores(view, forms, queries) | {"charts": _charts(pages, facets)}
+    content = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
+    kinds = {f"{view.stem}{ending}.html": KINDS[ending] for ending, shown in content.items() if any(shown.values())}
+    for name, kind in kinds.items():
+        ending = name.removeprefix(view.stem).removesuffix(".html")
+        title = _title(view) + (ending and f": {kind.lower()}")
+        pages.add(name, f"{kind.lower()}.html", title, [view], kinds=kinds, stem=view.stem, **content[ending])
+    return kinds
 
 
-def table_page(pages: Pages, view: TableView) -> Iterator[str]:
-    """Yield the page of a table: scores with intervals, cost against score, and precision over recall."""
-    yield from html_table(view)
-    yield from ("<ul>", *(f"<li>{_text(note)}</li>" for note in table_notes(view)), "</ul>")
-    yield "<h2>Scores with intervals</h2><p>95 % of resampled classes; dashed: a random order.</p>"
-    yield _svg(figures.scores_figure(view))
-    column = f", {_text(view.columns[0].title)}" if len(view.columns) > 1 else ""
-    yield f"<h2>Score against cost{column}</h2><p>No row is both faster and better than those on the line.</p>"
-    yield _svg(figures.cost_figure(view))
-    curves = figures.precision_recall(view, pages.forms)
-    if curves:
-        yield f"<h2>Precision over recall{column}</h2><p>Mean over all queries; a refused shape finds nothing.</p>"
-        yield _svg(figures.precision_recall_figure(curves))
+def _bests(view: TableView) -> Iterator[tuple[str, str, float | None, float]]:
+    """Yield each column with its best row, its score, and that of a random order."""
+    for column in view.columns:
+        scored = {row.title: row.scored.get(column.title) for row in view.printed_rows}
+        rivals = {title: one.means[MEASURE] for title, one in scored.items() if one and one.is_rival}
+        best = max(rivals, key=rivals.__getitem__, default="")
+        yield column.title, best, rivals.get(best), view.chance[column.title][MEASURE]
 
 
-def html_table(view: TableView) -> Iterator[str]:
-    """Yield a table with its blocks and marks."""
-    heads = "".join(f"<th colspan='{len(MEASURES)}'>{_text(group)}</th>" for group in view.groups)
-    yield f"<p>{_text(view.caption)}</p><div class='frame'><table><thead><tr><th></th>{heads}<th></th></tr>"
-    names = "".join(f"<th>{name}</th>" for name in MEASURES * len(view.groups))
-    yield f"<tr><th>Method</th>{names}<th title='seconds a shape'>s</th></tr></thead><tbody>"
-    for heading, lines in blocks(view):
-        if heading:
-            yield f"<tr class='block'><th colspan='{len(view.groups) * len(MEASURES) + 2}'>{_text(heading)}</th></tr>"
-        for line in lines:
-            cells = [
-                f"<td class='{mark}'{'' if len(group) > 1 else f' colspan={len(MEASURES)}'}>{_text(text)}</td>"
-                for group in line.groups for text, mark in group
-            ]  # fmt: skip
-            place = "" if heading else " class='chance'"
-            yield f"<tr{place}><th>{_text(line.title)}</th>{''.join(cells)}<td>{line.seconds}</td></tr>"
-    yield "</tbody></table></div>"
+# Scores --------------------------------------------------------------------------------------------------------------
 
 
-def forms_page(pages: Pages, view: TableView) -> Iterator[str]:
-    """Yield the page of forms: poses of one subject, each with its forms by several methods."""
-    records = dict(islice(figures.effect_records(view).items(), SIDE_BY_SIDE - 1))
-    shapes = figures.some_shapes(next(iter(records.values())), POSES) if records else []
-    rows = {shape: _forms_of(pages, records, shape) for shape in shapes}
-    if not any(len(meshes) > 1 for meshes in rows.values()):
-        yield f"<p>No forms of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
-        return
-    yield (
-        "<p>Drag to turn, scroll to zoom. The colour shows how far a point is from the centre of the body. "
-        "Forms are turned to that of the first pose of the subject.</p>"
-    )
-    for shape, meshes in rows.items():
-        yield f"<h2>{_text(shape)}</h2><div class='forms'>"
-        for title, form in meshes.items():
-            name = f"{title}, mirrored" if form.is_mirrored else title
-            chart = mesh_chart(form.mesh, form.values)
-            yield f"<figure>{_html(chart)}<figcaption>{_text(name)}</figcaption></figure>"
-        yield "</div>"
+def table_html(view: TableView) -> str:
+    """Return a table alone, with its notes, for a page with ``table.css``."""
+    return _TEMPLATES.get_template("table.html").render(_scores(view))
 
 
-def _forms_of(pages: Pages, records: Mapping[str, Record], shape: str) -> dict[str, Drawn]:
-    """Return a shape and its stored forms by the title of their row."""
-    meshes: dict[str, Drawn] = {}
-    for title, record in records.items():
-        form, surface = pages.forms.form(record, shape), pages.forms.shape(record, shape)
-        if form is not None and surface is not None:
-            meshes |= {ITSELF: surface, title: form}
-    return meshes
+def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] = ()) -> dict[str, Any]:
+    """Return what ``table.html`` shows of a table, whose rows link to their forms and queries."""
+    made = {anchor: shown for facet in forms[::-1] for _, anchor, shown, _ in facet["rows"]}
+    pictures = {anchor: next(filter(None, shown))["picture"] for anchor, shown in made.items()}
+    linked = {"-forms": made, "-queries": {anchor for facet in queries for _, anchor in facet["rows"]}}
+    rows = {clean(row.title): row for row in view.printed_rows}
+    notes = table_notes(view)
+    return {"view": view, "blocks": blocks(view), "rows": rows, "pictures": pictures, "linked": linked, "notes": notes}
 
 
-def mesh_chart(mesh: Mesh, values: NDArray[np.float64]) -> Figure:
-    """Return a mesh in 3D."""
-    small = decimate(mesh, VERTICES) if mesh.n_vertices > VERTICES else mesh
-    shown = values[cKDTree(mesh.vertices).query(small.vertices)[1]]
-    (x, y, z), (i, j, k) = small.vertices.T.round(3), small.faces.T
-    figure = Figure(Mesh3d(
-        x=x, y=-z, z=y, i=i, j=j, k=k, intensity=shown.round(2), colorscale=list(PALETTE), showscale=False,
-        hoverinfo="skip",
-    ))  # fmt: skip
-    extents = np.ptp(small.vertices, axis=0)
-    # The diagonal fits, however the mesh is turned; no side is 0.
-    width, height, depth = (1.9 * extents / np.linalg.norm(extents)).clip(min=1e-3)
-    figure.update_scenes(
-        xaxis_visible=False, yaxis_visible=False, zaxis_visible=False,
-        aspectratio={"x": width, "y": depth, "z": height},
-        camera={"eye": {"x": 0, "y": -1.9, "z": 0.2}, "projection": {"type": "orthographic"}},
-    )  # fmt: skip
-    return figure.update_layout(height=SIDE, margin={"l": 0, "r": 0, "t": 0, "b": 0})
+def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[str, list[str]]]]:
+    """Add the charts of the columns of a table as files, and return descriptions and files by heading."""
+    shown: dict[str, list[tuple[str, list[str]]]] = {}
+    for (kind, says), facet in product(CHARTS.items(), facets):
+        with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
+            figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
+            name = f"charts/{facet.stem}-{kind}-{_safe(title.replace(' ', '-'))}"
+            files: dict[str, str | bytes] = {name + ending: _encoded(figure, ending) for ending in (".svg", ".pdf")}
+            if kind != "distances":  # they are large
+                files[f"{name}.csv"] = _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g")
+            pages.files |= files
+            column = f", {title}" * (len(facets) > 1)
+            shown.setdefault(kind.capitalize(), []).append((f"{says}{column}.", [*files]))
+    return shown
 
 
-def queries_page(pages: Pages, view: TableView) -> Iterator[str]:
-    """Yield the page of queries: for each method, those that find least, with their nearest matches."""
-    title = view.columns[0].title
-    rows = [row for row in view.printed_rows if title in row.scored]
-    worst = ((row.title, _worst(pages, row.scored[title].all_records[0])) for row in rows)
-    shown = list(islice(((name, lines) for name, lines in worst if lines), METHODS))
-    for name, lines in shown:
-        yield f"<h2>{_text(name)}</h2><div class='frame'><table class='queries'><tbody>"
-        yield from lines
-        yield "</tbody></table></div>"
-    if not shown:
-        yield f"<p>No distances of this table are stored here. Make them with: <code>{_text(_command(view))}</code></p>"
+def _encoded(figure: Figure, ending: str) -> bytes:
+    figures.write(figure, stream := io.BytesIO(), ending, _DPI)
+    return stream.getvalue()
 
 
-def _worst(pages: Pages, record: Record) -> list[str]:
-    """Return a table row for each of the worst queries of a job; none if its distances are not stored."""
-    classes = dict(zip(record.shapes, record.labels, strict=True))
-    scores = dict(zip(record.shapes, record.per_query[MEASURE], strict=True))
-    answered = [(scores[shape], shape) for shape in (record.shapes[number] for number in record.answered)]
-    lines = []
-    for score, query in sorted(pair for pair in answered if pair[0] is not None)[:WORST]:
-        try:
-            matches = pages.results.matches(record.key, query, MATCHES)
-        except ConfigurationError:
-            return []
-        cells = [f"<th>{pages.picture(record, query)}<br>{_text(query)}<br>{MEASURE} {hundredths(score)}</th>"]
-        for shape, label in zip(matches["shape"], matches["class"], strict=True):
-            mark = "hit" if label == classes[query] else "miss"
-            cells.append(f"<td class='{mark}'>{pages.picture(record.sides[-1], shape)}<br>{_text(shape)}</td>")
-        lines.append(f"<tr>{''.join(cells)}</tr>")
-    return lines
+def _numbers(view: TableView, forms: StoredForms, kind: str) -> DataFrame:
+    """Return the numbers of a chart: precision by recall, or all scores with intervals and seconds."""
+    if kind == "precision-recall":
+        curves = {row.title: curve for row, curve in figures.precision_recall(view, forms)}
+        return DataFrame(curves, index=figures.RECALLS).rename_axis("recall")
+    rows = [
+        [row.title, name, one.means[name], *one.intervals[name], view.paper.get(row.method, {}).get(name), row.seconds]
+        for row, one in figures.shown_rows(view)
+        for name in MEASURES
+    ]
+    names = ["method", "measure", "score", "low", "high", "paper", "seconds"]
+    return DataFrame(rows, columns=names).set_index("method")
 
 
-#: Pages of a table by the end of their name.
-KINDS = {"": ("Scores", table_page), "-forms": ("Forms", forms_page), "-queries": ("Worst queries", queries_page)}
+# Forms and queries ---------------------------------------------------------------------------------------------------
 
 
-def _html(figure: Figure) -> str:
-    return str(figure.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False}))
+def _first_records(view: TableView) -> dict[Row, Record]:
+    """Return a record of each row in the first column, all of one gallery, that of most rows."""
+    every = {row: one.all_records[0] for row, one in figures.shown_rows(view)}
+    gallery = mode(record.gallery for record in every.values()) if every else ""
+    return {row: record for row, record in every.items() if record.gallery == gallery}
 
 
-def _svg(figure: Drawing) -> str:
-    """Return a figure of matplotlib as an element of a page."""
-    stream = io.BytesIO()
-    figures.write(figure, stream, ".svg")
-    text = stream.getvalue().decode()
-    return text[text.index("<svg") :]
+def _forms(pages: Pages, view: TableView) -> dict[str, Any]:
+    """Return some shapes of a column, and the rows with stored forms: title, anchor, forms, spread; empty without."""
+    records, forms = _first_records(view), pages.forms
+    first = next(iter(records.values()), None)
+    shapes = figures.some_shapes(first, CLASSES, POSES) if first else []
+    rows = [
+        (row.title, _safe(row.method), made, spread_of_forms(forms.folder, record))
+        for row, record in records.items()
+        if any(made := [_form(pages, record, shape, f" by {row.title}", forms.form(record, shape)) for shape in shapes])
+    ]
+    if not first or not rows:
+        return {}
+    plain = [_form(pages, first, shape, "", forms.shape(first, shape)) for shape in shapes]
+    return {"title": view.columns[0].title, "shapes": shapes, "rows": [("Shape", "shape", plain, None), *rows]}
 
 
-def _command(view: TableView) -> str:
-    table = view.table.part_of or view.table.identifier
-    chosen = f"-t {table}" if view.table.identifier != view.dataset else f"-d {view.dataset}"
-    return f"python -m benchmark run {chosen}{' --quick' if view.quick else ''}"
+def _form(pages: Pages, record: Record, shape: str, by: str, drawn: Drawn | None) -> dict[str, Any]:
+    """Add the picture of a form, or shape, and its surface in 3D, and return their names; empty if it is not stored."""
+    if drawn is None:
+        return {}
+    name = f"{record.input}-{record.data.name}-{record.method if by else 'shape'}-of-{shape}"
+    small = decimate(drawn.mesh, VERTICES) if drawn.mesh.n_vertices > VERTICES else drawn.mesh
+    shown = drawn.values[cKDTree(drawn.mesh.vertices).query(small.vertices)[1]]
+    surface = {
+        "points": small.vertices.T.round(3).tolist(),
+        "faces": small.faces.T.tolist(),
+        "values": shown.round(2).tolist(),
+        "palette": PALETTE,
+        "towards": [-part for part in OBLIQUE.direction],
+    }
+    file = f"forms/{_safe(name)}.js"
+    pages.files[file] = f"show('{file}', {json.dumps(surface, separators=(',', ':'))});"
+    picture = pages.picture(name, drawn, SIDE, is_coloured=True)
+    says = (f"Form of {shape}{by}" if by else shape) + ", mirrored" * drawn.is_mirrored
+    return {"picture": picture, "mesh": file, "says": says, "is_mirrored": drawn.is_mirrored}
+
+
+def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
+    """Return the queries of a column with what each row does with them, refused and missed ones first; or nothing."""
+    rows = [
+        (row, record, _nearest(record, matrix))
+        for row, record in _first_records(view).items()
+        if (matrix := read_distances(pages.forms.folder, record)) is not None
+    ]
+    if not rows:
+        return {}
+    first = rows[0][1]
+    every = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
+    cells = {number: [_outcome(record, nearest, number) for _, record, nearest in rows] for number in every}
+    order = sorted(every, key=lambda number: sorted(cells[number]))
+    return {
+        "title": view.columns[0].title,
+        "queries": [{"number": of, "cells": cells[of], "is_fine": min(cells[of])[0] == 2} for of in order],
+        "rows": [(row.title, _safe(row.method)) for row, *_ in rows],
+        "data": {
+            "sides": [_shapes(pages, side) for side in first.sides],
+            "rows": [(row.title, nearest) for row, _, nearest in rows],
+        },
+    }
+
+
+def _shapes(pages: Pages, side: Ranked) -> list[tuple[str, str, str]]:
+    """Return names, classes and pictures of shapes that are queries or ranked."""
+    place = f"{side.input}-{side.data.name}"
+    pictures = [pages.picture(f"{place}-{shape}", pages.forms.shape(side, shape), _SMALL) for shape in side.shapes]
+    return [*zip(map(clean, side.shapes), map(clean, side.labels), pictures, strict=True)]
+
+
+def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[int]]:
+    """Return the nearest shapes of each query with a result, by number, without the query itself."""
+    queries, ranked = (np.array(side.shapes)[side.answered] for side in (record, record.sides[-1]))
+    is_left_out = (queries[:, None] == ranked) & (not record.keeps_same_names)
+    order = np.argsort(np.where(is_left_out, np.inf, matrix), axis=1, kind="stable")
+    counts = np.minimum(MATCHES, (~is_left_out).sum(axis=1))
+    numbers = np.array(record.sides[-1].answered)
+    return {query: numbers[of[:n]].tolist() for query, of, n in zip(record.answered, order, counts, strict=True)}
+
+
+def _outcome(record: Record, nearest: Mapping[int, Sequence[int]], number: int) -> tuple[int, float]:
+    """Return 0 for a refused query, 1 where the nearest match is of another class, otherwise 2; and its score."""
+    first = nearest.get(number, ())[:1]
+    is_hit = any(record.sides[-1].labels[match] == record.labels[number] for match in first)
+    return (number in nearest) + is_hit, record.per_query[MEASURE][number] or 0.0
 
 
 def _title(view: TableView) -> str:
-    return f"Table {view.table.identifier}. {view.table.caption}"
+    name = view.table.identifier
+    return view.caption if name == view.dataset else f"Table {name}. {view.caption}"
 
 
-def _short(view: TableView) -> str:
-    return view.table.identifier if view.table.identifier == view.dataset else f"{view.table.identifier} {view.dataset}"
-
-
-def _link(address: str, text: str, *, is_here: bool = False) -> str:
-    return f"<a href='{address}'{' aria-current=page' if is_here else ''}>{_text(text)}</a>"
+def _label(view: TableView) -> str:
+    """Return a short name of a table and its data."""
+    data = re.sub(r"\[(\w+)=([^]]*)\]$", r", \1 \2", view.dataset)
+    made = "generated " * (view.dataset in view.table.stand_ins)
+    return data if view.table.identifier == view.dataset else f"{view.table.identifier}: {made}{data}"
 
 
 def _safe(name: str) -> str:
-    return "".join(c if c.isascii() and (c.isalnum() or c in "-_") else f"{ord(c):x}" for c in name)[:100]
+    """Return a name of a file or anchor, of at most a hundred characters."""
+    safe = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else f"{ord(c):x}" for c in name)
+    return safe if len(safe) <= _LONGEST else f"{safe[: _LONGEST - 9]}-{hashlib.sha256(safe.encode()).hexdigest()[:8]}"
 
 
-def _text(text: str) -> str:
-    return escape(clean(text), quote=True)
+_TEMPLATES.filters |= {"anchor": _safe, "hundredths": hundredths}

@@ -1,6 +1,10 @@
 """Pages of a report, figures and sheets, from records alone and from stored forms."""
 
+import json
 import re
+from collections import Counter
+from html.parser import HTMLParser
+from itertools import product
 
 import msgspec
 import numpy as np
@@ -28,8 +32,7 @@ from benchmark.report.figures import (
     scores_figure,
 )
 from benchmark.report.forms import StoredForms
-from benchmark.report.pages import mesh_chart, write_report
-from benchmark.report.results import Results
+from benchmark.report.pages import write_report
 from benchmark.report.sheets import contact_sheet, frame_picture, spread
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
@@ -37,24 +40,83 @@ from tests.report.test_formats import HOSTILE
 from tests.toy import rod
 
 
+def luminance(colour):
+    red, green, blue = (((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5))
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+class Facts(HTMLParser):
+    """What a page has: elements by tag, the names of its anchors, and its text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found, self.text = [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text += data
+
+    def values(self, name, *tags):
+        return [attrs[name] for tag, attrs in self.found if name in attrs and (not tags or tag in tags)]
+
+
 def pages(folder, *records):
-    write_report(Results(folder, records), table_views(records), folder / "report")
-    return {path.name: path.read_text() for path in (folder / "report").glob("*.html")}
+    write_report(folder, table_views(records), folder / "report")
+    return read(folder / "report")
 
 
-def test_records_alone_make_pages_that_say_once_how_to_make_forms_and_need_no_network(tmp_path):
-    found = pages(tmp_path, record(), record(input_="view"), failed("fell", "it <b>fell</b>"))
-    assert found.keys() == {"index.html", "table-rods.html", "table-rods-forms.html", "table-rods-queries.html"}
-    assert "it &lt;b&gt;fell&lt;/b&gt;" in found["table-rods.html"]
-    assert "Score against cost, mesh" in found["table-rods.html"]
-    assert found["table-rods-forms.html"].count("python -m benchmark run -d rods") == 1
-    for text in found.values():
-        assert not re.search(r"(src|href)=.?(https?:|//)", text)
-        for name in re.findall(r"(?:src|href)='([^'#]+)'", text):
-            assert name.startswith("data:") or (tmp_path / "report" / name).is_file(), name
+def read(folder):
+    found = {path.name: path.read_text() for path in folder.glob("*.html")}
+    facts = {name: Facts(text) for name, text in found.items()}
+    for name, page in facts.items():
+        assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img"), name
+        assert len(set(page.values("id"))) == len(page.values("id"))
+        assert sum(tag == "tr" for tag, _ in page.found) > 1  # no page is empty
+        for link in page.values("href") + page.values("src") + page.values("data-mesh"):
+            file, _, anchor = link.partition("#")
+            assert link == "data:," or (folder / file).is_file(), link  # so that no network is needed
+            assert not anchor or anchor in facts[file].values("id"), link
+    return found
 
 
-def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path):
+def test_records_alone_make_a_page_that_says_how_to_make_forms_and_a_chart_for_each_input(tmp_path):
+    found = pages(tmp_path, record(), record("learned", input_="view"), failed("fell", "it <b>fell</b>"))
+    assert found.keys() == {"index.html", "table-rods.html"}
+    page = found["table-rods.html"]
+    assert "it &lt;b&gt;fell&lt;/b&gt;" in page
+    assert page.count("python -m benchmark run -d rods") == 1
+    for chart, ending in product(("scores-mesh", "scores-view", "cost-mesh", "cost-view"), ("svg", "pdf", "csv")):
+        assert f'href="charts/table-rods-{chart}.{ending}"' in page
+    view = (tmp_path / "report" / "charts" / "table-rods-cost-view.csv").read_text().splitlines()
+    assert view[1] == '"Depth network, 128 px",NN,0.75,0.75,0.75,,1.5'
+
+
+def test_a_table_has_one_score_a_cell_with_what_it_is_sorted_by_its_interval_and_the_papers_score(tmp_path):
+    labels = [f"s{k // 2}" for k in range(16)]
+    text = pages(tmp_path, record("gps", [k / 16 for k in range(16)], dataset="tosca", labels=labels))[
+        "table-III-tosca.html"
+    ]
+    row = re.search(r"<tr>(?:(?!<tr).)*>GPS<.*?</tr>", text, re.DOTALL)[0]
+    cells = re.findall(r"<td ([^>]*)>([.\d]*)(.*?)</td>", row, re.DOTALL)
+    assert [score for _, score, _ in cells] == [*[".71", ".52", ".72", ".76", ".47", ".50", ".60", ".70"], "1.5"]
+    assert re.fullmatch(r'class="" data-value="0.46875" title="95 %: .2\d to .6\d; paper .71"', cells[4][0])
+    assert [svg.count('class="paper"') for *_, svg in cells] == [0] * 4 + [1] * 4 + [0]
+    assert re.findall(r"<td data-value=\"([^\"]*)\">", row) == ["1.5"]
+
+
+def test_tabs_name_generated_data_and_the_overview_the_best_row_of_each_column(tmp_path):
+    found = pages(tmp_path, record("gps", dataset="people[draw=0]"), record("gps", dataset="humans-scanlike"))
+    text = " ".join(Facts(found["index.html"]).text.split())
+    assert "I: generated people, draw 0" in text
+    assert "No record says which machine made the forms." in text
+    assert re.search(r"oursGPS .70.57 Scores", text)
+
+
+def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmark.report.pages.CHARTS", {})  # which take most of the time
     names = [name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)]  # records refuse the others
     records = [
         made for name in names for made in (record(dataset=name, title=name), failed("fell", name, dataset=name))
@@ -67,24 +129,70 @@ def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path):
         assert "\u202e" not in text
 
 
-def test_stored_forms_and_distances_are_shown(results, tmp_path):
-    views = table_views([msgspec.structs.replace(record, title="Mine") for record in results.records])
-    files = write_report(results, views, tmp_path)
-    stem = views[0].stem
-    forms, queries = ((tmp_path / f"{stem}-{kind}.html").read_text() for kind in ("forms", "queries"))
-    assert '"type":"mesh3d"' in forms
-    assert forms.count("<figure>") == 2 * 3  # two rods, each itself and its forms by two methods
-    assert "Mine (identity)" in forms
-    assert queries.count("<tr>") >= 2 * len(results.records[0].shapes)
-    sizes = [Image.open(tmp_path / name).size for name in files if name.endswith(".webp")]
-    assert sizes == [(96, 96)] * len(results.records[0].shapes)
+def test_stored_forms_and_distances_are_shown_and_rows_lead_to_them(results, tmp_path):
+    views = table_views([msgspec.structs.replace(record, machines=["a fast one"]) for record in results.records])
+    files = write_report(results.folder, views, tmp_path)
+    found = read(tmp_path)
+    scores, forms, queries = (found[f"{views[0].stem}{kind}.html"] for kind in ("", "-forms", "-queries"))
+    assert "Forms were made on a fast one." in scores
+    assert scores.count("-forms.html#") == 2
+    assert scores.count("-queries.html#") == 3
+    assert Facts(scores).values("alt", "img")[:2] == ["A form by GPS", "A form by Identity (no canonical form)"]
+    shapes = results.records[0].shapes
+    said = Facts(forms).values("alt")
+    assert len(said) == 3 * len(shapes)
+    assert f"Form of {shapes[0]} by GPS" in said
+    sizes = Counter(Image.open(tmp_path / name).size for name in files if name.endswith(".webp"))
+    assert sizes == {(240, 240): 3 * len(shapes), (96, 96): len(shapes)}
+    mesh = json.loads((tmp_path / Facts(forms).values("data-mesh")[0]).read_text().partition(", ")[2][:-2])
+    assert (
+        len(mesh["points"][0]) == len(mesh["values"]) == results.form(results.job("gps", "rods"), shapes[0]).n_vertices
+    )
+    assert queries.count("data-query") == len(shapes)
 
 
-def test_a_long_flat_mesh_fits_its_frame_from_all_sides():
-    chart = mesh_chart(Mesh([[0, 0, 0], [9, 0, 0], [0, 1, 0]], [[0, 1, 2]]), np.zeros(3))
-    size = chart.layout.scene.aspectratio
-    assert size.x == pytest.approx(9 * size.z)
-    assert 0 < size.y < size.z < size.x < 2
+def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch, tmp_path):
+    labels = ["a", "a", "b", "b", "b"]
+    matrix = np.array(
+        [[0, 1, 2, 2, 2], [1, 0, 2, 2, 2], [9, 9, 0, 1, 2], [3, 9, 4, 0, 5], [9, 9, 2, 1, 0]], dtype=float
+    )
+    refused = record("refuses", labels=labels, input_="view", unsupported=[("b4", "too thin")])
+    stored = lambda folder, one: matrix[np.ix_(one.answered, one.answered)]  # noqa: E731
+    monkeypatch.setattr("benchmark.report.pages.read_distances", stored)
+    page = pages(tmp_path, record(labels=labels), record("learned", labels=labels, input_="view"), refused)
+    page = page["table-rods-queries.html"]
+    assert re.findall(r"(?:Mesh|View): \d of 5 queries fail", page) == [
+        "Mesh: 1 of 5 queries fail",
+        "View: 2 of 5 queries fail",
+    ]
+    order = re.findall(r'<tr( class="fine")?><th scope="row"><button data-query="(\d)">', page)
+    assert order[0] == ("", "3")
+    assert order[5:7] == [("", "4"), ("", "3")]
+    assert all(mark for mark, _ in order[1:5] + order[7:])
+    row = re.search(r'data-query="4".*?</tr>', page[page.index("View") :], re.DOTALL)[0]
+    assert re.findall(r"<td(.*?)>(.*?)</td>", row) == [(' class="refused" data-value="-1"', "– refused"), ("", "✓ .70")]
+    data = json.loads(re.search(r"<script type=\"application/json\">(.*?)</script>", page)[1])
+    assert data["rows"] == [
+        ["GPS", {"0": [1, 2, 3, 4], "1": [0, 2, 3, 4], "2": [3, 4, 0, 1], "3": [0, 2, 4, 1], "4": [3, 2, 0, 1]}]
+    ]
+
+
+def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
+    pages(tmp_path, record())
+    style = "".join((tmp_path / "report" / name).read_text() for name in ("style.css", "table.css"))
+    light, dark = (
+        dict(re.findall(r"--(\w+): (#\w{6})", text)) for text in re.findall(r":root \{(.*?)\}", style, re.DOTALL)
+    )
+    checked = 0
+    for scheme in (light, light | dark):
+        for rule in re.findall(r"\{([^{}]*)\}", style):
+            colours = dict(re.findall(r"(?<![-\w])(color|background): (?:var\(--)?([#\w]+)", rule))
+            if text := colours.get("color"):
+                pair = (scheme.get(name, name) for name in (text, colours.get("background", "page")))
+                brightness = sorted(map(luminance, pair))
+                assert (brightness[1] + 0.05) / (brightness[0] + 0.05) >= 4.5, rule
+                checked += 1
+    assert checked >= 16
 
 
 def test_pages_of_400_shapes_are_small(tmp_path):
@@ -148,8 +256,7 @@ def test_the_papers_scores_are_hollow_marks_and_lie_in_a_band_beside_ours():
 
 def test_colours_of_marks_have_a_contrast_of_three_with_white():
     for colour in (*COLOURS.values(), GREY):
-        red, green, blue = (((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5))
-        assert 1.05 / (0.2126 * red + 0.7152 * green + 0.0722 * blue + 0.05) >= 3, colour
+        assert 1.05 / (luminance(colour) + 0.05) >= 3, colour
 
 
 def test_networks_of_views_are_in_charts_beside_rows_of_complete_surfaces():

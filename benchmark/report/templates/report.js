@@ -1,0 +1,93 @@
+"use strict";
+function make(tag, properties, ...children) {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+}
+
+// A click on a heading sorts by its column, the next one turns the order round, the third one restores the blocks.
+for (const table of document.querySelectorAll("table.sortable")) {
+  const body = table.tBodies[0], original = [...body.rows];
+  const first = table.dataset.first, second = first === "ascending" ? "descending" : "ascending";
+  table.tHead.addEventListener("click", event => {
+    const button = event.target.closest("button");
+    if (!button) return;
+    const head = button.closest("th"), now = head.getAttribute("aria-sort");
+    const order = now === null ? first : now === first ? second : null;
+    for (const other of table.tHead.querySelectorAll("th")) other.removeAttribute("aria-sort");
+    body.replaceChildren(...original);
+    if (order === null) return;
+    head.setAttribute("aria-sort", order);
+    const sign = order === "ascending" ? 1 : -1;
+    const cell = row => row.cells[button.dataset.column];
+    const value = row => parseFloat(cell(row).dataset.value ?? cell(row).textContent.split(" ").pop());
+    const rows = original.filter(row => !row.classList.contains("block"));
+    const [known, unknown] = [false, true].map(isMissing => rows.filter(row => isNaN(value(row)) === isMissing));
+    body.replaceChildren(...known.sort((a, b) => sign * (value(a) - value(b))), ...unknown);
+  });
+}
+
+document.getElementById(location.hash.slice(1))?.closest("thead th")?.querySelector("button").click(); // worst queries first
+
+// Forms in 3D, a file each, at most eight at a time: browsers draw sixteen.
+const meshes = {}, turned = [];
+let library;
+function show(name, mesh) { meshes[name] = mesh; }
+function scene({ points: [x, y, z], faces: [i, j, k], values, palette, towards: [right, up, near] }) {
+  const sizes = [x, z, y].map(of => Math.max(...of) - Math.min(...of)), diagonal = Math.hypot(...sizes);
+  // The diagonal fits, however the surface is turned; no side is 0.
+  const [width, depth, height] = sizes.map(size => Math.max(2.6 * size / diagonal, 1e-3)), axis = { visible: false };
+  const colours = palette.map((colour, place) => [place / (palette.length - 1), colour]);
+  const trace = { type: "mesh3d", x, y: z.map(value => -value), z: y, i, j, k, intensity: values,
+    colorscale: colours, showscale: false, hoverinfo: "skip" };
+  const camera = { eye: { x: 1.9 * right, y: -1.9 * near, z: 1.9 * up }, projection: { type: "orthographic" } };
+  const shown = { xaxis: axis, yaxis: axis, zaxis: axis, aspectratio: { x: width, y: depth, z: height }, camera };
+  return [[trace], { scene: shown, height: 240, margin: { l: 0, r: 0, t: 0, b: 0 } }];
+}
+function load(address) {
+  return new Promise(done => document.head.append(make("script", { src: address, onload: done })));
+}
+async function turn(button) {
+  library ??= load("plotly.min.js");
+  await library;
+  const file = button.dataset.mesh, name = button.firstChild.alt;
+  if (!meshes[file]) await load(file);
+  const box = make("div", { className: "turned" });
+  button.replaceWith(box);
+  const image = { filename: name, scale: 4, format: "png" };
+  await Plotly.newPlot(box, ...scene(meshes[file]), { displaylogo: false, toImageButtonOptions: image });
+  turned.push([box, button]);
+  if (turned.length > 8) {
+    const [oldest, picture] = turned.shift();
+    Plotly.purge(oldest);
+    oldest.replaceWith(picture);
+  }
+}
+for (const button of document.querySelectorAll("button.form")) button.addEventListener("click", () => turn(button));
+
+// The nearest matches of a query, a line a method.
+function picture([name, , file], kind, sign) {
+  const image = file ? [make("img", { src: file, alt: name, width: 96, height: 96 })] : [];
+  return make("figure", { className: kind }, ...image, make("figcaption", {}, sign + name));
+}
+function matches({ sides, rows }, query) {
+  const asked = sides[0][query], ranked = sides[sides.length - 1];
+  const lines = rows.map(([title, nearest]) => make("div", { className: "line" }, make("b", {}, title),
+    ...(nearest[query]?.map(shape => ranked[shape]).map(shape =>
+      shape[1] === asked[1] ? picture(shape, "hit", "✓ ") : picture(shape, "miss", "✗ ")) ?? ["refused"])));
+  return [picture(asked, "query", ""), make("div", {}, ...lines)];
+}
+for (const box of document.querySelectorAll(".queries")) {
+  const data = JSON.parse(box.querySelector("script").textContent), body = box.querySelector("tbody");
+  body.addEventListener("click", event => {
+    const button = event.target.closest("button");
+    if (!button) return;
+    const row = button.closest("tr"), isOpen = row.nextElementSibling?.className === "matches";
+    for (const other of body.querySelectorAll(".matches")) other.remove();
+    if (isOpen) return;
+    const content = make("div", {}, ...matches(data, Number(button.dataset.query)));
+    row.after(make("tr", { className: "matches" }, make("td", { colSpan: row.cells.length }, content)));
+  });
+  const start = body.querySelector("tr:not(.fine) button");
+  if (start) start.click();
+}
