@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 from benchmark.cli.options import Selection
@@ -17,7 +18,7 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import duration, hundredths, latex_figure, text
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
-from benchmark.text import brief, say
+from benchmark.text import aligned, brief, say, say_lines
 
 
 def recorded(options: Selection) -> list[Record]:
@@ -82,6 +83,21 @@ def outcome(record: Record) -> str:
     scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
     refused = f", {len(record.unsupported)} refused" if record.unsupported else ""
     return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
+
+
+def measure_spread(options: Selection) -> None:
+    """Compute how far forms of one subject are apart, where it is not kept yet, and print it."""
+    from benchmark.cli.progress import counting
+    from benchmark.report.figures import effect_records, spread_rows
+    from benchmark.report.forms import StoredForms, spread_of_forms
+
+    for view in selected_tables(options, recorded(options)):
+        for title, record in effect_records(view).items():
+            spread_of_forms(options.results, record, partial(counting, f"spread of {title}"))
+        say(
+            f"Table {view.table.identifier}, {view.title}: distance of forms of one subject over that of different ones"
+        )
+        say_lines("\n".join(aligned(spread_rows(view, StoredForms(options.results)))))
 
 
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:

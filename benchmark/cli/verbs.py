@@ -113,15 +113,18 @@ def report(
         Option("--figure", help="Draw a .pdf, .png or .svg instead; forms is also called effect."),
     ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
+    spread: Annotated[bool, Option("--spread", help="Also compute how far forms of a subject are apart.")] = False,
     force: shared.Force = False,
 ) -> None:
     """Write HTML pages, or draw a figure.
 
     Pages show tables, charts, and canonical forms in 3D.
     """
-    from benchmark.cli.results import draw, recorded, selected_tables
+    from benchmark.cli.results import draw, measure_spread, recorded, selected_tables
     from benchmark.report.pages import write_report
 
+    if spread:
+        measure_spread(selection)
     if figure:
         draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
         return

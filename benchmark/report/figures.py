@@ -287,7 +287,7 @@ def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera,
         for place, picture, each in zip(places, pictures, drawn, strict=False):
             if picture and each:
                 place.imshow(np.asarray(picture))
-                place.text(0.5, 0.1, "mirrored" * each.is_mirrored, ha="center", fontsize=5, transform=place.transAxes)
+                place.text(0.5, 0, "mirrored" * each.is_mirrored, ha="center", fontsize=5, transform=place.transAxes)
     return figure
 
 
@@ -296,6 +296,13 @@ def effect_records(view: TableView) -> dict[str, Record]:
     every = {row.title: one.all_records[0] for row, one in shown_rows(view) if row.kind in ("form", "network")}
     galleries = [record.gallery for record in every.values()]
     return {title: record for title, record in every.items() if record.gallery == galleries[0]}
+
+
+def spread_rows(view: TableView, forms: StoredForms) -> list[tuple[str, ...]]:
+    """Return the head, and a row for each method whose spread is kept; see :func:`spread_of_forms`."""
+    kept = [(name, of, spread_of_forms(forms.folder, of)) for name, of in effect_records(view).items()]
+    rows = [(name, *map(hundredths, found), str(len(of.unsupported))) for name, of, found in kept if found is not None]
+    return [("Method", "spread", "or mirrored", "floor", "refused"), *rows]
 
 
 def some_shapes(record: Record, n_classes: int = 1, n_shapes: int = 3) -> list[str]:

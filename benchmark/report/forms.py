@@ -32,11 +32,14 @@ Watch = Callable[[list[tuple[int, int]]], Iterable[tuple[int, int]]]
 #: Points by which forms are compared; pairs of forms of one subject, and of different ones, in a spread.
 SAMPLES, PAIRS = 1000, 200
 
-#: A form is drawn mirrored if it comes nearer by this factor, since bodies nearly equal their mirror images.
+#: A form is drawn mirrored, or turned more, if it comes nearer by this factor: bodies nearly equal their mirror images.
 NEARER = 0.9
 
-#: Starts that are refined with all points; the others, with some 200 of them, end after a few steps.
-_KEPT, _STEPS, _FEW, _FEW_STEPS = 3, 10, 200, 6
+#: Steps of an alignment with all points, and before that with a few; points and starts that are kept for pictures.
+_STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT_DRAWN = 10, 200, 6, 600, 8
+
+#: What the code of a spread is, so that none of other code is read.
+_CODE = file_digest(Path(__file__))
 
 _SIGNED_AXES = np.array(
     [np.diag(signs)[[*order]] for signs in product((1.0, -1.0), repeat=3) for order in permutations(range(3))]
@@ -140,33 +143,37 @@ def centred(mesh: Mesh) -> Mesh:
 
 
 def turned(form: Drawn, target: Drawn) -> Drawn:
-    """Return a form, turned to another one, or mirrored if that brings it clearly nearer.
+    """Return a form, turned to another one as little as brings it near, or mirrored if that brings it clearly nearer.
 
     How far points are from the centre of the body tells a head from a foot.
     """
     points, others = (np.column_stack([each.mesh.vertices, each.values]) for each in (form, target))
-    points, others = (each[np.linspace(0, len(each) - 1, SAMPLES).astype(int)] for each in (points, others))
-    distance, turn = alignment(points, others)
-    mirrored_distance, mirrored_turn = alignment(points * [-1, -1, -1, 1], others)
-    is_mirrored = mirrored_distance < NEARER * distance
-    vertices = form.mesh.vertices @ (-mirrored_turn if is_mirrored else turn)
-    return Drawn(form.mesh.with_vertices(vertices), form.body, is_mirrored)
+    points, others = (each[np.linspace(0, len(each) - 1, _DRAWN).astype(int)] for each in (points, others))
+    distances, turns = alignments(points, others, _KEPT_DRAWN)
+    mirrored = alignments(points * [-1, -1, -1, 1], others, _KEPT_DRAWN)
+    is_mirrored = bool(mirrored[0].min() < NEARER * distances.min())
+    if is_mirrored:
+        distances, turns = mirrored[0], -mirrored[1]
+    near = turns[NEARER * distances <= distances.min()]  # a body, and so its form, hardly differs from front and back
+    turn = near[np.trace(near, axis1=1, axis2=2).argmax()]
+    return Drawn(form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored)
 
 
-def alignment(points: Points, target: Points) -> tuple[float, Points]:
-    """Return the distance of points from a target, mean over both of that to the nearest point, and their rotation.
+def alignments(points: Points, target: Points, kept: int = 3) -> tuple[NDArray[np.float64], Points]:
+    """Return mean distances to the nearest point, both ways, shape (kept,), and rotations that make them small.
 
     Parameters
     ----------
     points, target
         Centred coordinates and what else near points share, shape (n, 3 or more).
+    kept
+        Number of starts that are refined with all points; the others end after a few steps with some of them.
     """
     axes, others = (np.linalg.svd(each[:, :3].T @ each[:, :3])[0] for each in (points, target))
     turns = axes @ _SIGNED_AXES @ others.T
     few = slice(None, None, max(1, len(points) // _FEW))
     distances, turns = _nearer(points[few], target[few], turns[np.linalg.det(turns) > 0], _FEW_STEPS)
-    distances, turns = _nearer(points, target, turns[np.argsort(distances, kind="stable")[:_KEPT]], _STEPS)
-    return float(distances.min()), turns[distances.argmin()]
+    return _nearer(points, target, turns[np.argsort(distances, kind="stable")[:kept]], _STEPS)
 
 
 def _nearer(points: Points, target: Points, turns: Points, steps: int) -> tuple[NDArray[np.float64], Points]:
@@ -191,7 +198,7 @@ def _moved(points: Points, turns: Points) -> Points:
 def spread_of_forms(folder: Path, record: Record, watch: Watch | None = None) -> NDArray[np.float64] | None:
     """Return how far forms of one subject are apart, by the median distance of forms of different subjects.
 
-    Forms are centred by area, of unit root mean square radius, and turned; :func:`alignment` of samples is their
+    Forms are centred by area, of unit root mean square radius, and turned; :func:`alignments` of samples gives their
     distance.
 
     Parameters
@@ -209,7 +216,7 @@ def spread_of_forms(folder: Path, record: Record, watch: Watch | None = None) ->
         The spread, the same where forms may also be mirrored (the scorer admits no mirror images), and the floor, that
         of two samplings of one form; NaN where all forms are one. None if it is not kept and not computed.
     """
-    cache, key = Cache(folder), digest([file_digest(Path(__file__)), record.files.get("forms"), record.labels])
+    cache, key = Cache(folder), digest([_CODE, record.files.get("forms"), record.labels])
     arrays = cache.read("records", key)
     if arrays is None and watch:
         forms = {number: read_form(folder, record, record.shapes[number]) for number in record.answered}
@@ -231,8 +238,8 @@ def _spread(forms: Mapping[int, Mesh], labels: Sequence[str], watch: Watch) -> N
     between = [(a, b) for a, b in pairs if labels[a] != labels[b]][:PAIRS]
     found = []
     for a, b in watch(within + between):
-        distance = alignment(samples[a], samples[b])[0]
-        found.append([distance, min(distance, alignment(-samples[a], samples[b])[0])])
+        distance, mirrored = (alignments(sign * samples[a], samples[b])[0].min() for sign in (1, -1))
+        found.append([distance, min(distance, mirrored)])
     distances = np.reshape(found, (-1, 2))
     near, far = (np.median(of, axis=0) if len(of) else [np.nan] * 2 for of in np.split(distances, [len(within)]))
     above, below = np.array([*near, np.median(floor)]), np.array([*far, far[0]])

@@ -38,7 +38,7 @@ def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
     Returns
     -------
     tuple of PIL.Image.Image and list of str
-        The picture, and a line for each shape that cannot be drawn and is crossed out.
+        The picture, whose ``info`` names the shapes, and a line for each shape that cannot be drawn and is crossed out.
 
     Raises
     ------
@@ -69,7 +69,9 @@ def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
                 pen.line((left, top + _PIXELS, left + _PIXELS, top), fill="grey")
             pen.text((left, top + _PIXELS), entry.pose[: _PIXELS // 4], fill="grey", font=_FONT)
     # A palette of two ramps reduces files to a third.
-    return sheet.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE), problems
+    small = sheet.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    small.info["shapes"] = " ".join(entry.identifier for row in rows for entry in row)
+    return small, problems
 
 
 def spread(values: Sequence[T], most: int) -> list[T]:

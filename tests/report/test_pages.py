@@ -1,10 +1,12 @@
 """Pages of a report, figures and sheets, from records alone and from stored forms."""
 
 import json
+import os
 import re
 from collections import Counter
 from html.parser import HTMLParser
 from itertools import product
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 from PIL import Image
 
 from benchmark.api import Entry, ShapeSet
+from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
@@ -35,9 +38,12 @@ from benchmark.report.forms import StoredForms
 from benchmark.report.pages import write_report
 from benchmark.report.sheets import contact_sheet, frame_picture, spread
 from benchmark.report.tables import table_views
+from benchmark.text import DATA_VARIABLE
 from tests.report.records import failed, record
 from tests.report.test_formats import HOSTILE
 from tests.toy import rod
+
+FIGURES = Path(__file__).parents[2] / "results" / "figures"
 
 
 def luminance(colour):
@@ -317,6 +323,16 @@ def shapes(n_classes=3, n_poses=4, broken=()):
 def test_a_sheet_shows_each_subject_and_crosses_out_what_cannot_be_read():
     assert contact_sheet(shapes(3))[0].height > contact_sheet(shapes(2))[0].height
     assert [line.partition(":")[0] for line in contact_sheet(shapes(broken={"s2-0"}))[1]] == ["s2-0"]
+
+
+@pytest.mark.parametrize("name", ["animals", "people", "humans-scanlike", "tosca"])
+def test_committed_sheets_have_the_size_and_the_shapes_of_those_that_are_drawn(name, monkeypatch):
+    if name == "tosca" and not os.environ.get(DATA_VARIABLE):
+        pytest.skip("TOSCA is not here")
+    monkeypatch.setattr("benchmark.report.sheets._pictures", lambda shapes, entries: ({}, []))
+    drawn, _ = contact_sheet(open_dataset(name, Path(os.environ.get(DATA_VARIABLE, "."))))
+    committed = Image.open(FIGURES / f"sheet-{name}.png")
+    assert (committed.size, committed.text["shapes"]) == (drawn.size, drawn.info["shapes"])
 
 
 def test_some_of_many_are_spread_evenly():
