@@ -22,7 +22,7 @@ OF_PEOPLE := -d people[draw=0] --input mesh --quick
 OF_SCANS := -d humans-scanlike --input mesh --quick
 OF_VIEWS := -t I-view -d people[draw=0] --quick
 NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
-DRAW := $(BIN)/python -m benchmark report --force --figure effect -o results/figures
+DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
 methods = $(addprefix -m ,$(1))
 
 .PHONY: setup kernels bench test test-slow lint docs speed tables check-tables publish figures clean golden reference
@@ -111,22 +111,18 @@ publish: setup
 # The report, and the figures of README and docs, from forms that runs keep; those of TOSCA need CANONICAL_FORMS_DATA.
 CLASSICAL := classic-mds fast-mds non-metric-mds least-squares-mds constrained-mds gps mesh-unfolding skeleton
 FURTHER := accelerated-mds fast-classical-scaling feature-preserved
+SHOWN := least-squares-mds constrained-mds mesh-unfolding
 FIELD := constrained-mds gps deformation-field
 figures: setup
 	$(BIN)/python -m benchmark run $(OF_PEOPLE) $(call methods,$(CLASSICAL) $(FURTHER))
-	$(BIN)/python -m benchmark run -t III --input mesh -m least-squares-mds
+	$(BIN)/python -m benchmark run -t III --input mesh $(call methods,$(SHOWN))
 	$(BIN)/python -m benchmark report -o results/report
-	$(DRAW)/forms-humans.pdf $(OF_PEOPLE) $(POSES) $(call methods,$(CLASSICAL))
-	$(DRAW)/forms-humans.png $(OF_PEOPLE) $(POSES) $(call methods,$(CLASSICAL))
+	$(DRAW)/forms.png $(OF_PEOPLE) $(POSES) $(call methods,$(CLASSICAL) $(FURTHER))
 	$(BIN)/python -m benchmark run $(OF_SCANS) $(call methods,$(FIELD))
 	$(DRAW)/field-humans.png $(OF_SCANS) $(call methods,$(FIELD))
-	$(DRAW)/family-scaling.png $(OF_PEOPLE) $(POSES) -m classic-mds -m least-squares-mds -m non-metric-mds
-	$(DRAW)/family-few-rows.png $(OF_PEOPLE) $(POSES) -m fast-mds -m accelerated-mds -m fast-classical-scaling
-	$(DRAW)/family-details.png $(OF_PEOPLE) $(POSES) \
-	    $(call methods,constrained-mds feature-preserved skeleton mesh-unfolding)
 	$(BIN)/python -m benchmark run $(OF_VIEWS) $(call methods,$(NETWORKS))
 	$(DRAW)/learned-forms.png $(OF_VIEWS) $(call methods,$(NETWORKS))
-	$(DRAW)/effect.png -t III -d tosca -m least-squares-mds $(BODIES)
+	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
 	$(BIN)/python -m tools.scorers
 	for name in animals people humans-scanlike tosca; do \
 	    $(BIN)/python -m benchmark data sheet $$name -o results/figures/sheet-$$name.png || exit 1; done

@@ -66,17 +66,10 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the files outside ``docs/``, the gallery, and a page for each documented module."""
+    """Add the files outside ``docs/``, and a page for each documented module."""
     files.remove(files.src_uris["README.md"])
     for path in [*_paths(*BESIDE), "docs/README.md"]:
         files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
-    figures = [
-        path
-        for path in _paths("results/figures/*.png")
-        if Path(path).stem.startswith(("family", "forms", "field", "learned"))
-    ]
-    shown = "\n\n".join(f"## {_title(path)}\n\n![{_title(path)}]({_uri(path)})" for path in figures)
-    files.append(File.generated(config, "gallery.md", content=f"# Canonical forms of all methods\n\n{shown}\n"))
     for name in OF_REPORT:
         source = str(ROOT / "benchmark" / "report" / "templates" / name)
         files.append(File.generated(config, f"images/{name}", abs_src_path=source))
@@ -88,7 +81,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Convert the links of a page to addresses on the site."""
     address = page.file.src_uri
-    if address == "gallery.md" or address.startswith("api/"):
+    if address.startswith("api/"):
         return markdown
     if view := TABLES.get(address.removeprefix("repository/")):
         return f"# Table {view.table.identifier}: {view.dataset}\n\n{table_html(view)}"
@@ -143,5 +136,5 @@ def _uri(path: str) -> str:
 
 
 def _title(path: str) -> str:
-    words = Path(path).stem.removeprefix("family-").replace("-", " ")
+    words = Path(path).stem.replace("-", " ")
     return words[0].upper() + words[1:]

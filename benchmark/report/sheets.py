@@ -24,12 +24,11 @@ T = TypeVar("T")
 #: Most subjects, and poses of each, on a sheet, and pixels of a picture.
 SUBJECTS, POSES, _PIXELS = 40, 6, 96
 
-_GAP, _LINE = 10, 18
+_GAP, _TEXT = 10, 12
 
 #: Height of the picture of a depth image, and side of that of a retrieved form, in pixels.
 _HEIGHT, _SIDE = 300, 180
 _OBJECT = np.array([0.95, 0.55, 0.2])
-_FONT = ImageFont.load_default(12)  # bundled with Pillow, so sheets look the same on every machine
 
 
 def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
@@ -38,7 +37,7 @@ def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
     Returns
     -------
     tuple of PIL.Image.Image and list of str
-        The picture, whose ``info`` names the shapes, and a line for each shape that cannot be drawn and is crossed out.
+        The picture, whose ``info`` names the shapes, and a line for each shape that cannot be drawn and is grey.
 
     Raises
     ------
@@ -49,29 +48,27 @@ def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
         raise DatasetError(f"data set '{shapes.name}' has no meshes", "check its folder")
     subjects = by_subject(shapes.shapes)
     rows = [spread(of, POSES) for of in spread([*subjects.values()], SUBJECTS)]
-    n_columns = max(map(len, rows))
-    indent = _GAP + int(max(_FONT.getlength(row[0].subject) for row in rows)) + _GAP
-    height = _PIXELS + _LINE + _GAP
-    sheet = Image.new("RGB", (indent + n_columns * (2 * _PIXELS + _GAP), 2 * _LINE + len(rows) * height), "white")
-    pen = ImageDraw.Draw(sheet)
-    shown = f"{len(rows)} of {len(subjects)} subjects, {sum(map(len, rows))} of {len(shapes.shapes)} shapes"
-    pen.text((_GAP, 4), f"{shapes.title}: {shown}", fill="black", font=_FONT)
     pictures, problems = _pictures(shapes, [entry for row in rows for entry in row])
-    for i, row in enumerate(rows):
-        top = 2 * _LINE + i * height
-        pen.text((_GAP, top + _PIXELS // 2), row[0].subject, fill="black", font=_FONT)
-        for j, entry in enumerate(row):
-            left = indent + j * (2 * _PIXELS + _GAP)
-            for k, picture in enumerate(pictures.get(entry.identifier, ())):
-                sheet.paste(picture, (left + k * _PIXELS, top))
-            if entry.identifier not in pictures:
-                pen.line((left, top, left + _PIXELS, top + _PIXELS), fill="grey")
-                pen.line((left, top + _PIXELS, left + _PIXELS, top), fill="grey")
-            pen.text((left, top + _PIXELS), entry.pose[: _PIXELS // 4], fill="grey", font=_FONT)
+    shown = f"{len(rows)} of {len(subjects)} subjects, {sum(map(len, rows))} of {len(shapes.shapes)} shapes"
+    strips = [_beside([f"{shapes.title}: {shown}"], [_blank(len(shapes.title + shown) * 8, 1)], _TEXT)]
+    margin, missing = (
+        _blank(8 * max(len(row[0].subject) for row in rows), _PIXELS),
+        _blank(2 * _PIXELS, _PIXELS, "silver"),
+    )
+    for row in rows:
+        names = [row[0].subject, *(entry.pose[: _PIXELS // 4] for entry in row)]
+        strips.append(_beside(names, [margin, *(pictures.get(entry.identifier, missing) for entry in row)], _TEXT))
+    sheet = _blank(max(strip.width for strip in strips), sum(strip.height for strip in strips))
+    for number, strip in enumerate(strips):
+        sheet.paste(strip, (0, sum(above.height for above in strips[:number])))
     # A palette of two ramps reduces files to a third.
     small = sheet.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     small.info["shapes"] = " ".join(entry.identifier for row in rows for entry in row)
     return small, problems
+
+
+def _blank(width: int, height: int, colour: str = "white") -> Image.Image:
+    return Image.new("RGB", (width, height), colour)
 
 
 def spread(values: Sequence[T], most: int) -> list[T]:
@@ -80,8 +77,8 @@ def spread(values: Sequence[T], most: int) -> list[T]:
     return [values[place] for place in places.tolist()]
 
 
-def _pictures(shapes: ShapeSet, entries: Sequence[Entry]) -> tuple[dict[str, list[Image.Image]], list[str]]:
-    """Return surface and depth image of each shape, and what is wrong with the others."""
+def _pictures(shapes: ShapeSet, entries: Sequence[Entry]) -> tuple[dict[str, Image.Image], list[str]]:
+    """Return surface beside depth image of each shape, and what is wrong with the others."""
     meshes, problems = [], []
     for entry in entries:
         try:
@@ -95,7 +92,8 @@ def _pictures(shapes: ShapeSet, entries: Sequence[Entry]) -> tuple[dict[str, lis
         camera, sensor = shapes.camera(entry), shapes.sensor(entry)
         depth = render_depth(mesh, camera, half_width, 3 * _PIXELS)
         depth = depth if sensor is None else sensor.perturbed(depth)
-        pictures[entry.identifier] = [shaded(mesh, camera, _PIXELS), depth_picture(depth, _PIXELS)]
+        pair = shaded(mesh, camera, _PIXELS), depth_picture(depth, _PIXELS)
+        pictures[entry.identifier] = Image.fromarray(np.hstack([np.asarray(picture) for picture in pair]))
     return pictures, problems
 
 
@@ -139,16 +137,16 @@ def retrieved_picture(panels: Sequence[tuple[str, Mesh | None]]) -> Image.Image:
     panels
         Lines of text, and a form (right, up, towards the viewer) or None for no picture; the query comes first.
     """
-    blank = Image.new("RGB", (_SIDE, _SIDE), "white")
-    return _beside([text for text, _ in panels], [shaded(m, UPRIGHT, _SIDE) if m else blank for _, m in panels], 12)
+    drawn = [shaded(mesh, UPRIGHT, _SIDE) if mesh else _blank(_SIDE, _SIDE) for _, mesh in panels]
+    return _beside([text for text, _ in panels], drawn, _TEXT)
 
 
 def _beside(texts: Sequence[str], pictures: Sequence[Image.Image], font_size: int) -> Image.Image:
     """Combine pictures of one height side by side, each below its text."""
     head = max(text.count("\n") + 1 for text in texts) * (font_size + 6) + 3
     width = sum(picture.width for picture in pictures) + _GAP * (len(pictures) + 1)
-    sheet = Image.new("RGB", (width, head + pictures[0].height + _GAP), "white")
-    pen, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(font_size), _GAP
+    sheet = _blank(width, head + pictures[0].height + _GAP)
+    pen, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(font_size), _GAP  # bundled with Pillow
     for text, picture in zip(texts, pictures, strict=True):
         pen.multiline_text((left, 3), text, fill="black", font=font, spacing=3)
         sheet.paste(picture, (left, head))

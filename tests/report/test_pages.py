@@ -320,12 +320,12 @@ def shapes(n_classes=3, n_poses=4, broken=()):
     return ShapeSet(name="rods", shapes=entries, load=load, key=lambda entry: entry.identifier)
 
 
-def test_a_sheet_shows_each_subject_and_crosses_out_what_cannot_be_read():
+def test_a_sheet_shows_each_subject_and_greys_out_what_cannot_be_read():
     assert contact_sheet(shapes(3))[0].height > contact_sheet(shapes(2))[0].height
     assert [line.partition(":")[0] for line in contact_sheet(shapes(broken={"s2-0"}))[1]] == ["s2-0"]
 
 
-@pytest.mark.parametrize("name", ["animals", "people", "humans-scanlike", "tosca"])
+@pytest.mark.parametrize("name", ["animals", "people", "tosca"])
 def test_committed_sheets_have_the_size_and_the_shapes_of_those_that_are_drawn(name, monkeypatch):
     if name == "tosca" and not os.environ.get(DATA_VARIABLE):
         pytest.skip("TOSCA is not here")
