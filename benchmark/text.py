@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import io
+import os
 import re
+import shutil
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Collection, Sequence
 
 #: Longest reason in tables and lists of jobs, message in a record, and text that a plugin passes, in characters.
 LONGEST_REASON, LONGEST_MESSAGE, LONGEST_TEXT = 500, 1000, 20_000
@@ -81,8 +84,13 @@ def _as_text(text: object) -> str:
 
 
 def say(text: object = "", *, err: bool = False) -> None:
-    """Print one cleaned line to stdout or stderr."""
-    print(clean(text), file=sys.stderr if err else sys.stdout, flush=True)
+    """Print one cleaned line to stdout or stderr; in a terminal it is wrapped between words."""
+    stream, line = sys.stderr if err else sys.stdout, clean(text)
+    if stream.isatty():
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        width = shutil.get_terminal_size().columns
+        line = textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    print(line, file=stream, flush=True)
 
 
 class Printed(io.TextIOBase):
@@ -99,16 +107,25 @@ class Printed(io.TextIOBase):
 
 
 def say_lines(text: str) -> None:
-    """Print text line by line."""
+    """Print text line by line, as it is for other programs."""
     for line in text.removesuffix("\n").split("\n"):
-        say(line)
+        print(clean(line), flush=True)  # noqa: T201
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows as lines with aligned columns."""
-    rows = [[clean(cell) for cell in row] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> None:
+    """Print rows in columns, wrapped between words at the width of the terminal but for those that stay ``whole``."""
+    from rich.console import Console
+    from rich.table import Column, Table
+    from rich.text import Text
+
+    has_width = sys.stdout.isatty() or "COLUMNS" in os.environ  # other programs read a row a line
+    console = Console(highlight=False, width=None if has_width else LONGEST_TEXT)
+    grid = Table.grid(*(Column(no_wrap=k in whole) for k in range(len(rows[0]))), padding=(0, 2, 0, 0))
+    for row in rows:
+        grid.add_row(*(Text(clean(cell), overflow="fold") for cell in row))
+    with console.capture() as captured:
+        console.print(grid)
+    say_lines("\n".join(map(str.rstrip, captured.get().splitlines())))
 
 
 def _without_breaks(match: re.Match[str]) -> str:

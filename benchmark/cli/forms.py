@@ -38,7 +38,7 @@ from benchmark.registry import Component, select_one
 from benchmark.report.drawing import check_ending, save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.runs.planning import Planned, plan_selection
-from benchmark.text import aligned, say
+from benchmark.text import say, say_table
 
 
 def canonicalise(
@@ -227,8 +227,7 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     nearest = search(options.results, record, shape, maker, scorer.create(), [entry.identifier for entry in itself])
     hits = nearest.hits[:k]
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
-    for line in aligned([("rank", "name", "class", "distance"), *rows]):
-        say(line)
+    say_table([("rank", "name", "class", "distance"), *rows])
     if options.picture:
         panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or shape.mesh)]
         for rank, *texts in rows:

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-
-from rich.console import Console
-from rich.table import Column, Table
-from rich.text import Text
 
 from benchmark.api.learning import CARD, read_card
 from benchmark.api.parameters import format_value
@@ -20,30 +16,46 @@ from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import entry_of, source_of
 from benchmark.registry import Component, by_name, select_one
 from benchmark.registry.names import described
-from benchmark.text import aligned, clean, say, say_lines
+from benchmark.text import clean, say, say_lines, say_table
 
 Rows = list[dict[str, str]]
 
-#: Columns of ``list datasets``, which fit 80 characters; the JSON has all.
-_COLUMNS = ("name", "state", "shapes", "classes", "source")
+#: Columns that fit 80 characters, by kind; the JSON has all.
+_COLUMNS = {
+    "datasets": ("name", "state", "shapes", "classes", "source"), "models": ("training", "model", "origin", "schedule"),
+}  # fmt: skip
+
+#: Names of the groups of methods.
+_GROUPS = {"paper": "paper", "extended": "extended", "control": "controls", "network": "networks", "": "broken"}
 
 _FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
 
 def list_(what: str, selection: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
-    if what in ("methods", "scorers"):
-        rows = _components(by_name("method" if what == "methods" else "scorer", selection.plugins))
-    else:
-        rows = {"datasets": _datasets, "tables": _tables, "models": _models}[what](selection)
+    known = by_name("method" if what == "methods" else "scorer", selection.plugins)
+    kinds = {"datasets": _datasets, "tables": _tables, "models": _models}
+    rows = kinds[what](selection) if what in kinds else _components(known)
     if as_json:
         say_lines(json.dumps(rows, indent=1))
-        return
-    table = [list(row.values()) for row in rows]
-    if what == "datasets":
-        table = [[*_COLUMNS], *([row[name] for name in _COLUMNS] for row in rows)]
-    for line in aligned(table):
-        say(line)
+    elif what == "methods":
+        say_table(_grouped(known, rows), whole=(0,))
+    else:
+        names = _COLUMNS.get(what, tuple(rows[0]))
+        table = [[row.get(name, "") for name in names] for row in rows]
+        if what == "tables":
+            table = [[name, f"{data}: {caption}"] for name, data, caption in table]
+        say_table([names, *table] if what == "datasets" else table, whole=range(len(table[0]) - 1))
+
+
+def _grouped(methods: Mapping[str, Component], rows: Rows) -> list[list[str]]:
+    """Return lines of methods below the names of their groups; only those that cannot be used say so."""
+    groups = {group: [[name, ""]] for group, name in _GROUPS.items()}
+    for row in rows:
+        group = "network" if row["family"] and methods[row["name"]].learns else row["family"]
+        state = f" ({row['state']})" if row["state"].startswith("needs") else ""
+        groups[group].append([f"  {row['name']}", f"{row['title']} - {row['summary']}{state}"])
+    return [line for lines in groups.values() if len(lines) > 1 for line in lines]
 
 
 def _components(components: Mapping[str, Component]) -> Rows:
@@ -142,7 +154,7 @@ def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
         chosen = f", here {parameter['chosen']}" if "chosen" in parameter else ""
         values = f"{parameter['values']}; default {parameter['default'] or repr('')}{chosen}"
         rows += [(f"    {parameter['name']}", values), ("", parameter["meaning"])]
-    _say_wrapped(rows)
+    say_table(rows, whole=(0,))
 
 
 def _facts(component: Component) -> dict[str, str | list[str]]:
@@ -165,11 +177,3 @@ def _facts(component: Component) -> dict[str, str | list[str]]:
         "missing": list(component.missing_packages()),
         "defined in": component.target,
     }
-
-
-def _say_wrapped(rows: Sequence[tuple[str, str]]) -> None:
-    """Print names and texts in two columns, wrapped to the width of the terminal."""
-    grid = Table.grid(Column(no_wrap=True), Column(), padding=(0, 2, 0, 0))
-    for name, text in rows:
-        grid.add_row(Text(name), Text(clean(text)))
-    Console(highlight=False).print(grid)

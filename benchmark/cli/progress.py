@@ -30,7 +30,7 @@ class Bar:
     n_jobs
         Number of jobs that run.
     expected
-        Seconds that they are expected to take, which is the time left until the first form is done.
+        Seconds that they are expected to take, or 0 if nobody knows.
     console
         Where it is shown; stderr by default.
     """
@@ -69,7 +69,10 @@ class Bar:
     def _counts(self) -> str:
         state = self._state
         elapsed = time.monotonic() - self._start
-        left = elapsed * (state.total - state.done) / state.done if state.done else self._expected - elapsed
+        # The first forms wait for kernels to compile: until many are done, the estimate counts more than their seconds.
+        share = state.done / state.total if state.total else 0.0
+        expected = self._expected or (elapsed / share if share else 0.0)
+        left = (1 - share) * ((1 - share) * expected + elapsed) if share else expected - elapsed
         return f"{state.done}/{state.total} forms, {self._n_ended}/{self._n_jobs} jobs{_left(left)}"
 
     def ended(self, line: str) -> None:

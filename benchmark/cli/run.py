@@ -32,7 +32,7 @@ from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
 from benchmark.scoring.rows import score_forms as score_folder
-from benchmark.text import aligned, brief, say, say_lines
+from benchmark.text import brief, say, say_lines, say_table
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
 _SCREEN, _REASONS = 18, 5
@@ -65,8 +65,10 @@ def plan(selection: Selection, *, traceback: bool = False) -> None:
     jobs = planned_jobs(selection, records)
     pending, cores = [job for job in jobs if job.is_pending], available_cores()
     each = [(job.state, name, brief(job.reason)) for job, name in zip(jobs, _names(jobs, records), strict=True)]
-    for line in aligned(each) if len(jobs) <= _SCREEN else _summary(jobs):
-        say(line)
+    if len(jobs) <= _SCREEN:
+        say_table(each)
+    else:
+        _say_summary(jobs)
     say(f"{len(pending)} of {len(jobs)} jobs to run")
     expected = estimate(pending, records)
     if expected.seconds:
@@ -110,7 +112,9 @@ def run(
     size = available_cores() if size is None else size
     fine = all(job.is_pending or job.state == "finished" or job in passed_over for job in jobs)
     ended: dict[str, Record] = {}
-    with Bar(len(pending), estimate(pending, records).seconds / max(1, size)) as bar:
+    expected = estimate(pending, records)
+    factor = len(pending) / max(1, len(pending) - expected.unknown)  # jobs of unknown methods take as long as others
+    with Bar(len(pending), factor * expected.seconds / max(1, size)) as bar:
         for _, record in run_jobs(jobs, selection.results, size=size, timeout=timeout, dask=dask, watch=bar.watch):
             bar.ended(f"{record.status:<11}  {names[record.key]}  {outcome(record)}")
             ended[record.key] = record
@@ -221,7 +225,7 @@ def _small_for_people(jobs: Sequence[Planned]) -> Iterator[str]:
             yield f"{job.record.method}: {len(doubts)} of {len(job.record.shapes)} objects are small; {doubts[0]}"
 
 
-def _summary(jobs: Sequence[Planned]) -> list[str]:
+def _say_summary(jobs: Sequence[Planned]) -> None:
     """Count the jobs of each table and input by state, and the most frequent reasons."""
     states = defaultdict[str, Counter[str]](Counter)
     for job in jobs:
@@ -229,5 +233,6 @@ def _summary(jobs: Sequence[Planned]) -> list[str]:
             states[f"{gallery.table.identifier} {job.record.input}"][job.state] += 1
     rows = [(name, ", ".join(f"{n} {state}" for state, n in counts.most_common())) for name, counts in states.items()]
     reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.state != "finished")
-    frequent = [f"{count} {reason}" for reason, count in reasons.most_common(_REASONS)]
-    return [*aligned(rows), *frequent, "select fewer with -t, -d, -m and --input to see each job"]
+    say_table(rows)
+    say_table([[f"{count} {reason}"] for reason, count in reasons.most_common(_REASONS)])
+    say("select fewer with -t, -d, -m and --input to see each job")

@@ -7,6 +7,8 @@ import json
 import shlex
 import sys
 import warnings
+from collections import Counter
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,7 +18,7 @@ from typer import Argument, Option
 from benchmark.cli import options as shared
 from benchmark.cli.options import Selection, cli, data, verb
 from benchmark.errors import ConfigurationError
-from benchmark.text import say, say_lines
+from benchmark.text import say, say_lines, say_table
 
 _JOBS = (
     "everything", "tables", "methods", "datasets", "input", "scorer", "plugins", "results", "data_root", "seed",
@@ -134,18 +136,32 @@ def report(
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 
 
-@verb("datasets", "input", "scorer", "results", "quick", "published")
+@verb("tables", "datasets", "input", "scorer", "results", "quick", "published")
 def compare(
     selection: Selection,
     first: Annotated[str, Argument(metavar="A")],
-    second: Annotated[str, Argument(metavar="B")],
+    second: Annotated[str, Argument(metavar="[B]")] = "",
+    format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
 ) -> None:
-    """Compare two methods."""
-    from benchmark.cli.results import recorded
-    from benchmark.report.comparison import compare
+    """Test the differences of a method to another one, or to every row of its tables."""
+    from benchmark.cli.results import recorded, selected_tables
+    from benchmark.report.comparison import compare, details, latex, summaries
 
-    for line in compare(recorded(selection), first, second):
-        say(line)
+    records = recorded(selection)
+    found = compare(selected_tables(replace(selection, methods=[first, second]), records), first, second)
+    if format == "csv":
+        say_lines(found.to_csv(index=False, float_format="%.6f"))
+    elif format == "json":
+        say_lines(found.to_json(orient="records", indent=1, double_precision=6))
+    elif format == "latex":
+        say_lines(latex(found))
+    elif second:
+        for line in details(found):
+            say(line)
+    else:
+        for heading, rows in summaries(found):
+            say(heading)
+            say_table(rows, whole=range(1, 6))
 
 
 @verb("plugins", "results", "data_root")
@@ -274,16 +290,18 @@ def check(
     from benchmark.registry import find
 
     faulthandler.enable(2)  # names the line of a crash
-    passed = True
+    outcomes = Counter[str]()
     for component in find(target, selection.plugins):
         for finding in check(component, timeout):
-            say(f"{component.name}  {finding}")
-            passed &= finding.outcome != "failed"
+            say_table([[component.name, f"{finding.outcome:<7}", f"{finding.name:<15}", finding.explanation]], range(3))
+            outcomes[finding.outcome] += 1
             if traceback:
                 say_lines(finding.traceback)
             elif finding.traceback:
                 say("'check --traceback' prints the error in full", err=True)
-    return passed
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
+    say(f"{'the contract is broken' if outcomes['failed'] else 'no fault was found'}: {counts}")
+    return not outcomes["failed"]
 
 
 @cli.command()

@@ -1,102 +1,157 @@
-"""Compare two methods query by query, on the galleries that both have ranked."""
+"""Differences of a row to others of its tables, query by query, with the test that marks the tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
+from pandas import DataFrame, concat
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.records import Record
 from benchmark.reference.paper import MEASURES
+from benchmark.report.formats import latex_row, latex_table, latex_title
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, bootstrap_intervals, least_p, tukey_test
-from benchmark.report.tables import query_measures, ranked_classes, seen_classes
+from benchmark.report.tables import Scored, TableView
 
-LEGEND = (
-    "In brackets: 95 % intervals of the differences over resampled classes. p: randomised Tukey test of all measures, "
-    "over whole classes; does the difference hold for other subjects?"
-)
+#: Differences below half a unit of the last decimal of records are none.
+_SAME = 5e-7
+
+TEST = "randomised Tukey test of all measures, over whole classes"
+LEGEND = ("In brackets: 95 % intervals of the differences over resampled classes.", f"p: {TEST}.")
 
 
-def compare(records: Iterable[Record], first: str, second: str) -> list[str]:
-    """Return the comparison of two methods as lines of text: differences, intervals and a test by gallery and measure.
+def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFrame:
+    """Return the differences of a row to another one, or to all rows of its tables in their order; a line a measure.
 
-    Compared are the queries of classes on which neither was trained.
+    Compared are the queries of classes on which neither row was trained. Rows of a block are tested at once.
 
     Parameters
     ----------
-    records
-        The records that tables show, of one scorer and seed.
+    views
+        The tables.
     first, second
-        Names of the methods.
+        Names of the rows; "" compares with all others.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``place`` (table and column), ``method``, ``other``, ``title`` of the other row, ``measure``, ``score``,
+        ``other_score``, ``difference``, ``low`` and ``high`` (95 % interval), ``p``, ``verdict`` (``"certain"``, ``"not
+        distinguishable (9 classes)"``, or why there is none), and numbers: ``queries``, those ``differing`` and those
+        left out because they were ``seen`` in training, and ``classes``.
 
     Raises
     ------
     ConfigurationError
-        If a method has no scores, or the two have no gallery in common, or ranked different shapes.
+        If a row has no scores, or no table has scores of both.
     """
-    sides: dict[str, dict[tuple[str, str], Record]] = {first: {}, second: {}}
-    scored = [record for record in records if record.status == "ok"]
-    for record in scored:
-        if record.method in sides:
-            sides[record.method][record.gallery, record.input] = record
-    for name, galleries in sides.items():
-        if not galleries:
-            known = ", ".join(sorted({record.method for record in scored}))
-            raise ConfigurationError(f"{name} has no scores", f"run it, or choose among {known}")
-    one, other = sides[first], sides[second]
-    pairs = [(one[place], other[place]) for place in one if place in other]
-    if not pairs:
-        raise ConfigurationError(f"no gallery has scores of both {first} and {second}", "run both on one data set")
-    lines, problems = [], []
-    for pair in pairs:
-        if pair[0].gallery_digest == pair[1].gallery_digest:
-            lines += _lines(*pair)
-        else:
-            problems.append(_difference(*pair))
-    if not lines:
-        raise ConfigurationError(problems[0], "run both again on the same data")
-    legend = [LEGEND] if any("  p " in line for line in lines) else []
-    return [f"{first} - {second}", *lines, *(f"not compared: {problem}" for problem in problems), *legend]
+    known = {row.method for view in views for row in view.rows if row.scored}
+    for name in filter(None, (first, second)):
+        if name not in known:
+            old = [text for view in views for text in view.left_out if text.startswith(f"{name} on ")]
+            what = f"{old[0]} ranks another version of the data" if old else f"{name} has no scores"
+            raise ConfigurationError(what, f"run it, or choose among {', '.join(sorted(known))}")
+    found = [each for view in views for column in view.columns for each in _frames(view, column.title, first, second)]
+    if not found:
+        what = f"no table has scores of both {first} and {second or 'another method'}"
+        raise ConfigurationError(what, "run both on one data set")
+    return concat(found, ignore_index=True)
 
 
-def _lines(first: Record, second: Record) -> list[str]:
-    """Return a heading, and a line for each measure."""
-    every, seen = ranked_classes(first), seen_classes(first) | seen_classes(second)
-    judged = [place for place, label in enumerate(every) if label not in seen]
-    values = np.array([query_measures([record])[judged] for record in (first, second)])
-    labels, gains = [every[place] for place in judged], values[0] - values[1]
-    differing = np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > 5e-7)
-    data, of = first.data, f" of {first.data.n_shapes}" if first.data.n_shapes else ""
-    head = f"{first.gallery}, {first.input}: {differing} of {len(judged)} queries differ"
-    head += f"; quick: {len(first.shapes)}{of} shapes" * data.quick
-    head += f"; {len(every) - len(judged)} queries are of classes seen in training" * bool(seen)
+def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[DataFrame]:
+    """Yield the differences to each other row in a column of a table."""
+    scored = {row.method: row.scored[column] for row in view.rows if column in row.scored}
+    others = [row for row in view.rows if row.method in ({second} if second else scored.keys() - {first})]
+    groups = defaultdict[Any, list[str]](list)
+    for row in others:
+        if {first, row.method} <= scored.keys():
+            mine, other = scored[first], scored[row.method]
+            is_incomplete = bool(mine.missing or other.missing)
+            groups[row.kind, mine.seen_classes | other.seen_classes, is_incomplete].append(row.method)
+    found: dict[str, dict[str, Any]] = {}
+    for (_, seen, is_incomplete), names in groups.items():
+        undecided = "incomplete" if is_incomplete else "not decided (quick run)" * view.quick
+        rows = [scored[name] for name in (first, *names)]
+        found |= zip(names, _differences(rows, seen, undecided), strict=True)
+    identifier = view.table.identifier
+    table = view.dataset if identifier == view.dataset else f"Table {identifier} on {view.dataset}"
+    for row in others:
+        if row.method in found:
+            names_of = {"method": first, "other": row.method, "title": row.title}
+            yield DataFrame({"place": f"{table}, {column}"} | names_of | found[row.method])
+
+
+def _differences(rows: Sequence[Scored], seen: frozenset[str], undecided: str) -> Iterator[dict[str, Any]]:
+    """Yield the differences of the first row to each other one, tested at once unless all are undecided."""
+    judged = [place for place, label in enumerate(rows[0].labels) if label not in seen]
+    labels = [rows[0].labels[place] for place in judged]
     n_classes = len(set(labels))
     if n_classes < FEWEST_CLASSES:
-        note = f"  not decidable: {n_classes} classes, of at least {FEWEST_CLASSES}"
-    else:
-        note = f"  with {n_classes} classes, no p is below {least_p(n_classes):.4f}"
-    if not judged:
-        return [head, note]
-    lines, p_values = [head], tukey_test(values, labels)[0, 1]
-    ends = bootstrap_intervals(gains, labels, 0.95)
-    for name, (one, two), (low, high), p in zip(MEASURES, values.mean(axis=1).T, ends, p_values, strict=True):
-        better = (first if one > two else second).method
-        verdict = f"  {better} is better for other subjects" if p < ALPHA and not data.quick else ""
-        tested = "" if np.isnan(p) else f"  ({low:+.3f} to {high:+.3f})  p {p:.4f}{verdict}"
-        lines.append(f"  {name:<3}  {one:.3f} - {two:.3f} = {one - two:+.3f}{tested}")
-    return [*lines, note]
+        undecided = undecided or f"not decidable ({n_classes} classes)"
+    values = np.array([row.values[judged] for row in rows])
+    means, p_values = values.sum(axis=1) / max(1, len(judged)), tukey_test(values, labels)[0]
+    for other, mean, p in list(zip(values, means, p_values, strict=True))[1:]:
+        gains, ends = values[0] - other, np.full((len(p), 2), np.nan)
+        if n_classes >= FEWEST_CLASSES:
+            ends = bootstrap_intervals(gains, labels, 0.95)
+        decided = np.where(p < ALPHA, "certain", f"not distinguishable ({n_classes} classes)")
+        yield {
+            "measure": MEASURES, "score": means[0], "other_score": mean, "difference": means[0] - mean,
+            "low": ends[:, 0], "high": ends[:, 1], "p": p, "verdict": undecided or decided, "queries": len(judged),
+            "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > _SAME),
+            "seen": len(rows[0].labels) - len(judged), "classes": n_classes,
+        }  # fmt: skip
 
 
-def _difference(first: Record, second: Record) -> str:
-    """Say how the shapes of two records of one gallery differ."""
-    texts = []
-    for record, other in ((first, second), (second, first)):
-        others = set(zip(other.shapes, other.labels, strict=True))
-        alone = [shape for shape in zip(record.shapes, record.labels, strict=True) if shape not in others]
-        if alone:
-            names = ", ".join(name for name, _ in alone[:3])
-            texts.append(f"only {record.method} has {names}{' ...' if len(alone) > 3 else ''}")
-    what = "; ".join(texts) or "the files of some shapes have changed"
-    counts = f"{len(first.shapes)} and {len(second.shapes)} shapes"
-    return f"{first.gallery}, {first.input}: {first.method} and {second.method} ranked {counts}: {what}"
+def details(frame: DataFrame) -> Iterator[str]:
+    """Yield the comparison of two rows as text: a heading for each column of a table, and a line for each measure."""
+    yield f"{frame.method[0]} - {frame.other[0]}"
+    for place, of_pair in frame.groupby("place", sort=False):
+        first = of_pair.iloc[0]
+        seen = f"; {first.seen} queries are of classes seen in training" * bool(first.seen)
+        yield f"{place}: {first.differing} of {first.queries} queries differ{seen}"
+        for line in of_pair.itertuples() if first.queries else ():
+            tested = "" if np.isnan(line.p) else f"  ({line.low:+.3f} to {line.high:+.3f})  p {line.p:.4f}"
+            certain = "  certain" * (line.verdict == "certain")
+            scores = f"{line.score:.3f} - {line.other_score:.3f} = {line.difference:+.3f}"
+            yield f"  {line.measure:<3}  {scores}{tested}{certain}"
+        if first.classes < FEWEST_CLASSES:
+            yield f"  not decidable: {first.classes} classes, of at least {FEWEST_CLASSES}"
+        else:
+            yield f"  {_verdict(of_pair)}; no p is below {least_p(first.classes):.4f}"
+    if frame.p.notna().any():
+        yield from LEGEND
+
+
+def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
+    """Yield the comparison with many rows: for each column of a table a heading, and a line for each row."""
+    for place, of_column in frame.groupby("place", sort=False):
+        rows = [
+            [of_row.title.iloc[0], *map(_signed, of_row.difference), _verdict(of_row)]
+            for _, of_row in of_column.groupby("other", sort=False)
+        ]
+        yield f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries", [["", *MEASURES, ""], *rows]
+
+
+def latex(frame: DataFrame) -> str:
+    """Return the differences as LaTeX, a table for each column of a table."""
+    columns = r">{\raggedright\hangindent1em}p{\dimexpr\linewidth-21em-17pt\relax}*{4}{w{c}{1.9em}}w{l}{13.4em}"
+    tables = []
+    for number, (heading, rows) in enumerate(summaries(frame)):
+        head, *body = (latex_row(latex_title(title), *cells) for title, *cells in rows)
+        body, notes = [head, r"\midrule", *body], f"Verdicts: {TEST}."
+        tables.append(latex_table(f"Differences in {heading}", f"compare-{number}", columns, body, notes))
+    return "\n".join(tables)
+
+
+def _verdict(of_row: DataFrame) -> str:
+    """Return the verdict on a row: which measures differ with certainty, or why none does."""
+    certain = list(of_row.measure[of_row.verdict == "certain"])
+    which = f" ({', '.join(certain)})" if len(certain) < len(of_row) else ""
+    return f"certain{which}" if certain else str(of_row.verdict.iloc[0])
+
+
+def _signed(difference: float) -> str:
+    return f"{round(difference, 2) + 0.0:+.2f}".replace("0.", ".", 1)

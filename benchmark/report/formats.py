@@ -63,7 +63,7 @@ def latex_text(text: str) -> str:
     return "".join(_LATEX.get(character, character) for character in known)
 
 
-def _breakable(title: str) -> str:
+def latex_title(title: str) -> str:
     """Return a title as LaTeX, where lines may also end within parameters."""
     return r"\allowbreak{}".join(map(latex_text, re.split(r"(?<=[\[\]=,_/:])(?=[\w.])", title)))
 
@@ -178,7 +178,7 @@ def latex(view: TableView) -> str:
     rest = f"{len(MEASURES) * 1.9 * n_groups + 1.4:.1f}em-{16.2 * n_groups + 3.4:.1f}pt"
     one_column = "table", rf"\dimexpr\linewidth-{rest}\relax"
     environment, title_width = one_column if n_scores <= _ONE_COLUMN else ("table*", r".28\linewidth")
-    titles = rf"@{{}}>{{\raggedright\hangindent1em}}p{{{title_width}}}"  # breaks long ones
+    titles = rf">{{\raggedright\hangindent1em}}p{{{title_width}}}"  # breaks long ones
     scores = rf"*{{{len(MEASURES)}}}{{w{{c}}{{1.9em}}}}@{{\hskip6pt}}"
     rules = "".join(rf"\cmidrule(r){{{4 * k + 2}-{4 * k + 5}}}" for k in range(n_groups))
     styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
@@ -193,17 +193,24 @@ def latex(view: TableView) -> str:
             ]
             key = entry_of(line.row.cite)[0] if line.row else ""
             cited = rf"~\cite{{{key}}}" if key else ""
-            body.append(_latex_row(_breakable(line.title) + cited, *chain(*cells), line.seconds))
+            body.append(latex_row(latex_title(line.title) + cited, *chain(*cells), line.seconds))
     paper = rf"Paper~\cite{{{_PAPER}}}"
     groups = (paper if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
-    notes = " ".join(map(latex_text, table_notes(view)[:-1]))  # the last one is for those who have the suite
+    head = [latex_row("", *map(_spread, groups), ""), rules, latex_row("", *MEASURES * n_groups, "s")]
+    columns = f"{titles}{scores * n_groups}w{{r}}{{1.4em}}"
+    notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
+    return latex_table(view.caption, view.stem.removeprefix("table-"), columns, [*head, *body], notes, environment)
+
+
+def latex_table(
+    caption: str, label: str, columns: str, body: Sequence[str], notes: str, environment: str = "table"
+) -> str:
+    """Return a table as LaTeX: its texts, and its columns and rows, which are LaTeX already."""
     return "\n".join([
-        "% needs array, booktabs and references.bib", rf"\begin{{{environment}}}", r"\centering",
-        rf"\caption{{{latex_text(view.caption)}.}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
-        r"\scriptsize\setlength{\tabcolsep}{1.7pt}",
-        rf"\begin{{tabular}}{{{titles}{scores * n_groups}w{{r}}{{1.4em}}@{{}}}}", r"\toprule",
-        _latex_row("", *map(_spread, groups), ""), rules, _latex_row("", *MEASURES * len(view.groups), "s"), *body,
-        r"\bottomrule", r"\end{tabular}", rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {notes}}}",
+        "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
+        rf"\caption{{{latex_text(caption)}.}}", rf"\label{{tab:{label}}}", r"\scriptsize\setlength{\tabcolsep}{1.7pt}",
+        rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule", *body, r"\bottomrule", r"\end{tabular}",
+        rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
         rf"\end{{{environment}}}",
     ]) + "\n"  # fmt: skip
 
@@ -231,7 +238,8 @@ def _spread(words: str) -> str:
     return rf"\multicolumn{{{len(MEASURES)}}}{{c}}{{{words}}}"
 
 
-def _latex_row(*cells: str) -> str:
+def latex_row(*cells: str) -> str:
+    """Return a row of a table."""
     return " & ".join(cells) + r" \\"
 
 

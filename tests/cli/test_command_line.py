@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.pipeline.records import write_record
+from benchmark.text import say
 from tests.report.records import record
 from tests.toy import write_rods
 from tests.verbs import call, refusal
@@ -54,6 +55,26 @@ for words, unused in (
 
 def test_the_version_is_that_of_the_package():
     assert call("--version") == f"canonical-forms {importlib.metadata.version('canonical-forms-benchmark')}\n"
+
+
+@pytest.mark.parametrize("what", ["methods", "scorers", "tables", "models", "datasets"])
+def test_lists_fit_80_columns_without_broken_words(what, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "10000")
+    words = {*call("list", what).split()}
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = call("list", what)
+    assert {*shown.split()} == words
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_a_line_is_wrapped_in_a_terminal_alone(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "30")
+    say("  error: a line of more than thirty characters")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    say("  error: a line of more than thirty characters")
+    whole, *wrapped = capsys.readouterr().out.splitlines()
+    assert wrapped == ["  error: a line of more than", "    thirty characters"]
+    assert whole == " ".join([wrapped[0], wrapped[1].strip()])
 
 
 # The folder of official data -----------------------------------------------------------------------------------------

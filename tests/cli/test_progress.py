@@ -31,6 +31,15 @@ def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
     assert any("mesh-unf" in line for line in lines)
 
 
+@pytest.mark.parametrize(("expected", "left"), [(11.0, "0:00:39"), (0.0, "1:14:12")])
+def test_the_first_form_which_waits_for_kernels_counts_little_beside_an_estimate(expected, left, monkeypatch, capsys):
+    seconds = iter([0.0, 28.0, 28.0, 28.0])
+    monkeypatch.setattr("benchmark.cli.progress.time.monotonic", lambda: next(seconds))
+    bar = Bar(2, expected)
+    bar.watch(Progress(1, 160, ("gps, cat0",)))
+    assert f"1/160 forms, 0/2 jobs, {left} left" in capsys.readouterr().err
+
+
 def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
     monkeypatch.setattr("benchmark.cli.progress.INTERVAL", 0.0)
     with Bar(2, 60.0) as bar:

@@ -1,74 +1,97 @@
-"""Differences of two methods, by hand."""
+"""Differences of a row to others, by hand."""
+
+import json
 
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.report.comparison import compare
+from benchmark.report.comparison import compare, details, latex, summaries
+from benchmark.report.statistics import tukey_test
+from benchmark.report.tables import table_views
 from tests.report.records import LABELS, record
 
 LETTERS = [name for name in "abcdefgh" for _ in range(2)]
 
 
+def compared(records, first, second=""):
+    return compare(table_views(records, methods=[first, second]), first, second)
+
+
+def lines(records, first, second):
+    return list(details(compared(records, first, second)))
+
+
 def test_differences_are_first_minus_second_with_intervals_and_what_p_can_reach():
     first, second = record("a", 0.5, labels=LETTERS), record("b", [0.75] * 8 + [0.5] * 8, labels=LETTERS)
-    head, where, nn, *_, note, legend = compare([first, second], "a", "b")
+    head, where, nn, *_, note, _, legend = lines([first, second], "a", "b")
     assert (head, where) == ("a - b", "rods, mesh: 8 of 16 queries differ")
     assert nn.startswith("  NN   0.500 - 0.625 = -0.125  (-0.219 to -0.031)  p 0.12")  # 2 of 16 exchanges
-    assert note == "  with 8 classes, no p is below 0.0078"
-    assert legend.endswith("does the difference hold for other subjects?")
+    assert note == "  not distinguishable (8 classes); no p is below 0.0078"
+    assert legend == "p: randomised Tukey test of all measures, over whole classes."
 
 
 def test_few_classes_decide_nothing():
-    lines = compare([record("gps", 0.9), record("skeleton", 0.1)], "gps", "skeleton")
-    assert lines[2] == "  NN   0.900 - 0.100 = +0.800"
-    assert lines[-1] == "  not decidable: 3 classes, of at least 8"
+    found = lines([record("gps", 0.9), record("skeleton", 0.1)], "gps", "skeleton")
+    assert found[2] == "  NN   0.900 - 0.100 = +0.800"
+    assert found[-1] == "  not decidable: 3 classes, of at least 8"
 
 
 def test_classes_that_one_of_the_two_has_seen_in_training_are_no_queries():
     high = [1.0] * 4 + [0.5] * 8
-    lines = compare([record("net", high, seen=["cat1"]), record("gps", 0.5)], "net", "gps")
-    assert lines[1] == "rods, mesh: 0 of 8 queries differ; 4 queries are of classes seen in training"
-    assert lines[2] == "  NN   0.500 - 0.500 = +0.000"
-    everything = compare([record("net", seen=["cat0", "dog4", "owl8"]), record("gps")], "net", "gps")
+    found = lines([record("net", high, seen=["cat1"]), record("gps", 0.5)], "net", "gps")
+    assert found[1] == "rods, mesh: 0 of 8 queries differ; 4 queries are of classes seen in training"
+    assert found[2] == "  NN   0.500 - 0.500 = +0.000"
+    everything = lines([record("net", seen=["cat0", "dog4", "owl8"]), record("gps")], "net", "gps")
     assert everything[1].startswith("rods, mesh: 0 of 0 queries differ")
 
 
-def test_a_quick_run_says_how_much_it_is_and_names_no_better_method():
-    data = {"name": "rods", "title": "rods", "source": "rods", "quick": True, "n_shapes": 80}
-    quick = [record(name, nn, labels=LETTERS, quick=True, data=data) for name, nn in (("a", 0.9), ("b", 0.1))]
-    lines = compare(quick, "a", "b")
-    assert lines[1].endswith("; quick: 16 of 80 shapes")
-    assert not any("better" in line for line in lines)
+def test_a_quick_run_decides_nothing():
+    quick = [record(name, nn, labels=LETTERS, quick=True) for name, nn in (("a", 0.9), ("b", 0.1))]
+    assert set(compared(quick, "a").verdict) == {"not decided (quick run)"}
 
 
-def test_unequal_galleries_are_refused_with_what_differs():
-    first, second = record("gps"), record("skeleton", labels=LABELS[:11], gallery_digest="2")
-    with pytest.raises(ConfigurationError, match="ranked 12 and 11 shapes: only gps has owl11"):
-        compare([first, second], "gps", "skeleton")
-    changed = record("skeleton", gallery_digest="2")
-    with pytest.raises(ConfigurationError, match="the files of some shapes have changed"):
-        compare([first, changed], "gps", "skeleton")
+def test_the_certain_difference_is_named():
+    records = [record("a", 0.4, labels=LETTERS), record("b", 0.6, labels=LETTERS)]
+    found = lines(records, "a", "b")
+    assert found[2].endswith("  certain")
+    assert float(found[2].split()[-2]) == pytest.approx(2 / 2**8, abs=0.003)
+    assert found[3].endswith("p 1.0000")
+    assert found[-3].startswith("  certain (NN); ")
 
 
-def test_one_unequal_gallery_is_named_beside_the_others():
-    records = [record(m, dataset=d) for m in ("gps", "skeleton") for d in ("rods",)]
-    records += [record("gps", dataset="tubes"), record("skeleton", dataset="tubes", gallery_digest="2")]
-    lines = compare(records, "gps", "skeleton")
-    assert any(line.startswith("not compared: tubes, mesh") for line in lines)
+def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_test_of_the_marks():
+    values = {"gps": 0.6, "classic-mds": 0.1, "mine": 0.5, "skeleton": 0.45}
+    records = [record(name, nn, labels=LETTERS, dataset="tosca") for name, nn in values.items()]
+    seen = record("learned", 0.5, labels=LETTERS, dataset="tosca", input_="view", models=[], seen=["a0"])
+    frame = compared([*records, seen], "mine")
+    assert list(frame.other[::4]) == ["classic-mds", "gps", "skeleton", "learned"]
+    of_nn = frame[frame.measure == "NN"].set_index("other")
+    assert list(of_nn.difference.round(3)) == [0.4, -0.1, 0.05, 0.0]
+    block = [[[nn, 0.5, 0.6, 0.7]] * 16 for nn in (0.5, 0.1, 0.6, 0.45)]
+    assert list(of_nn.p[:3]) == list(tukey_test(block, LETTERS)[0, 1:, 0])
+    assert list(of_nn.verdict) == ["certain", *["not distinguishable (8 classes)"] * 2, "not decidable (7 classes)"]
+    ((heading, (head, first, *_)),) = summaries(frame)
+    assert heading == "Table III on tosca, ours: mine - each row, 16 queries"
+    assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
+    assert first[0::5] == ["Classic MDS", "certain (NN)"]
+    assert r"Classic MDS & +.40 & +.00 & +.00 & +.00 & certain (NN) \\" in latex(frame)
+    assert len(json.loads(frame.to_json(orient="records"))) == 16
 
 
-def test_methods_without_a_common_gallery_are_refused():
-    with pytest.raises(ConfigurationError, match="no gallery has scores of both gps and skeleton"):
-        compare([record("gps"), record("skeleton", dataset="tubes")], "gps", "skeleton")
+def test_a_row_without_a_gallery_is_compared_without_a_verdict():
+    folds = [record("a", dataset="people[draw=0]", fold=f"fold {k}", labels=LETTERS) for k in range(3)]
+    part = record("b", dataset="people[draw=0]", fold="fold 0", labels=LETTERS)
+    assert set(compared([*folds, part], "a").verdict) == {"incomplete"}
 
 
-def test_a_method_without_scores_is_refused_with_those_that_have_some():
-    with pytest.raises(ConfigurationError, match="skeletn has no scores.*choose among gps, skeleton"):
-        compare([record("gps"), record("skeleton")], "gps", "skeletn")
-
-
-def test_the_better_method_is_named_where_other_subjects_would_show_it():
-    lines = compare([record("a", 0.4, labels=LETTERS), record("b", 0.6, labels=LETTERS)], "a", "b")
-    assert lines[2].endswith("  b is better for other subjects")
-    assert float(lines[2].split()[-7]) == pytest.approx(2 / 2**8, abs=0.003)
-    assert lines[3].endswith("p 1.0000")
+@pytest.mark.parametrize(
+    ("others", "message"),
+    [
+        ([record("skeleton", labels=LABELS[:11], gallery_digest="2", finished="2020")], "ranks another version"),
+        ([record("skeleton", dataset="tubes")], "no table has scores of both gps and skeleton"),
+        ([record("other")], "skeleton has no scores; run it, or choose among gps, other"),
+    ],
+)  # fmt: skip
+def test_rows_that_cannot_be_compared_are_refused(others, message):
+    with pytest.raises(ConfigurationError, match=message):
+        compared([record("gps"), *others], "gps", "skeleton")

@@ -14,13 +14,13 @@ from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import entry_of
 from benchmark.report.formats import (
-    _breakable,
     as_json,
     bibliography,
     duration,
     hundredths,
     latex,
     latex_text,
+    latex_title,
     markdown,
     markdown_text,
     text,
@@ -75,8 +75,8 @@ def test_every_name_is_text_in_a_terminal():
 
 
 def test_latex_may_break_a_title_within_parameters_and_needs_no_help_elsewhere():
-    assert _breakable("m[k=1,size=.5]") == r"m{[}\allowbreak{}k=\allowbreak{}1,\allowbreak{}size=\allowbreak{}.5]"
-    assert _breakable("Non-metric MDS (all, none)") == "Non-metric MDS (all, none)"
+    assert latex_title("m[k=1,size=.5]") == r"m{[}\allowbreak{}k=\allowbreak{}1,\allowbreak{}size=\allowbreak{}.5]"
+    assert latex_title("Non-metric MDS (all, none)") == "Non-metric MDS (all, none)"
 
 
 def test_every_name_is_text_in_latex():
