@@ -18,7 +18,7 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import duration, hundredths, latex_figure, text
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
-from benchmark.text import aligned, brief, say, say_lines
+from benchmark.text import brief, say, say_table
 
 
 def recorded(options: Selection) -> list[Record]:
@@ -97,7 +97,7 @@ def measure_spread(options: Selection) -> None:
         say(
             f"Table {view.table.identifier}, {view.title}: distance of forms of one subject over that of different ones"
         )
-        say_lines("\n".join(aligned(spread_rows(view, StoredForms(options.results)))))
+        say_table(spread_rows(view, StoredForms(options.results)))
 
 
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:
