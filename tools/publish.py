@@ -62,7 +62,8 @@ def is_public(record: Record) -> bool:
 def portable(record: Record) -> Record:
     """Return a record without what means nothing on another machine."""
     per_query = {name: values for name, values in record.per_query.items() if name in MEASURES}
-    return msgspec.structs.replace(record, per_query=per_query, parts={}, files={}, traceback="", published=False)
+    published = {"per_query": per_query, "parts": {}, "traceback": "", "published": False}
+    return msgspec.structs.replace(record.without_files(), **published)
 
 
 def write_published(results: Path, records: Iterable[Record]) -> None:

@@ -74,12 +74,8 @@ class Selection:
     seed: Annotated[int, Option("--seed", metavar="N", help="Base seed of all methods.")] = 0
     quick: Annotated[bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")] = False
     subjects: Annotated[str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")] = ""
-    gallery: Annotated[
-        str, Option("--gallery", metavar="DATASET|FOLDER", help="Rank these shapes for the queries in -d.")
-    ] = ""
-    same_names: Annotated[
-        bool, Option("--same-names", help="Leave out the shape of the gallery with the name of the query.")
-    ] = False
+    gallery: Annotated[str, Option("--gallery", metavar="DATASET|FOLDER", help="Gallery of the queries in -d.")] = ""
+    same_names: Annotated[bool, Option("--same-names", help="Leave out of it what has the query's name.")] = False
     published: Annotated[bool, Option("--published", help="Only published records.")] = False
     intrinsics: Annotated[
         str, Option("--intrinsics", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]")

@@ -201,11 +201,8 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
             absent = "" if is_present(official, data_root) else f", which is not at {where}; see --data-root"
             say(f"{name}: generated stand-in for {official}{absent}", err=True)
     for record in {job.record.gallery: job.record for job in jobs if job.record.keeps_same_names}.values():
-        both = len({*record.shapes} & {*record.sides[-1].shapes})
-        say(
-            f"{record.gallery}: {both} of {len(record.shapes)} queries have the name of a shape of the gallery",
-            err=True,
-        )
+        named = len({*record.shapes} & {*record.sides[-1].shapes})
+        say(f"{record.gallery}: {named} queries have names of its shapes; --same-names leaves these out", err=True)
     for folder in dict.fromkeys(job.galleries[0].source for job in jobs if not is_known(job.galleries[0].source)):
         if Path(folder).is_dir() and (unread := skipped_files(Path(folder))):
             say(f"{folder}: skipped {len(unread)} point clouds, such as {unread[0].name}; see 'data check'", err=True)

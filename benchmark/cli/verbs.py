@@ -208,9 +208,7 @@ def retrieve(
     dataset: Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")],
     query: Annotated[Path, Argument(metavar="QUERY")],
     k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
-    input: Annotated[
-        Literal["mesh", "view"] | None, Option("--input", help="What to show of the gallery. [as of the query]")
-    ] = None,
+    input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Of the gallery. [the query's]")] = None,
 ) -> None:
     """Show the shapes that are nearest to a mesh or a depth image."""
     from benchmark.cli.forms import retrieve
@@ -229,9 +227,7 @@ def score(
         Literal["list", "number", "listing", "natural"] | None,
         Option("--order", help="Order of rows without names: that of a .cla or its numbers, or of a folder."),
     ] = None,
-    gallery: Annotated[
-        Path | None, Option("--gallery", metavar="FILE|FOLDER", help="Labels of the columns, if rows are queries.")
-    ] = None,
+    gallery: Annotated[Path | None, Option("--gallery", metavar="FILE|FOLDER", help="Labels of the columns.")] = None,
     format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
     title: Annotated[str, Option("--title", metavar="NAME", help="Name of the row. [name of the file]")] = "",
     results: Annotated[

@@ -36,8 +36,7 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
         for record in read_records(folder, published=False):
             existing = next((other for other in known if other.row == record.row and other.has_data_of(record)), None)
             if existing is None or _replaces(record, existing):
-                against = record.against and msgspec.structs.replace(record.against, files={})
-                new = msgspec.structs.replace(_with_paths(record, existing), files={}, against=against)
+                new = _with_paths(record, existing).without_files()
                 known = [*(other for other in known if other is not existing), new]
                 write_record(results, new, existing.key if existing else "")
                 added.append(record)

@@ -67,8 +67,7 @@ def rank(
         If files of a shape are missing or damaged again.
     """
     start = time.perf_counter()
-    answered, refused = _read(record, cache, remake)
-    in_gallery, refused_there = answered, refused
+    answered, refused = in_gallery, refused_there = _read(record, cache, remake)
     if record.against:
         in_gallery, refused_there = _read(record.against, cache, lambda index: remake(len(record.shapes) + index))
     if not (answered and in_gallery):
@@ -140,18 +139,17 @@ def distances(
 
     Queries are compared with the answers; without queries, the answers are.
     """
+    is_scorer = isinstance(comparing, Scorer)
 
     def compared(arrays: Arrays) -> Any:
-        if isinstance(comparing, Descriptor):
-            return arrays["descriptor"]
-        return {name: array for name, array in arrays.items() if name != SECONDS}
+        return {name: of for name, of in arrays.items() if name != SECONDS} if is_scorer else arrays["descriptor"]
 
     of_gallery, of_queries = [*map(compared, answers)], None if queries is None else [*map(compared, queries)]
     if of_queries is None and len(answers) == 1:
         yield np.zeros((1, 1))
         return
-    draws = 1 if isinstance(comparing, Descriptor) else comparing.info.draws
-    yield from (compute_distances(comparing, of_gallery, draw, of_queries) for draw in range(draws))
+    for draw in range(comparing.info.draws if isinstance(comparing, Scorer) else 1):
+        yield compute_distances(comparing, of_gallery, draw, of_queries)
 
 
 def _summarise_notes(answered: Iterable[Mapping[Kind, Arrays]]) -> dict[str, dict[str, float]]:

@@ -220,6 +220,11 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         places = {} if self.keeps_same_names else {name: place for place, name in enumerate(self.against.shapes)}
         return Targets(self.against.labels, [places.get(name, -1) for name in self.shapes])
 
+    def without_files(self) -> Record:
+        """Return the record for a folder that does not keep its files."""
+        against = self.against and msgspec.structs.replace(self.against, files={})
+        return msgspec.structs.replace(self, files={}, against=against)
+
     @property
     def are_queries(self) -> list[bool]:
         """Whether each query has something to find; those that have not count nowhere."""

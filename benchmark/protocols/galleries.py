@@ -90,13 +90,9 @@ class Gallery:
         if unknown := [name for name in subjects if name not in known]:
             raise did_you_mean("subject", unknown[0], list(known))
         entries = tuple(entry for entry in self.entries if entry.subject in subjects)
-        part, against = " ".join(filter(None, [self.part, ", ".join(subjects)])), self.against
-        if against is None:
+        if self.against is None:
             check_retrievable(self.dataset, entries)
-            return replace(self, entries=entries, part=part)
-        of_gallery = tuple(entry for entry in against.entries if entry.subject in subjects)
-        part = f"{', '.join(subjects)} {self.part}"  # which has no table
-        return replace(self, entries=entries, part=part, against=replace(against, entries=of_gallery))
+        return replace(self, entries=entries, part=f"{', '.join(subjects)} {self.part}".strip())
 
     def rows(
         self, input_: Input, methods: Iterable[Component], trained_here: Path | None = None, *, named: bool = False
@@ -236,14 +232,15 @@ def selected_galleries(
 
     With a ``gallery``, the data sets are its queries; it lacks shapes with the name of the query for ``same_names``.
     """
-    sets = sources(datasets, plugins)
+    sets, chosen = sources(datasets, plugins), list[Gallery]()
     if gallery:
         if not sets or [*tables]:
             raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
         (known,) = sources([gallery], plugins)
-        owns = ((own_table(table_name(name), f"{AGAINST}{table_name(known)}"), name) for name in sets)
-        crossed = [(replace(own, gallery=known, keeps_same_names=not same_names), name) for own, name in owns]
-        chosen = [one for table, name in crossed for one in _galleries(table, name, data_root, quick=quick)]
+        for name in sets:
+            own = own_table(table_name(name), f"{AGAINST}{table_name(known)}{' without same names' * same_names}")
+            table = replace(own, gallery=known, keeps_same_names=not same_names)
+            chosen += _galleries(table, name, data_root, quick=quick)
     else:
         chosen = galleries(tables, sets, data_root, quick)
     if subjects:  # some tables show a part of a data set: those that have the subjects are meant
@@ -289,20 +286,18 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
     for column in with_folds or table.columns:
         is_split = column.input == "as printed"
         sets = table.stand_ins if column.over_draws and name in table.stand_ins[:1] else (name,)
-        if name in table.datasets:
-            sets += tuple(f"{name}{change}" for change in table.changes)
+        sets += tuple(f"{name}{change}" for change in table.changes if name in table.datasets)
         for source in _conditions(name) if table.is_robustness else sets:
             dataset = open_dataset(source, data_root)
             check_ranked(dataset)
             wanted = (INPUTS if source == sets[0] else INPUTS[:1]) if is_split else (column.input,)
             inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
             for part in column.parts[: 1 if quick else None]:
-                entries, against = Part(PARTS.get(part, ())).of(dataset), None
-                some = thinned(entries, QUICK_POSES) if quick else entries
-                if part.startswith(AGAINST):
-                    against = _known(table, source, data_root, quick=quick)
-                else:
+                entries = Part(PARTS.get(part, ())).of(dataset)
+                against = _known(table, source, data_root, quick=quick) if part.startswith(AGAINST) else None
+                if against is None:
                     check_retrievable(dataset, entries if part else None)
+                some = thinned(entries, QUICK_POSES) if quick else entries
                 is_quick = len(some) < len(entries)
                 yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split, against)
 

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, groupby
+from itertools import chain, groupby, zip_longest
 from textwrap import wrap
 from typing import Any
 
@@ -152,10 +152,11 @@ def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
     room = width - len(view.groups) * (len(names) + 2) - 7
     titles = [line.title for _, lines in blocks(view) for line in lines]
     longest = min(max(map(len, titles)), max(room, _SHORTEST))
-    heads = [f"{clean(group)[: len(names)]:<{len(names)}}" for group in view.groups]
+    heads = zip_longest(*(wrap(clean(group), len(names) + 1)[:2] for group in view.groups), fillvalue="")
     indent = " " * longest
     printed = _wrapped(f"Table {clean(view.table.identifier)}. {clean(view.caption)}", width)
-    printed += ["", f"{indent}  {'  '.join(heads)}".rstrip(), f"{indent}  {'  '.join([names] * len(heads))}      s"]
+    printed += ["", *(f"{indent}  {''.join(f'{part:<{len(names) + 2}}' for part in line)}".rstrip() for line in heads)]
+    printed.append(f"{indent}  {'  '.join([names] * len(view.groups))}      s")
     for heading, lines in blocks(view):
         printed += [heading] if heading else []
         for line in lines:

@@ -27,11 +27,10 @@ def table_notes(view: TableView) -> list[str]:
     rows = view.printed_rows
     unreadable = dict.fromkeys(shape for row in rows for record in row.records for shape in record.unprepared)
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
-    crossed = [title for title, records in view.samples.items() if records[0].against]
-    of_views = (row.title for row in rows if row.kind == "network" and not {*crossed} & {*row.scored})
+    crossed = {title for title, records in view.samples.items() if records[0].against}
     facts = {
         "{}": " ".join(_columns(view)),
-        "No form of a surface: {}.": _listed(of_views if crossed else ()),
+        "No form of a surface: {}.": _listed(r.title for r in rows if r.kind == "network" and crossed - {*r.scored}),
         "No difference is certain: {}.": _listed(_undecided(view)),
         "No result: {}.": _listed(_failed(rows)),
         "Cannot be read or prepared, and counts 0 in every row: {}.": _listed(unreadable),
@@ -52,7 +51,7 @@ def _columns(view: TableView) -> Iterator[str]:
     if any(column.input == "as printed" for column in view.columns):
         yield "Complete surfaces; networks see one depth view."
     if view.table.is_cross:
-        yield "Queries are ranked against all other shapes, and left out if none is of their class."
+        yield "Queries rank the gallery without themselves; those of a class that it lacks are left out."
     if view.table.is_ablation:
         yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
     for column in view.columns:

@@ -202,9 +202,9 @@ class TableView:
             times = f"{len(others) + 1} x " if others else ""
             texts[column.title] = f"{times}{len(classes)} shapes of {len(set(classes))} classes"
             if first.against:
-                left_out, many = len(first.shapes) - len(classes), len(first.against.shapes)
-                numbers = f"{len(classes)} queries of {len(set(classes))} classes, {left_out} left out"
-                texts[column.title] = f"{numbers}, {many} shapes"
+                queries = f"{len(classes)} queries of {len(set(classes))} classes"
+                left_out, among = len(first.shapes) - len(classes), len(first.against.shapes)
+                texts[column.title] = f"{queries}, {left_out} left out, among {among} shapes"
         if len(set(texts.values())) == 1:
             return next(iter(texts.values()))
         return "; ".join(f"{title}: {text}" for title, text in texts.items())
@@ -229,9 +229,9 @@ class TableView:
     @cached_property
     def chance(self) -> dict[str, dict[str, float]]:
         """Scores of a random order, by column: means over galleries."""
+        each = {title: [chance_levels(one.labels, one.targets) for one in of] for title, of in self.samples.items()}
         return {
-            title: {name: statistics.fmean(levels[name] for levels in map(_chance, of_column)) for name in MEASURES}
-            for title, of_column in self.samples.items()
+            title: {name: statistics.fmean(one[name] for one in of) for name in MEASURES} for title, of in each.items()
         }
 
     @property
@@ -302,9 +302,10 @@ def table_views(
                 main = table.stand_ins[0] if name in table.stand_ins else name
                 by_table.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
-    keys = sorted(by_table, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
+    own = [key for key, of in by_table.items() if not key[0].is_cross or any(record.against for record in of)]
+    keys = sorted(own, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
     every = [replace(_view(table, main, by_table[table, main], shown), never_ran=paper) for table, main in keys]
-    views = [view for view in every if any(row.scored or row.failed for row in view.rows) and _is_of_table(view)]
+    views = [view for view in every if any(row.scored or row.failed for row in view.rows)]
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
 
@@ -320,11 +321,6 @@ def _marks(rivals: Sequence[Scored], p_values: NDArray[np.float64]) -> NDArray[n
         to_best = np.take_along_axis(p_values, is_best.argmax(axis=0)[None, None], axis=0)[0]
         marks[~is_best & (to_best >= ALPHA)] = "italic"
     return marks
-
-
-def _is_of_table(view: TableView) -> bool:
-    """Return whether a table of queries and another gallery has more than the scores that another table shows."""
-    return not view.table.is_cross or any(of_column[0].against for of_column in view.samples.values())
 
 
 def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
@@ -438,10 +434,6 @@ def seen_classes(record: Record) -> set[str]:
 def ranked_classes(record: Record) -> list[str]:
     """Return the classes of the queries that have something to find; the others count nowhere."""
     return [label for label, counts in zip(record.labels, record.are_queries, strict=True) if counts]
-
-
-def _chance(record: Record) -> dict[str, float]:
-    return chance_levels(record.labels, record.targets)
 
 
 def query_measures(records: Sequence[Record], labels: Sequence[str] = ()) -> NDArray[np.float64]:

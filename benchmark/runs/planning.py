@@ -8,6 +8,7 @@ import statistics
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -209,39 +210,39 @@ class _Planning:
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
-        facts, sides = gallery_facts(gallery, input_), [self._side(gallery, input_)]
+        facts, sides = gallery_facts(gallery, input_), [(gallery, input_)]
         if gallery.against:
-            sides.append(self._side(gallery.against, gallery.against.inputs[0]))
-        source, *there = (_absolute(side.gallery.source) for side in sides)
+            sides.append((gallery.against, gallery.against.inputs[0]))
+        preparations = [Preparation(side.dataset, of_side, Cache(self.results)) for side, of_side in sides]
+        prepared = [[of.key(entry) for entry in one.entries] for of, (one, _) in zip(preparations, sides, strict=True)]
+        source, *there = (_absolute(side.source) for side, _ in sides)
         data_root, path = gallery.data_root and gallery.data_root.absolute(), path_of(source)
-        paths_there = [path for path in map(path_of, there) if path]
         for method in methods:
             scorer = None if method.missing_packages() or method.describes else self.scorer
             row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "")
-            content = facts["gallery_digest"], facts["data"]["content"]
-            of_row = (record for record in self._records.get(row, []) if _is_against(record, paths_there, content))
-            earlier = _earlier([*of_row], content, path)
+            same = facts["gallery_digest"], facts["data"]["content"]
+            of_row = [one for one in self._records.get(row, []) if one.content == same or _at_path(one.against, facts)]
+            earlier = _earlier(of_row, same, path)
             before = earlier.record
-            obstacles = [_obstacle(side.gallery, side.input, method, self.results / "models") for side in sides]
+            obstacles = [_obstacle(*side, method, self.results / "models") for side in sides]
             state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
-            of_sides = [(side, models) for side, (*_, models) in zip(sides, obstacles, strict=True)]
-            models = [model for _, of_side in of_sides for model in of_side]
-            seen = _seen(gallery, of_sides[0][1])
+            models = [models for *_, models in obstacles]
+            seen = _seen(gallery, models[0])
             if seen and gallery.table.all_unseen:
                 state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
                 reason += "; take a model of another training"
             key, code, parts, files = digest(["unavailable", row]), "", dict[str, str](), [dict[str, list[str]]()] * 2
             if state is None:
                 code = digest([self._key(method), self._key(self.scorer)])
-                files = [self._files(side.prepared, method, scorer, of_side) for side, of_side in of_sides]
+                files = [self._files(*side, method, scorer) for side in zip(prepared, models, strict=True)]
                 titles = [method.title, scorer.title if scorer else ""]
                 keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
                 key = digest([row, titles, facts["gallery_digest"], keys, self._ranking])
-                for side, of_side in reversed(of_sides):
-                    parts |= self._parts(side.preparation, method, scorer, of_side)
+                for side in zip(preparations, models, strict=True):
+                    parts = self._parts(*side, method, scorer) | parts
                 parts["the data"] = facts["gallery_digest"]
                 state, reason = _state(before, key, parts)
-            record = facts | {
+            content = facts | {
                 "data": facts["data"] | {"paths": earlier.paths},
                 "key": key,
                 "status": "unavailable",
@@ -254,7 +255,7 @@ class _Planning:
                 "seed": self.seed,
                 "scorer": row.scorer,
                 "scorer_title": scorer.title if scorer else "",
-                "models": [model.summary() for model in dict.fromkeys(filter(None, models))],
+                "models": [model.summary() for model in dict.fromkeys(filter(None, chain(*models)))],
                 "seen": seen,
                 "parts": parts,
                 "files": files[0],
@@ -267,10 +268,10 @@ class _Planning:
             job = Job(key, row, source, data_root, method, self.scorer, self.results, code, anew)
             yield Planned(
                 job,
-                replace(job, source=there[0], row=row._replace(input=sides[1].input)) if there else None,
+                replace(job, source=there[0], row=row._replace(input=sides[1][1])) if there else None,
                 (gallery,),
-                record_of(record),
-                tuple(model.folder if model else None for model in models),
+                record_of(content),
+                tuple(model.folder if model else None for model in chain(*models)),
                 state,
                 reason,
                 before,
@@ -278,12 +279,8 @@ class _Planning:
                 is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
             )
 
-    def _side(self, gallery: Gallery, input_: Input) -> _Side:
-        preparation = Preparation(gallery.dataset, input_, Cache(self.results))
-        return _Side(gallery, input_, preparation, [preparation.key(entry) for entry in gallery.entries])
-
     def _files(
-        self, prepared: list[str], method: Component, scorer: Component | None, models: Models
+        self, prepared: list[str], models: Models, method: Component, scorer: Component | None
     ) -> dict[str, list[str]]:
         """Return the keys of the cached files of each shape; those of signatures are "" for a descriptor."""
         forms = [
@@ -294,7 +291,7 @@ class _Planning:
         return {"prepared": prepared, "forms": forms, "signatures": signatures}
 
     def _parts(
-        self, preparation: Preparation, method: Component, scorer: Component | None, models: Models
+        self, preparation: Preparation, models: Models, method: Component, scorer: Component | None
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
         parts = preparation.code | self._code(method) | self._ranking | (self._code(scorer) if scorer else {})
@@ -307,15 +304,6 @@ class _Planning:
 
 def _as_json(values: Mapping[str, Any]) -> dict[str, Any]:
     return dict(json.loads(json.dumps(dict(values), default=str)))
-
-
-class _Side(NamedTuple):
-    """The queries of jobs, or their gallery if it is another one, under one input; keys of the prepared shapes."""
-
-    gallery: Gallery
-    input: Input
-    preparation: Preparation
-    prepared: list[str]
 
 
 def _absolute(source: str) -> str:
@@ -353,9 +341,9 @@ def _earlier(records: Sequence[Record], content: tuple[str, str], path: str) -> 
     return _Earlier(same or version, paths, version.key if version else "", moved)
 
 
-def _is_against(record: Record, paths: list[str], content: tuple[str, str]) -> bool:
-    """Return whether a record is of the same shapes, or of a gallery at the same path."""
-    return record.content == content or record.against is None or record.against.data.paths == paths
+def _at_path(against: Ranked | None, facts: Mapping[str, Any]) -> bool:
+    """Return whether a gallery of other queries is at the path where it is now."""
+    return against is None or against.data.paths == facts["against"]["data"]["paths"]
 
 
 def _without(record: Record, path: str) -> Record:
@@ -372,13 +360,9 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     if gallery.against:
         queries = gallery_facts(replace(gallery, against=None), input_)
         against = gallery_facts(gallery.against, gallery.against.inputs[0])
-        keeps, sides = gallery.table.keeps_same_names, (queries, against)
-        content = [side["data"]["content"] for side in sides]
-        data = queries["data"] | {"content": digest(content) if any(content) else ""}
-        digest_of_both = digest([keeps, *((side["gallery_digest"], side["input"]) for side in sides)])
-        return queries | {
-            "against": against, "keeps_same_names": keeps, "data": data, "gallery_digest": digest_of_both
-        }  # fmt: skip
+        keeps = gallery.table.keeps_same_names
+        of_both = digest([queries["gallery_digest"], against["gallery_digest"], against["input"], keeps])
+        return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": of_both}
     shapes = gallery.dataset
     content = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
     return {
@@ -484,19 +468,17 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
     pending = [job.record for job in planned if job.is_pending]
     here = [record for record in records if not record.published]
     finished = [*read_records(published, local=False), *here] if pending else []
-    unknown, spent = 0, dict[str, float]()  # seconds of each file of the cache, which several jobs may take
+    unknown, spent = set[str](), dict[str, float]()  # seconds of each file of the cache, which several jobs may take
     sizes = dict[str, float]()
-    for record in pending:
-        each = [(side, _seconds_a_shape(record.method, side, finished)) for side in record.sides]
-        unknown += not all(seconds for _, seconds in each)
-        for side, seconds in each:
-            for kind, keys in side.files.items():
-                shared = seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0
-                of_file = seconds.get(STAGES[kind], 0.0) + shared
-                spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
-                sizes |= dict.fromkeys(filter(None, keys), _SIZES[kind])
-        spent[record.key] = sum(seconds.get(STAGES["records"], 0.0) * len(side.shapes) for side, seconds in each)
-    return Estimate(sum(spent.values()), unknown, sum(sizes.values()) / 1e9)
+    for job, side in [(one, of) for one in pending for of in one.sides]:
+        seconds = _seconds_a_shape(job.method, side, finished)
+        unknown |= set() if seconds else {job.key}
+        for kind, keys in side.files.items():
+            of_file = seconds.get(STAGES[kind], 0.0) + (seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0)
+            spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
+            sizes |= dict.fromkeys(filter(None, keys), _SIZES[kind])
+        spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(side.shapes)
+    return Estimate(sum(spent.values()), len(unknown), sum(sizes.values()) / 1e9)
 
 
 def _seconds_a_shape(method: str, side: Ranked, finished: Sequence[Record]) -> dict[str, float]:

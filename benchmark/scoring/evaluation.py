@@ -91,8 +91,8 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     from pandas import DataFrame
 
     matrix, sides = _joined(distances, order, [labels] if gallery is None else [labels, gallery])
-    names, classes = sides[0]
-    targets = None if gallery is None else Targets(sides[1][1])
+    (names, classes), *others = sides
+    targets = Targets(others[0][1]) if others else None
     diagonal = matrix.diagonal().copy()
     if targets is None:
         np.fill_diagonal(matrix, 0)
@@ -102,8 +102,7 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     is_query = ~np.isnan(values[:, 0])
     of_queries = [label for label, counts in zip(classes, is_query, strict=True) if counts]
     ends = bootstrap_intervals(values[is_query], of_queries, LEVEL)
-    chance = chance_levels(classes, targets)
-    columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance}
+    columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes, targets)}
     table = DataFrame(columns, index=list(scores.means))
     is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"] - _ROUNDING)
     if targets is None and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
@@ -111,12 +110,12 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     queries = DataFrame({"class": classes, **scores.per_query}, index=list(names) or None).rename_axis("shape")
     n_lone = scores.lone_queries
     lone = f"ranked, but no queries: {n_lone} of {len(matrix)} shapes (alone in their class, or of class -1)"
-    if targets is not None:
-        lone = f"{len(matrix) - n_lone} queries; {n_lone} left out, as the gallery has no shape of their class"
+    notes = [lone] * bool(n_lone)
+    if targets:
+        notes = [f"{len(matrix) - n_lone} queries; {n_lone} left out, as the gallery has no shape of their class"]
     if is_reversed:
         warnings.warn(_REVERSED, stacklevel=2)
-    is_said = bool(n_lone) or targets is not None
-    return Evaluation(table, queries, matrix, (*[lone] * is_said, *[_REVERSED] * is_reversed))
+    return Evaluation(table, queries, matrix, (*notes, *[_REVERSED] * is_reversed))
 
 
 _Side = tuple[tuple[str, ...], list[str]]

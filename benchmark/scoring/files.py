@@ -132,10 +132,9 @@ def as_distances(
         raise ConfigurationError(f"{what}: not a matrix of numbers: {one_line(error)}", _HINT) from error
     is_matrix = matrix.ndim == 2 and (n_columns or matrix.shape[0] == matrix.shape[1])
     if not is_matrix or not matrix.size or matrix.dtype.kind not in "iufb":
-        kind = "M x N" if n_columns else "N x N"
-        raise ConfigurationError(
-            f"{what}: an array of shape {matrix.shape}, {matrix.dtype}, is no {kind} matrix", _HINT
-        )
+        needed = "M x N" if n_columns else "N x N"
+        problem = f"{what}: an array of shape {matrix.shape}, {matrix.dtype}, is no {needed} matrix"
+        raise ConfigurationError(problem, _HINT)
     return matrix.astype(np.float64), rows, columns
 
 

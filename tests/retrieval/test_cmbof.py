@@ -74,20 +74,6 @@ def test_queries_depend_on_the_gallery_alone(figures, mirrored):
     assert (scorer.compare([*gallery, first], 1)[-1, :-1] != both[0]).any(), "its features are among the words"
 
 
-def test_scorers_that_only_compare_all_pairs_see_one_query_at_a_time():
-    seen = []
-
-    class Pairs:
-        info, signature = SMALL.info, SMALL.signature
-
-        def compare(self, signatures, draw):
-            seen.append(signatures)
-            return np.abs(np.subtract.outer(signatures, signatures)) * (draw + 1)
-
-    assert compute_distances(Pairs(), [1.0, 5.0], 1, [2.0, 9.0]).tolist() == [[2, 6], [16, 8]]
-    assert seen == [[1, 5, 2], [1, 5, 9]]
-
-
 @pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18)])
 def test_views_of_each_subdivision_are_described(figures, subdivisions, n_views):
     scorer = CMBOF(n_words=300, image_size=64, subdivisions=subdivisions)
