@@ -88,7 +88,7 @@ def run(
     from benchmark.runs.runner import run as run_jobs
 
     _check_suite_is_unedited()
-    folder, root = Path(results), data_root or os.environ.get(DATA_VARIABLE)
+    folder, root = Path(results).absolute(), data_root or os.environ.get(DATA_VARIABLE)
     jobs = plan_selection(
         folder, datasets=[str(name) for name in _listed(data)], methods=_listed(methods),
         plugins=[Path(path).resolve() for path in plugins], scorer=scorer, input=input,
@@ -141,7 +141,8 @@ def _check_suite_is_unedited() -> None:
 
     started = psutil.Process().create_time() + 1  # which may be a second off
     for path in suite_sources():
-        if path.stat().st_mtime > started:
+        status = path.stat()  # an older file that replaces it keeps its time of modification
+        if max(status.st_mtime, status.st_ctime) > started:
             raise ConfigurationError(f"{path} was edited since Python started", "start Python again")
 
 

@@ -140,7 +140,7 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
     values, fields = checked(cls, given, owner), declared_parameters(cls)
     defaults = {name: default for name, (_, default) in fields.items() if default is not dataclasses.MISSING}
     defaults = checked(cls, {name: defaults[name] for name in values if name in defaults}, owner)
-    return {name: values[name] for name in fields if name in values and values[name] != defaults.get(name)}
+    return {name: values[name] for name in fields if name in values and repr(values[name]) != repr(defaults.get(name))}
 
 
 def parameter_values(instance: Any) -> dict[str, Any]:

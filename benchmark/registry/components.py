@@ -7,7 +7,7 @@ import inspect
 import secrets
 import sys
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, is_dataclass, replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, Self
@@ -59,14 +59,16 @@ class Component:
     kind: Kind
     base_name: str
     target: str
-    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    parameters: Mapping[str, Any] = field(default_factory=dict, compare=False)
     given: Any = field(default=None, compare=False, repr=False)
     state: str = ""
+    _values: str = field(init=False, repr=False)  # 1, 1.0 and True are equal
 
     def __post_init__(self) -> None:
         if self.parameters and self.given is None:
             chosen = non_default_values(self.load(), self.parameters, self.base_name)
             object.__setattr__(self, "parameters", chosen)
+        object.__setattr__(self, "_values", repr(dict(self.parameters)))
 
     @property
     def name(self) -> str:
@@ -227,4 +229,5 @@ def component_of(value: Any) -> Component:
     read = state_of(value)
     chosen = non_default_values(cls, parameter_values(value))
     state = (digest(read) if read else "") if file else secrets.token_hex(8)  # without a file, it is never known again
+    value = cls(**chosen) if is_dataclass(cls) else value  # with values as in its key
     return Component(kind, str(info.name), f"{module}:{cls.__qualname__}", chosen, value, state)

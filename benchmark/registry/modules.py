@@ -123,7 +123,7 @@ def _find_from_source(folder: str) -> FileFinder:
     """Find modules below the folders of plugins, where these are not installed or of the suite."""
     path = Path(os.path.realpath(folder or "."))
     packages = (*_INSTALLED, *(ROOT / name for name in FIRST_PARTY))
-    if not any(map(path.is_relative_to, _folders)) or any(map(path.is_relative_to, packages)):
+    if not path.is_dir() or not any(map(path.is_relative_to, _folders)) or any(map(path.is_relative_to, packages)):
         raise ImportError
     return FileFinder(folder or ".", (ExtensionFileLoader, EXTENSION_SUFFIXES), (_SourceLoader, SOURCE_SUFFIXES))
 

@@ -233,7 +233,7 @@ class _Planning:
                 reason += "; take a model of another training"
             key, code, parts, files = digest(["unavailable", row]), "", dict[str, str](), [dict[str, list[str]]()] * 2
             if state is None:
-                code = digest([self._key(method), self._key(self.scorer)])
+                code = digest([self._key(method), self._key(self.scorer), self._ranking])
                 files = [self._files(*side, method, scorer) for side in zip(prepared, models, strict=True)]
                 titles = [method.title, scorer.title if scorer else ""]
                 keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]

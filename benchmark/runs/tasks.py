@@ -23,7 +23,7 @@ from typing import Any, Literal, NamedTuple
 
 from benchmark.api.contracts import Descriptor, Input, Shape
 from benchmark.api.datasets import ShapeSet
-from benchmark.code_digest import digest
+from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidForm, InvalidSignature, ShapeError, locate
 from benchmark.pipeline import stages
 from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
@@ -209,7 +209,8 @@ class CodeChanged(BenchmarkError):
 
 
 def _check_code(job: Job) -> None:
-    if digest([job.method.key(), job.scorer.key()]) != job.code:
+    ranking = code_of_modules([rank.__module__])
+    if digest([job.method.key(), job.scorer.key(), ranking]) != job.code:
         raise CodeChanged("its code changed during the run, or is another one on this machine", "run again")
 
 

@@ -85,3 +85,9 @@ def test_prints_of_a_plugin_go_to_stderr(tmp_path):
     program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "imported\n")
+
+
+def test_a_plugin_may_run_a_script(tmp_path):
+    (tmp_path / "script.py").write_text("FACTOR = 2\n")
+    imports = "import pathlib, runpy; F = runpy.run_path(str(pathlib.Path(__file__).with_name('script.py')))['FACTOR']"
+    assert load_module(f"{write_plugin(tmp_path / 'smooth.py', imports=imports)}:Smooth").F == 2

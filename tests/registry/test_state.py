@@ -6,12 +6,14 @@ import functools
 import importlib.util
 import sys
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 from benchmark.api import MethodInfo, canonical_form
+from benchmark.code_digest import digest
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.galleries import galleries
 from benchmark.registry import component_of, select
@@ -101,6 +103,15 @@ class Power:
         return shape.form(helper_of(shape.mesh.vertices) ** self.computed)
 
 
+@dataclass(frozen=True)
+class Anything:
+    value: Any = 0
+    info: ClassVar[MethodInfo] = INFO
+
+    def canonicalise(self, shape):
+        return shape.form(shape.mesh.vertices * (2 if isinstance(self.value, float) else 1))
+
+
 def helper_of(vertices):
     return vertices + np.pi
 
@@ -124,6 +135,23 @@ def changed(value, **attributes):
 def test_what_depends_on_more_than_file_and_parameters_is_refused(value):
     with pytest.raises(ConfigurationError, match=r"dataclass|pass a number|cannot be created"):
         component_of(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "other"),
+    [(0, False), (1, 1.0), (1, True), ("1", Path("1")), ("1j", 1j), ("b'1'", b"1"), ((1,), (1.0,)), ("1", 1)],
+    ids=repr,
+)
+def test_values_that_differ_in_type_alone_are_two_methods(value, other):
+    first, second = component_of(Anything(value)), component_of(Anything(other))
+    assert first != second
+    assert digest(first.key()) != digest(second.key())
+
+
+@pytest.mark.parametrize("value", [np.int64(2), np.float32(2), np.str_("2")])
+def test_an_object_runs_with_the_values_of_its_key(value):
+    component = component_of(Anything(value))
+    assert type(component.create().value) is type(component.parameters["value"]) is type(value.item())
 
 
 def module(path, text, name="own"):

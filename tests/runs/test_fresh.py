@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import benchmark
+from benchmark import notebook
 from benchmark.errors import ConfigurationError
 from benchmark.geometry import io
 from benchmark.pipeline.data_names import label_data_sets
@@ -134,17 +135,26 @@ def test_a_module_that_a_method_imports_unseen_fails_its_job(own, tmp_path):
     assert "unseen.py in a way that its code does not show" in jobs["reason"].iloc[0]
 
 
-def test_the_suite_may_not_be_edited_in_a_session(own, monkeypatch):
-    source = Path(benchmark.__file__).parent / "notebook.py"
-    times = source.stat()
-    os.utime(source, None)
-    try:
-        with pytest.raises(
-            ConfigurationError, match=r"notebook.py was edited since Python started; start Python again"
-        ):
-            benchmark.run(own, "identity")
-    finally:
-        os.utime(source, ns=(times.st_atime_ns, times.st_mtime_ns))
+def test_the_suite_may_not_be_edited_in_a_session(own, tmp_path, monkeypatch):
+    source = tmp_path / "gps.py"
+    source.touch()
+    os.utime(source, (0, 0))  # an older file that was put in its place
+    monkeypatch.setattr(notebook, "suite_sources", lambda: [source])
+    with pytest.raises(ConfigurationError, match=r"gps.py was edited since Python started; start Python again"):
+        benchmark.run(own, "identity")
+
+
+def test_code_of_the_ranking_that_is_edited_during_a_run_ranks_nothing(own, tmp_path, monkeypatch):
+    jobs = planned(own, tmp_path / "results", "identity")
+    monkeypatch.setattr("benchmark.runs.tasks.code_of_modules", lambda _: {"retrieval/measures.py": "edited"})
+    assert "its code changed during the run" in done(jobs, tmp_path / "results", size=0)["identity"].reason
+
+
+def test_a_method_that_changes_the_current_folder_leaves_results_where_they_belong(own, tmp_path):
+    moves = "def canonicalise(self, shape):\n        os.chdir('/')\n        return shape.form(shape.mesh.vertices)"
+    plugin = write_plugin(tmp_path / "smooth.py", imports="import os", methods=moves)
+    assert list(benchmark.run(own, "smooth", scorer=SMALL_SCORER, plugins=[plugin])["status"]) == ["ok"]
+    assert len(read_records(tmp_path / "results")) == 1
 
 
 def test_meshes_that_are_written_again_or_added_in_a_session_are_seen(own, tmp_path):
