@@ -71,7 +71,8 @@ class MethodInfo(CheckedParameters):
     cite
         What LaTeX tables cite: a key of the suite's bibliography, or a BibTeX entry, ``"@article{key, ...}"``.
     family
-        ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"extended"`` for any other method.
+        ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"external"`` for forms that another
+        program made before, ``"extended"`` for any other method.
     summary
         One line for ``list methods``.
     departs
@@ -101,7 +102,7 @@ class MethodInfo(CheckedParameters):
     name: Name
     title: Title
     cite: str = ""
-    family: Literal["paper", "control", "extended"] = "extended"
+    family: Literal["paper", "control", "extended", "external"] = "extended"
     summary: str = ""
     departs: str = ""
     requires: tuple[str, ...] = ()

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from datetime import timedelta
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmark.cli.options import Selection
-from benchmark.cli.progress import Bar, counting
+from benchmark.cli.progress import Bar
 from benchmark.cli.results import outcome, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.folder import skipped_files
-from benchmark.depth_forms import small_for_person
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
@@ -22,16 +20,15 @@ from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
 from benchmark.pipeline.stages import shape_of
-from benchmark.protocols.galleries import selected_galleries
 from benchmark.protocols.tables import TABLES, Table, own_table
-from benchmark.registry import by_name, select_one
+from benchmark.registry import Component, by_name
 from benchmark.report.frames import changed, chosen_records, fold_of
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
-from benchmark.scoring.rows import score_forms as score_folder
+from benchmark.scoring.rows import check_forms, forms_of
 from benchmark.text import brief, say, say_lines, say_table
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
@@ -51,11 +48,13 @@ def _data(selection: Selection) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def planned_jobs(selection: Selection, records: Sequence[Record], rerun: Collection[str] = ()) -> list[Planned]:
+def planned_jobs(
+    selection: Selection, records: Sequence[Record], rerun: Collection[str] = (), forms: Sequence[Component] = ()
+) -> list[Planned]:
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
     return plan_selection(
-        selection.results, methods=selection.methods, scorer=selection.scorer, seed=selection.seed, rerun=rerun,
-        records=records, **_data(selection),
+        selection.results, methods=forms or selection.methods, scorer=selection.scorer, seed=selection.seed,
+        rerun=rerun, records=records, **_data(selection),
     )  # fmt: skip
 
 
@@ -90,12 +89,15 @@ def run(
     dask: str = "",
     timeout: float = 7200.0,
     rerun: Collection[str] = (),
+    forms: Sequence[str] = (),
 ) -> bool:
-    """Run the selected jobs and print their tables; return whether all of them are ok."""
+    """Run the selected jobs, or score forms of other programs, and print tables; return whether all jobs are ok."""
     if not (selection.everything or selection.tables or selection.methods or selection.datasets or selection.plugins):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     records = read_records(selection.results)
-    jobs = planned_jobs(selection, records, rerun)
+    jobs = planned_jobs(selection, records, rerun, _forms(selection, forms))
+    for job in jobs if forms else ():
+        check_forms(job.record, job.before, job.job.method.given)
     _announce(jobs, selection.data_root)
     pending = [job for job in jobs if job.is_pending]
     say(f"{len(pending)} of {len(jobs)} jobs to run, {sum(job.state == 'finished' for job in jobs)} finished before")
@@ -155,23 +157,14 @@ def _passed_over(jobs: Sequence[Planned], selection: Selection) -> list[Planned]
     return [job for job in jobs if job.state == "unsupported" and job.record.method in possible]
 
 
-def score_forms(selection: Selection, forms: Sequence[str]) -> bool:
-    """Score forms of other programs, ``NAME=DIR`` each, beside the rows of a data set, and print its tables."""
-    folders = {title: folder for title, _, folder in (form.partition("=") for form in forms)}
+def _forms(selection: Selection, forms: Sequence[str]) -> list[Component]:
+    """Return forms of other programs, ``NAME=DIR`` each, as methods."""
+    folders = dict(form.partition("=")[::2] for form in forms)
     are_named = len(folders) == len(forms) and all(folders) and all(folders.values())
-    if not are_named or not selection.datasets or selection.methods:
+    if not are_named or (forms and (selection.methods or not selection.datasets)):
         problem = "--forms scores the meshes of folders as forms of a data set"
         raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
-    scorer = select_one(selection.scorer, selection.plugins, "scorer")
-    shown = []
-    for gallery in selected_galleries(**_data(selection)):
-        for input_ in gallery.inputs:
-            for title, folder in folders.items():
-                watched = partial(counting, f"scoring {title}")
-                record = score_folder(gallery, input_, title, Path(folder), scorer, selection.results, watched)
-                shown.append((gallery.table, record))
-    _print_tables_of(shown, read_records(selection.results), selection)
-    return True
+    return [forms_of(Path(folder), title) for title, folder in folders.items()]
 
 
 def _print_tables_of(
@@ -210,6 +203,8 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
 
 def _small_for_people(jobs: Sequence[Planned]) -> Iterator[str]:
     """Warn of depth images of objects that are small for the people that a network was trained on."""
+    from benchmark.depth_forms import small_for_person
+
     for job in jobs:
         if not (job.galleries[0].dataset.observe and any(job.models) and job.record.files):
             continue

@@ -44,12 +44,10 @@ def run(
     ] = [],
 ) -> bool:
     """Run the missing jobs of a selection, then print its tables."""
-    from benchmark.cli.run import run, score_forms
+    from benchmark.cli.run import run
 
-    if forms:
-        return score_forms(selection, forms)
     rerun = ["failed", "finished"] if force else ["failed"] if retry else []
-    return run(selection, size=jobs, dask=dask, timeout=timeout, rerun=rerun)
+    return run(selection, size=jobs, dask=dask, timeout=timeout, rerun=rerun, forms=forms)
 
 
 @verb(*_JOBS)

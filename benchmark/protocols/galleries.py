@@ -122,7 +122,7 @@ class Gallery:
 
     def _includes(self, input_: Input, method: Component, is_wanted: bool) -> bool:
         is_network = method.learns and "view" in method.info.inputs
-        if self.is_split and is_network != (input_ == "view"):
+        if self.is_split and is_network != (input_ == "view") and method.info.family != "external":
             return False
         if is_wanted:
             return method.learns or not self.table.is_ablation

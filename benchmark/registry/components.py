@@ -105,7 +105,7 @@ class Component:
     @property
     def info(self) -> Any:
         """Its description: ``MethodInfo``, ``ScorerInfo`` or the ``ShapeSet``."""
-        found = self.load()
+        found = self.load() if self.given is None else self.given
         return found if self.kind == "data set" else found.info
 
     @property
@@ -207,6 +207,8 @@ def component_of(value: Any) -> Component:
     ConfigurationError
         If it is nothing of these kinds.
     """
+    if isinstance(value, Component):
+        return value
     if isinstance(value, ShapeSet):
         return Component("data set", value.name, f"{value.name}:", given=value)
     if isinstance(value, FunctionType) and value.__name__ != "<lambda>":

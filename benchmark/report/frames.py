@@ -77,7 +77,7 @@ def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
 
 def seconds_of(record: Record) -> float | None:
     """Return the seconds a shape for form and geodesics; None if they were not measured."""
-    if "canonicalise" not in record.seconds:
+    if "canonicalise" not in record.seconds or record.family == EXTERNAL:
         return None
     return record.seconds["canonicalise"] + record.seconds.get("geodesics", 0.0)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,22 +12,18 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmark.api.contracts import Input
-from benchmark.api.datasets import Entry
+from benchmark.api.contracts import CanonicalForm, Input, MethodInfo, Shape
 from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
 from benchmark.datasets.catalogue import is_known
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
-from benchmark.files import file_digest
 from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, record_of, write_record
-from benchmark.pipeline.stages import compute_distances, compute_signature
-from benchmark.protocols.galleries import Gallery
 from benchmark.registry import Component
 from benchmark.report.frames import fold_of
-from benchmark.runs.planning import RANKING, gallery_facts
+from benchmark.runs.planning import RANKING
 from benchmark.scoring.evaluation import Evaluation
 from benchmark.text import brief
 from retrieval.measures import score_draws
@@ -120,72 +117,52 @@ def _facts(beside: Record | None, dataset: str, labels: Mapping[str, str]) -> di
     }
 
 
-def score_forms(
-    gallery: Gallery,
-    input_: Input,
-    title: str,
-    folder: Path,
-    scorer: Component,
-    results: Path,
-    watched: Callable[[Iterable[Entry]], Iterator[Entry]] = iter,
-) -> Record:
-    """Score the meshes of a folder as forms of a gallery; store and return the record, or return the stored one.
+@dataclass(frozen=True, eq=False)
+class Forms:
+    """Forms of another program, read from the mesh files of a folder: a method of the normal runner.
 
     Parameters
     ----------
-    gallery, input_
-        The shapes, and the input of the other rows.
-    title, folder
-        Title of the row, and folder with a mesh ``SHAPE.off``, or in another format, for each shape. A missing mesh
-        scores 0.
-    scorer
-        Compares the forms.
-    results
-        The results folder.
-    watched
-        Wraps the iteration over shapes, to show progress.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such folder, it has no form of these shapes, or none is usable.
+    info
+        It names the files.
+    folder
+        The folder, with a mesh ``SHAPE.off``, or in another format, for each shape.
     """
-    files = _files(gallery.entries, folder)
-    facts = gallery_facts(gallery, input_)
-    digests = {name: file_digest(path) for name, path in files.items()}
-    key = digest([facts["gallery_digest"], input_, title, digests, scorer.key(), code_of_modules([RANKING])])
-    for record in read_records(results, published=False):
-        if record.key == key:
-            return record
-    created, signatures, refused = scorer.create(), {}, {}
-    for entry in watched(gallery.entries):
-        name = entry.identifier
+
+    info: MethodInfo
+    folder: Path
+
+    def canonicalise(self, shape: Shape) -> CanonicalForm:
+        """Return the form of a shape, centred; raise ``UnsupportedShape`` if there is none."""
+        path = self.file_of(shape.identifier)
+        if path is None:
+            raise UnsupportedShape(f"{self.folder} has no form of this shape")
         try:
-            if name not in files:
-                raise UnsupportedShape(f"{folder} has no form of this shape")
-            signatures[name] = compute_signature(created, read_mesh(files[name]))
+            mesh = read_mesh(path)
         except ShapeError as error:
-            refused[name] = error.problem
-    if not signatures:
-        raise ConfigurationError(f"no form in {folder} is usable: {next(iter(refused.values()))}", "correct the meshes")
-    matrices = [compute_distances(created, [*signatures.values()], draw) for draw in range(scorer.info.draws)]
-    answered = [number for number, name in enumerate(facts["shapes"]) if name in signatures]
-    scores = score_draws(matrices, facts["labels"], answered)
-    by = {"scorer": scorer.name, "scorer_title": scorer.title, "unsupported": [*refused.items()]}
-    return _keep(results, key, title, {**facts, **scores, **by}, np.mean(matrices, axis=0))
+            raise UnsupportedShape(error.problem, error.hint) from error
+        return CanonicalForm(mesh.vertices - mesh.vertices.mean(axis=0), mesh.faces)
+
+    def file_of(self, name: str) -> Path | None:
+        """Return the mesh file of a shape; None if there is none."""
+        return next(filter(Path.is_file, (self.folder / f"{name}{suffix}" for suffix in READABLE)), None)
 
 
-def _files(entries: Iterable[Entry], folder: Path) -> dict[str, Path]:
-    """Return the mesh file of each shape that has one, by name."""
+def forms_of(folder: Path, title: str) -> Component:
+    """Return the forms in a folder as a method; raise ``ConfigurationError`` if there is no such folder."""
     if not folder.is_dir():
         raise ConfigurationError(f"{folder} is not a folder", "name the folder of the forms")
-    names = [entry.identifier for entry in entries]
-    paths = ((name, folder / f"{name}{suffix}") for suffix in reversed(READABLE) for name in names)
-    files = {name: path for name, path in paths if path.is_file()}
-    if not files:
-        hint = f"name them like the shapes: {names[0]}.off"
-        raise ConfigurationError(f"{folder} has no form of these shapes", hint)
-    return files
+    files = tuple(sorted(str(path) for path in folder.resolve().rglob("*") if path.is_file()))
+    info = MethodInfo(name=method_name(title), title=brief(title), family="external", files=files)
+    return Component("method", info.name, f"{__name__}:Forms", given=Forms(info, folder.resolve()), state=title)
+
+
+def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
+    """Raise ``ConfigurationError`` if no form is of a shape of a job, or its row has the name of another one."""
+    if not any(map(forms.file_of, job.shapes)):
+        hint = f"name them like the shapes: {job.shapes[0]}.off"
+        raise ConfigurationError(f"{forms.folder} has no form of these shapes", hint)
+    _check_title(job, before)
 
 
 def _keep(results: Path, key: str, title: str, content: Mapping[str, Any], distances: Any) -> Record:
@@ -207,9 +184,13 @@ def _keep(results: Path, key: str, title: str, content: Mapping[str, Any], dista
             for other in read_records(results, published=False)
             if other.row == record.row and other.has_data_of(record)
         ]
-        if before and before[0].title != title:
-            problem = f"'{before[0].title}' and '{title}' have one name, {record.method}"
-            raise ConfigurationError(problem, "choose another title")
+        _check_title(record, next(iter(before), None))
         Cache(results).write("records", key, {"distances": np.asarray(distances)})
         write_record(results, record, before[0].key if before else "")
     return record
+
+
+def _check_title(record: Record, before: Record | None) -> None:
+    if before and before.title != record.title:
+        problem = f"'{before.title}' and '{record.title}' have one name, {record.method}"
+        raise ConfigurationError(problem, "choose another title")

@@ -1,6 +1,7 @@
 """Results of other programs as rows: shapes are paired by name."""
 
 import json
+import pickle
 import shutil
 
 import numpy as np
@@ -10,10 +11,9 @@ from msgspec.structs import replace
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import read_distances, read_records, write_record
-from benchmark.protocols.galleries import galleries
-from benchmark.registry import select_one
+from benchmark.report.frames import seconds_of
 from benchmark.scoring.evaluation import score
-from benchmark.scoring.rows import keep_distances, method_name, score_forms
+from benchmark.scoring.rows import forms_of, keep_distances, method_name
 from retrieval.measures import score_draws
 from tests.report.records import record as made_up_record
 from tests.scoring.line import LABELS, NAMES, D
@@ -108,22 +108,25 @@ def forms(tmp_path_factory):
     return rods, made
 
 
-def test_forms_are_a_row_that_is_scored_once(forms, tmp_path, monkeypatch):
-    (gallery, *_) = galleries((), [str(forms[0])], None, False)
-    scorer = select_one(SMALL_SCORER, kind="scorer")
-    record = score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path)
-    assert (record.method, record.scorer, record.coverage) == ("external-mine", scorer.name, pytest.approx(4 / 6))
+def test_forms_are_a_row_that_is_scored_once(forms, tmp_path):
+    made, results = shutil.copytree(forms[1], tmp_path / "made"), tmp_path / "results"
+    words = ("-d", forms[0], "--input", "mesh", "--scorer", SMALL_SCORER, "--results", results, "--forms")
+    assert pickle.dumps(forms_of(made, "Mine"))  # a worker gets them
+    assert "Mine" in call("run", *words, f"Mine={made}", "-j", 0)
+    (record,) = read_records(results)
+    assert (record.method, record.family, record.coverage) == ("external-mine", "external", pytest.approx(4 / 6))
     assert {name for name, _ in record.unsupported} == {"thin0", "thick2"}
     assert record.per_query["NN"][record.shapes.index("thin0")] == 0
-    monkeypatch.setattr("benchmark.scoring.rows.compute_signature", None)
-    assert score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path) == record
-    with monkeypatch.context() as patch, pytest.raises(TypeError):  # it is scored again by other measures
-        patch.setattr("benchmark.scoring.rows.code_of_modules", lambda names: {"retrieval/measures.py": "edited"})
-        score_forms(gallery, "mesh", "Mine", forms[1], scorer, tmp_path)
-    with pytest.raises(ConfigurationError, match="name them like the shapes: thick0.off"):
-        score_forms(gallery, "mesh", "Mine", tmp_path, scorer, tmp_path)
-    with pytest.raises(ConfigurationError, match="nowhere is not a folder"):
-        score_forms(gallery, "mesh", "Mine", tmp_path / "nowhere", scorer, tmp_path)
+    assert seconds_of(record) is None
+    assert "0 of 1 jobs to run" in call("run", *words, f"Mine={made}", "-j", 0)
+    assert "'Mine' and 'Mine!' have one name, external-mine" in refusal("run", *words, f"Mine!={made}")
+    write_off(made / "thick2.off", (far := rod(0.2, 1.2)).with_vertices(far.vertices + 1e6))
+    assert "1 of 1 jobs to run" in call("run", *words, f"Mine={made}", "-j", 0)
+    assert {name for name, _ in read_records(results)[0].unsupported} == {"thin0"}
+    assert "name them like the shapes: thick0.off" in refusal("run", *words, f"Mine={results}")
+    assert "nowhere is not a folder" in refusal("run", *words, f"Mine={tmp_path / 'nowhere'}")
+    assert "two methods are called 'external-a'" in refusal("run", *words, f"A={made}", "--forms", f"a={made}")
+    assert "pass -d FOLDER --forms NAME=DIR, without -m" in refusal("run", *words, f"A={made}", "-m", "gps")
 
 
 def test_where_a_row_goes_is_checked_before_anything_is_computed_or_printed(tmp_path, monkeypatch):
@@ -142,7 +145,7 @@ def test_verbs_show_rows_of_other_programs_beside_ours(tmp_path):
     call("run", *selected, "-m", "identity", "-j", 0)
     kept = call("score", tmp_path / "d.csv", "--labels", rods, "--results", results, "--title", "My method")
     assert "kept as external-my-method" in kept
-    call("run", *selected, "--forms", f"Other={rods}")
+    call("run", *selected, "--forms", f"Other={rods}", "-j", 0)
     rows = {row["method"]: row for row in json.loads(call("tables", *selected, "--format", "json"))}
     assert {"identity", "external-my-method", "external-other"} <= rows.keys()
     assert rows["external-my-method"]["NN"] == pytest.approx(1 / 3, abs=1e-6)
