@@ -104,7 +104,7 @@ def forms(tmp_path_factory):
     made = shutil.copytree(rods, folder / "made")
     write_off(made / "thin1.off", rod(0.06, 1.2, rings=12, sides=6))
     (made / "thin0.off").unlink()
-    (made / "thick2.off").write_text("OFF 1")
+    (made / "thick2.off").write_text("OFF\n1 0 0\n0 0 0\n")
     return rods, made
 
 
@@ -120,7 +120,7 @@ def test_forms_are_a_row_that_is_scored_once(forms, tmp_path):
     assert seconds_of(record) is None
     assert "0 of 1 jobs to run" in call("run", *words, f"Mine={made}", "-j", 0)
     assert "'Mine' and 'Mine!' have one name, external-mine" in refusal("run", *words, f"Mine!={made}")
-    write_off(made / "thick2.off", (far := rod(0.2, 1.2)).with_vertices(far.vertices + 1e6))
+    write_off(made / "thick2.off", (far := rod(0.2, 1.2)).with_vertices(far.vertices + 1e8))
     assert "1 of 1 jobs to run" in call("run", *words, f"Mine={made}", "-j", 0)
     assert {name for name, _ in read_records(results)[0].unsupported} == {"thin0"}
     assert "name them like the shapes: thick0.off" in refusal("run", *words, f"Mine={results}")
