@@ -3,6 +3,10 @@
 A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods: ``signature`` describes
 one form, and ``compare`` compares the signatures of a whole gallery. Its fields are its parameters, as for methods (see
 :mod:`benchmark.api.contracts`). The forms of all methods are compared by the same scorer; descriptors use none.
+
+A scorer may also have ``compare_to(queries, gallery, draw)``, which returns the dissimilarities of M queries to the N
+forms of a gallery, shape (M, N); those of one query may depend on no other. Without it, ``compare`` gets the gallery
+and one query at a time.
 """
 
 from __future__ import annotations
