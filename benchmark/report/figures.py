@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import mode
 from textwrap import fill
-from typing import IO
 
 import matplotlib as mpl
 import numpy as np
@@ -291,11 +292,16 @@ def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera,
     return figure
 
 
+def first_records(view: TableView) -> dict[Row, Record]:
+    """Return a record of each row that is shown, all of one gallery, that of most rows."""
+    every = {row: one.all_records[0] for row, one in shown_rows(view)}
+    gallery = mode(record.gallery for record in every.values()) if every else ""
+    return {row: record for row, record in every.items() if record.gallery == gallery}
+
+
 def effect_records(view: TableView) -> dict[str, Record]:
-    """Return one record of the first gallery for each printed row that makes forms, by the title of the row."""
-    every = {row.title: one.all_records[0] for row, one in shown_rows(view) if row.kind in ("form", "network")}
-    galleries = [record.gallery for record in every.values()]
-    return {title: record for title, record in every.items() if record.gallery == galleries[0]}
+    """Return the first records of rows that make forms, by the title of the row."""
+    return {row.title: of for row, of in first_records(view).items() if row.kind in ("form", "network")}
 
 
 def spread_rows(view: TableView, forms: StoredForms) -> list[tuple[str, ...]]:
@@ -315,13 +321,14 @@ def some_shapes(record: Record, n_classes: int = 1, n_shapes: int = 3) -> list[s
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PDF, PNG or SVG by its extension."""
-    write_atomically(path, lambda file: write(figure, file, path.suffix.lower()))
+    write_atomically(path, lambda file: file.write(encode(figure, path.suffix.lower())))
 
 
-def write(figure: Figure, file: IO[bytes], ending: str, dpi: int = DPI) -> None:
-    """Write a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
+def encode(figure: Figure, ending: str, dpi: int = DPI) -> bytes:
+    """Return a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        figure.savefig(file, format=ending[1:], metadata=_UNDATED[ending], dpi=dpi)
+        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=dpi)
+    return file.getvalue()
 
 
 def subplots(

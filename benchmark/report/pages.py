@@ -11,12 +11,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from statistics import mode
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pandas import DataFrame
 from plotly.offline import get_plotlyjs
@@ -30,10 +28,10 @@ from benchmark.report import figures
 from benchmark.report.drawing import PALETTE, shaded
 from benchmark.report.figures import MEASURE, OBLIQUE
 from benchmark.report.formats import blocks, hundredths
-from benchmark.report.forms import Drawn, StoredForms, spread_of_forms
+from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
-from benchmark.report.tables import Row, TableView
+from benchmark.report.tables import TableView
 from benchmark.text import clean, say
 
 #: Pages of a table by the end of their name.
@@ -170,7 +168,7 @@ def table_html(view: TableView) -> str:
 
 def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] = ()) -> dict[str, Any]:
     """Return what ``table.html`` shows of a table, whose rows link to their forms and queries."""
-    made = {anchor: shown for facet in forms[::-1] for _, anchor, shown, _ in facet["rows"]}
+    made = {anchor: shown for facet in forms[::-1] for _, anchor, shown in facet["rows"]}
     pictures = {anchor: next(filter(None, shown))["picture"] for anchor, shown in made.items()}
     linked = {"-forms": made, "-queries": {anchor for facet in queries for _, anchor in facet["rows"]}}
     rows = {clean(row.title): row for row in view.printed_rows}
@@ -185,18 +183,15 @@ def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[s
         with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
             figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
             name = f"charts/{facet.stem}-{kind}-{_safe(title.replace(' ', '-'))}"
-            files: dict[str, str | bytes] = {name + ending: _encoded(figure, ending) for ending in (".svg", ".pdf")}
+            files: dict[str, str | bytes] = {
+                name + ending: figures.encode(figure, ending, _DPI) for ending in (".svg", ".pdf")
+            }
             if kind != "distances":  # they are large
                 files[f"{name}.csv"] = _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g")
             pages.files |= files
             column = f", {title}" * (len(facets) > 1)
             shown.setdefault(kind.capitalize(), []).append((f"{says}{column}.", [*files]))
     return shown
-
-
-def _encoded(figure: Figure, ending: str) -> bytes:
-    figures.write(figure, stream := io.BytesIO(), ending, _DPI)
-    return stream.getvalue()
 
 
 def _numbers(view: TableView, forms: StoredForms, kind: str) -> DataFrame:
@@ -216,27 +211,21 @@ def _numbers(view: TableView, forms: StoredForms, kind: str) -> DataFrame:
 # Forms and queries ---------------------------------------------------------------------------------------------------
 
 
-def _first_records(view: TableView) -> dict[Row, Record]:
-    """Return a record of each row in the first column, all of one gallery, that of most rows."""
-    every = {row: one.all_records[0] for row, one in figures.shown_rows(view)}
-    gallery = mode(record.gallery for record in every.values()) if every else ""
-    return {row: record for row, record in every.items() if record.gallery == gallery}
-
-
 def _forms(pages: Pages, view: TableView) -> dict[str, Any]:
-    """Return some shapes of a column, and the rows with stored forms: title, anchor, forms, spread; empty without."""
-    records, forms = _first_records(view), pages.forms
+    """Return some shapes of a column, and the rows with stored forms: title, anchor and forms; empty without any."""
+    records, forms = figures.first_records(view), pages.forms
     first = next(iter(records.values()), None)
     shapes = figures.some_shapes(first, CLASSES, POSES) if first else []
     rows = [
-        (row.title, _safe(row.method), made, spread_of_forms(forms.folder, record))
+        (row.title, _safe(row.method), made)
         for row, record in records.items()
         if any(made := [_form(pages, record, shape, f" by {row.title}", forms.form(record, shape)) for shape in shapes])
     ]
     if not first or not rows:
         return {}
-    plain = [_form(pages, first, shape, "", forms.shape(first, shape)) for shape in shapes]
-    return {"title": view.columns[0].title, "shapes": shapes, "rows": [("Shape", "shape", plain, None), *rows]}
+    rows.insert(0, ("Shape", "shape", [_form(pages, first, shape, "", forms.shape(first, shape)) for shape in shapes]))
+    title, spread = view.columns[0].title, figures.spread_rows(view, forms)
+    return {"title": title, "shapes": shapes, "rows": rows, "spread": spread}
 
 
 def _form(pages: Pages, record: Record, shape: str, by: str, drawn: Drawn | None) -> dict[str, Any]:
@@ -264,7 +253,7 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
     """Return the queries of a column with what each row does with them, refused and missed ones first; or nothing."""
     rows = [
         (row, record, _nearest(record, matrix))
-        for row, record in _first_records(view).items()
+        for row, record in figures.first_records(view).items()
         if (matrix := read_distances(pages.forms.folder, record)) is not None
     ]
     if not rows:

@@ -186,11 +186,9 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
 def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
     pages(tmp_path, record())
     style = "".join((tmp_path / "report" / name).read_text() for name in ("style.css", "table.css"))
-    light, dark = (
-        dict(re.findall(r"--(\w+): (#\w{6})", text)) for text in re.findall(r":root \{(.*?)\}", style, re.DOTALL)
-    )
+    schemes = re.findall(r"--(\w+): light-dark\((#\w{6}), (#\w{6})\)", style)
     checked = 0
-    for scheme in (light, light | dark):
+    for scheme in ({name: of[place] for name, *of in schemes} for place in (0, 1)):
         for rule in re.findall(r"\{([^{}]*)\}", style):
             colours = dict(re.findall(r"(?<![-\w])(color|background): (?:var\(--)?([#\w]+)", rule))
             if text := colours.get("color"):

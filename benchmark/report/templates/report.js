@@ -4,7 +4,6 @@ function make(tag, properties, ...children) {
   element.append(...children);
   return element;
 }
-
 // A click on a heading sorts by its column, the next one turns the order round, the third one restores the blocks.
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.tBodies[0], original = [...body.rows];
@@ -18,17 +17,14 @@ for (const table of document.querySelectorAll("table.sortable")) {
     body.replaceChildren(...original);
     if (order === null) return;
     head.setAttribute("aria-sort", order);
-    const sign = order === "ascending" ? 1 : -1;
+    const sign = order === "ascending" ? 1 : -1, rows = original.filter(row => !row.classList.contains("block"));
     const cell = row => row.cells[button.dataset.column];
-    const value = row => parseFloat(cell(row).dataset.value ?? cell(row).textContent.split(" ").pop());
-    const rows = original.filter(row => !row.classList.contains("block"));
-    const [known, unknown] = [false, true].map(isMissing => rows.filter(row => isNaN(value(row)) === isMissing));
-    body.replaceChildren(...known.sort((a, b) => sign * (value(a) - value(b))), ...unknown);
+    const number = row => parseFloat(cell(row).dataset.value ?? cell(row).textContent.split(" ").pop());
+    const place = row => isNaN(number(row)) ? Number.MAX_VALUE : sign * number(row); // rows without a score are last
+    body.replaceChildren(...rows.sort((a, b) => place(a) - place(b)));
   });
 }
-
 document.getElementById(location.hash.slice(1))?.closest("thead th")?.querySelector("button").click(); // worst queries first
-
 // Forms in 3D, a file each, at most eight at a time: browsers draw sixteen.
 const meshes = {}, turned = [];
 let library;
@@ -48,13 +44,11 @@ function load(address) {
   return new Promise(done => document.head.append(make("script", { src: address, onload: done })));
 }
 async function turn(button) {
-  library ??= load("plotly.min.js");
-  await library;
+  await (library ??= load("plotly.min.js"));
   const file = button.dataset.mesh, name = button.firstChild.alt;
   if (!meshes[file]) await load(file);
-  const box = make("div", { className: "turned" });
+  const box = make("div", { className: "turned" }), image = { filename: name, scale: 4, format: "png" };
   button.replaceWith(box);
-  const image = { filename: name, scale: 4, format: "png" };
   await Plotly.newPlot(box, ...scene(meshes[file]), { displaylogo: false, toImageButtonOptions: image });
   turned.push([box, button]);
   if (turned.length > 8) {
