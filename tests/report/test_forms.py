@@ -26,12 +26,23 @@ def test_rotated_and_mirrored_copies_come_out_equal_and_the_mirrored_one_is_mark
     assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=1e-9)
 
 
+def test_a_form_that_hardly_differs_from_its_turned_self_is_turned_little():
+    mesh = rod(0.2, 0.0)
+    mesh = centred(mesh.with_vertices(mesh.vertices * [1, 0.5, 1]))  # half a turn about its axis hardly changes it
+    other = mesh.with_vertices(
+        mesh.vertices * [1, 1, -1] + np.random.default_rng(0).normal(scale=0.02, size=mesh.vertices.shape)
+    )
+    form = turned(Drawn(mesh, mesh), Drawn(other, other))
+    assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=0.1)
+
+
 def test_distances_admit_rotations_but_no_mirror_image():
     points, turn = body().vertices, special_ortho_group(3, 0).rvs()
     distances, found = alignments(points @ turn, points)
     assert distances.min() < 1e-9
     assert found[distances.argmin()] == pytest.approx(turn.T)
-    distances, found = alignments(-points, points)
+    known = np.column_stack([points, 9 * np.arange(len(points))])  # each point has one that is nearest
+    distances, found = alignments(known * [-1, -1, -1, 1], known)
     assert distances.min() > 0.02
     assert np.linalg.det(found) == pytest.approx(1)
 
