@@ -14,6 +14,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
+from benchmark.code_digest import digest_of_bytes
 from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
@@ -153,6 +154,8 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         Digests of the parts of the key by name; in local records only.
     published
         Whether it was read from the published records; never stored.
+    checksum
+        Digest of all other fields in a file, in which a damaged digit would be another figure; "" in memory.
     """
 
     key: Annotated[str, Meta(pattern="^[0-9a-f]{32}$")]
@@ -184,6 +187,7 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
     packages: dict[str, str] = {}
     parts: dict[str, str] = {}
     published: bool = False
+    checksum: str = ""
 
     def __post_init__(self) -> None:
         for fault in _faults(self):
@@ -304,11 +308,18 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
         for number, line in enumerate([text] if path.suffix == ".json" else text.splitlines(), 1):
             try:
                 record = _decoder.decode(line)
-                records += [record] if record.status != "unavailable" else []  # earlier versions wrote them
+                content = msgspec.structs.replace(record, checksum="")
+                if record.checksum and record.checksum != _checksum(content):
+                    raise msgspec.DecodeError("it was changed after it was written")
+                records += [content] if record.status != "unavailable" else []  # earlier versions wrote them
             except (msgspec.DecodeError, RecursionError) as error:  # ValidationError, which names the field, is one
                 where = f"{path}:{number}" if path.suffix == ".jsonl" else path
                 _skip(f"{where}: it is not a record: {error}; remove it")
     return records
+
+
+def _checksum(record: Record) -> str:
+    return digest_of_bytes(msgspec.json.encode(record, order="sorted"))
 
 
 @cache
@@ -374,9 +385,11 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
     """
     folder = results / RUNS / "records"
     try:
-        text = msgspec.json.format(msgspec.json.encode(record), indent=1)
+        checksum = _checksum(record)
     except UnicodeEncodeError:  # a surrogate, as in names of files that are not UTF-8
-        text = msgspec.json.format(msgspec.json.encode(_escaped(msgspec.to_builtins(record))), indent=1)
+        record = msgspec.convert(_escaped(msgspec.to_builtins(record)), Record)
+        checksum = _checksum(record)
+    text = msgspec.json.format(msgspec.json.encode(msgspec.structs.replace(record, checksum=checksum)), indent=1)
     with storing(results):
         write_atomically(folder / f"{record.key}.json", lambda file: file.write(text), durable=True)
         for suffix in (".json", ".npz") if replaces not in ("", record.key) else ():

@@ -82,6 +82,16 @@ def test_damaged_files_and_lines_are_named_once_and_skipped(tmp_path, capsys):
     ]
 
 
+def test_a_record_with_any_flipped_bit_is_passed_over_or_the_same(tmp_path, capsys):
+    write_record(tmp_path, made(seconds={"ranking": 0.25}))
+    (path,) = (tmp_path / "runs" / "records").iterdir()
+    content, known = path.read_bytes(), read_records(tmp_path)
+    for place in range(len(content)):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 1 << place % 7]) + content[place + 1 :])
+        assert read_records(tmp_path) in ([], known), content[:place]
+    assert "it was changed after it was written; remove it" in capsys.readouterr().err
+
+
 def test_published_records_fill_in_for_the_same_shapes_alone(tmp_path):
     write_published(tmp_path, [made("identity", key="b"), made("gps", key="c", nn=1.0), made("pca", key="d")])
     write_record(tmp_path, made("gps"))

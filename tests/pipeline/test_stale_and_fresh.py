@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -84,7 +85,8 @@ def world(finished, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
     world = World(shutil.copytree(finished, tmp_path / "world"))
     for record in (world.results / "runs" / "records").glob("*.json"):  # as if it had always been there
-        record.write_text(record.read_text().replace(str(finished), str(tmp_path / "world")))
+        text = re.sub(r',\s*"checksum": "\w+"', "", record.read_text())
+        record.write_text(text.replace(str(finished), str(tmp_path / "world")))
     assert world.stale() == {}
     return world
 
@@ -118,7 +120,7 @@ TOUCHED = {
     "retrieval/measures.py": EVERYTHING,
     "pipeline/ranking.py": EVERYTHING,
     "pipeline/stages.py": EVERYTHING,
-    "baselines/classic_mds.py": set(),
+    "baselines/fast_mds.py": set(),
     "benchmark/errors.py": set(),
     "benchmark/text.py": set(),
     "api/learning.py": set(),
