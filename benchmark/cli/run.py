@@ -12,7 +12,7 @@ from benchmark.cli.options import Selection
 from benchmark.cli.progress import Bar
 from benchmark.cli.results import outcome, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
-from benchmark.datasets.folder import skipped_files
+from benchmark.datasets.checking import unread_files
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
@@ -29,7 +29,7 @@ from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
 from benchmark.scoring.rows import check_forms, forms_of
-from benchmark.text import brief, say, say_lines, say_table
+from benchmark.text import brief, counted, say, say_lines, say_table
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
 _SCREEN, _REASONS = 18, 5
@@ -187,7 +187,7 @@ def _print_tables_of(
 
 
 def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
-    """Announce stand-ins and skipped files."""
+    """Announce stand-ins and files that are not read."""
     for name, official in {job.record.data.name: job.record.data.stand_in_for for job in jobs}.items():
         if official in CATALOGUE and name in CATALOGUE:
             where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
@@ -196,9 +196,10 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
     for record in {job.record.gallery: job.record for job in jobs if job.record.keeps_same_names}.values():
         named = len({*record.shapes} & {*record.sides[-1].shapes})
         say(f"{record.gallery}: {named} queries have names of its shapes; --same-names leaves these out", err=True)
-    for folder in dict.fromkeys(job.galleries[0].source for job in jobs if not is_known(job.galleries[0].source)):
-        if Path(folder).is_dir() and (unread := skipped_files(Path(folder))):
-            say(f"{folder}: skipped {len(unread)} point clouds, such as {unread[0].name}; see 'data check'", err=True)
+    own = {one.source: one.dataset for job in jobs for one in job.galleries if not is_known(one.source)}
+    for source, dataset in own.items():
+        if unread := [anomaly.file for anomaly in unread_files(dataset)]:
+            say(f"{source}: {counted(len(unread), 'file')} not read, such as {unread[0]}; see 'data check'", err=True)
 
 
 def _small_for_people(jobs: Sequence[Planned]) -> Iterator[str]:

@@ -145,14 +145,14 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
         entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
         unopened = ShapeSet(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
         rows, of_shapes = _inspect_all(unopened, watched)
-        anomalies = [Anomaly("error", folder.name, error.problem, error.hint), *_of_files(unopened), *of_shapes]
+        anomalies = [Anomaly("error", folder.name, error.problem, error.hint), *unread_files(unopened), *of_shapes]
         return Report(unopened, rows, tuple(anomalies))
 
 
 def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh; see :func:`check_source`."""
     rows, of_shapes = _inspect_all(dataset, watched)
-    return Report(dataset, rows, (*_of_classes(dataset), *_of_files(dataset), *of_shapes))
+    return Report(dataset, rows, (*_of_classes(dataset), *unread_files(dataset), *of_shapes))
 
 
 def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
@@ -176,7 +176,7 @@ def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
             yield Anomaly("error", dataset.name, what, hint)
 
 
-def _of_files(dataset: ShapeSet) -> Iterator[Anomaly]:
+def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
     """Yield files of a folder that are no shapes of the data set."""
     folder, used = dataset.folder, {entry.path for entry in dataset.shapes}
     if folder is None:

@@ -213,7 +213,8 @@ class TableView:
     def caption(self) -> str:
         """Caption with the data; it says if they are a stand-in."""
         quick = ", quick run with some of the poses" if self.quick else ""
-        named = "" if f" {self.title}" in self.table.caption else f": {self.title}"  # a folder is its own table
+        is_named = any(f"{mark}{self.title}" in self.table.caption for mark in " /")  # a folder is its own table
+        named = "" if is_named else f": {self.title}"
         return f"{self.table.caption}{named} ({self.size}{quick})"
 
     @property

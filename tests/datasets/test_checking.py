@@ -13,6 +13,7 @@ from benchmark.geometry.cleaning import count_holes
 from benchmark.geometry.io import read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh, edges_of
 from tests.toy import rod, write_off, write_rods
+from tests.verbs import call
 
 ROD = rod(0.1, 1.0)
 
@@ -116,6 +117,8 @@ def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
 def test_meshes_that_are_passed_over_are_named(rods):
     write_off(rods / "more" / "extra0.off", rod(0.3, 1.0))
     assert only(rods).startswith("warning  more/extra0.off  is none of the shapes of this data set; ")
+    said = call("run", "-d", rods, "-m", "surface-area", "--results", rods.parent / "results", "-j", 0)
+    assert f"{rods}: 1 file not read, such as more/extra0.off; see 'data check'" in said
 
 
 def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_read_all_the_same(rods):
