@@ -154,7 +154,7 @@ def turned(form: Drawn, target: Drawn) -> Drawn:
     is_mirrored = bool(mirrored[0].min() < NEARER * distances.min())
     if is_mirrored:
         distances, turns = mirrored[0], -mirrored[1]
-    near = turns[NEARER * distances <= distances.min() + _SAME]  # a body, and so its form, hardly differs from front and back
+    near = turns[NEARER * distances <= distances.min() + _SAME]  # front and back of a body hardly differ
     turn = near[np.trace(near, axis1=1, axis2=2).argmax()]
     return Drawn(form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored)
 

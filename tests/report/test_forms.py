@@ -6,7 +6,11 @@ from scipy.spatial import cKDTree
 from scipy.stats import special_ortho_group
 
 from benchmark.report import forms
+from benchmark.report.figures import forms_figure, spread_rows
+from benchmark.report.formats import hundredths
 from benchmark.report.forms import Drawn, StoredForms, alignments, centred, spread_of_forms, turned
+from benchmark.report.pages import write_report
+from benchmark.report.tables import table_views
 from tests.toy import rod
 
 
@@ -71,13 +75,22 @@ def test_forms_that_are_all_one_point_have_no_spread(monkeypatch):
     assert np.isnan(forms._spread(points, "aab", iter)).all()
 
 
-def test_a_spread_is_computed_on_demand_and_kept(results, monkeypatch):
+def test_a_spread_is_computed_on_demand_kept_and_shown(results, monkeypatch, tmp_path):
     record = next(record for record in results.records if record.method == "gps")
     assert spread_of_forms(results.folder, record) is None
+    monkeypatch.setattr(forms, "SAMPLES", 100)
     found = spread_of_forms(results.folder, record, iter)
     monkeypatch.setattr(forms, "_spread", None)
     assert spread_of_forms(results.folder, record, iter).tolist() == found.tolist()
     assert spread_of_forms(results.folder, next(r for r in results.records if r.method == "surface-area"), iter) is None
+    view = table_views(results.records)[0]
+    (_, row) = spread_rows(view, StoredForms(results.folder))
+    assert row == ("GPS", *map(hundredths, found), "0")
+    monkeypatch.setattr("benchmark.report.pages.CHARTS", {})
+    write_report(results.folder, [view], tmp_path)
+    shown = (tmp_path / f"{view.stem}-forms.html").read_text()
+    assert all(f">{cell}</td>" in shown for cell in row)
+    assert forms_figure(view, StoredForms(results.folder), superposed=True)[0].axes[1].texts[0].get_text() == row[1]
 
 
 def test_forms_of_a_subject_are_turned_to_that_of_its_first_pose(results):
