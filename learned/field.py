@@ -18,7 +18,7 @@ from benchmark.api.contracts import FloatArray, Shape
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.laplacian import Laplacian
-from benchmark.geometry.mesh import Mesh, Points, edges_of
+from benchmark.geometry.mesh import Mesh, Points
 from learned.field_network import POINTS, FieldNetwork
 
 MOST_VERTICES = 50_000
@@ -62,7 +62,7 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
     if not area > 0:
         raise UnsupportedShape("the network leaves no surface of this shape", "pass one like those it was trained on")
     vertices = np.asarray(vertices / area**0.5)
-    before, after = (_edge_lengths(points, mesh) for points in (framed.vertices, vertices))
+    before, after = framed.edge_lengths, mesh.with_vertices(vertices).edge_lengths
     notes: dict[str, float | str] = {
         "edge_strain": float(np.abs(after - before).sum() / before.sum()),
         "mean_correction": float(np.linalg.norm(vertices - positions, axis=1).mean()),
@@ -102,11 +102,6 @@ def _outward(mesh: Mesh) -> Mesh:
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     volume = float(np.einsum("mk,mk->", a, np.cross(b, c)) / 6)
     return Mesh(mesh.vertices, mesh.faces[:, ::-1]) if volume < -INSIDE_OUT else mesh
-
-
-def _edge_lengths(vertices: Points, mesh: Mesh) -> FloatArray:
-    starts, ends = edges_of(mesh.faces).ends.T
-    return np.asarray(np.linalg.norm(vertices[starts] - vertices[ends], axis=1))
 
 
 # Frame ---------------------------------------------------------------------------------------------------------------

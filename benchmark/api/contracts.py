@@ -224,13 +224,13 @@ class Shape:
     def __repr__(self) -> str:
         return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"
 
-    def geodesics(self, solver: str = "default") -> FloatArray:
+    def geodesics(self, solver: str = "geodesic-graph") -> FloatArray:
         """Return geodesic distances between all pairs of vertices.
 
         Parameters
         ----------
         solver
-            A name from :data:`benchmark.geometry.geodesics.SOLVERS`, or ``"default"``.
+            A name from :data:`benchmark.geometry.geodesics.SOLVERS`.
 
         Returns
         -------
@@ -244,9 +244,8 @@ class Shape:
         """
         from benchmark.geometry import geodesics
 
-        name = geodesics.resolve_solver(solver)
-        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh, name)))  # noqa: E731
-        matrix: FloatArray = self.compute_once(name, compute)
+        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh, solver)))  # noqa: E731
+        matrix: FloatArray = self.compute_once(solver, compute)
         return matrix
 
     def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
@@ -265,7 +264,7 @@ class Shape:
             self._results[key] = compute()
         return self._results[key]
 
-    def geodesics_from(self, sources: ArrayLike, solver: str = "default") -> FloatArray:
+    def geodesics_from(self, sources: ArrayLike, solver: str = "geodesic-graph") -> FloatArray:
         """Return geodesic distances from a few vertices to all vertices, without computing all pairs.
 
         Parameters

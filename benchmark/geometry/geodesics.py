@@ -32,7 +32,7 @@ def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
         solver = potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces)
     except RuntimeError as error:
         raise UnsupportedShape(
-            f"the heat method cannot treat this mesh ({error})", "use the solver 'default', or clean the mesh"
+            f"the heat method cannot treat this mesh ({error})", "use another solver, or clean the mesh"
         ) from error
     return np.stack([solver.compute_distance(int(source)) for source in sources])
 
@@ -60,7 +60,7 @@ def _require_proper_manifold(mesh: Mesh) -> None:
     if (mesh.edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (mesh.edge_lengths > 0).all():
         raise UnsupportedShape(
             "the exact solver needs a manifold without edges of length zero",
-            "clean the mesh (benchmark.geometry.cleaning), or use the solver 'default'",
+            "clean the mesh (benchmark.geometry.cleaning), or use another solver",
         )
 
 
@@ -74,16 +74,7 @@ SOLVERS: tuple[str, ...] = tuple(_BY_NAME)
 DEFAULT_SOLVER: str = "geodesic-graph"
 
 
-def resolve_solver(name: str) -> str:
-    """Resolve the name of a solver, including ``"default"``; raises ``ConfigurationError`` with similar names."""
-    if name == "default":
-        return DEFAULT_SOLVER
-    if name not in _BY_NAME:
-        raise did_you_mean("geodesic solver", name, (*SOLVERS, "default"))
-    return name
-
-
-def all_pairs(mesh: Mesh, solver: str = "default") -> FloatArray:
+def all_pairs(mesh: Mesh, solver: str = DEFAULT_SOLVER) -> FloatArray:
     """Compute the geodesic distances between all pairs of vertices.
 
     Parameters
@@ -91,7 +82,7 @@ def all_pairs(mesh: Mesh, solver: str = "default") -> FloatArray:
     mesh
         A mesh with a single component.
     solver
-        A name from :data:`SOLVERS`, or ``"default"``.
+        A name from :data:`SOLVERS`.
 
     Returns
     -------
@@ -112,7 +103,7 @@ def all_pairs(mesh: Mesh, solver: str = "default") -> FloatArray:
     return distances
 
 
-def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> FloatArray:
+def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = DEFAULT_SOLVER) -> FloatArray:
     """Compute the geodesic distances from some vertices to all vertices.
 
     Parameters
@@ -136,7 +127,8 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
     ConfigurationError
         If the solver is unknown.
     """
-    compute = _BY_NAME[resolve_solver(solver)]
+    if solver not in _BY_NAME:
+        raise did_you_mean("geodesic solver", solver, SOLVERS)
     indices = np.asarray(sources, dtype=np.int64).reshape(-1)
     if indices.size and not (indices.min() >= 0 and indices.max() < mesh.n_vertices):
         raise UnsupportedShape(
@@ -150,7 +142,7 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = "default") -> Flo
         )
     if not indices.size:
         return np.empty((0, mesh.n_vertices))
-    return compute(mesh, indices)
+    return _BY_NAME[solver](mesh, indices)
 
 
 def rounded(matrix: FloatArray) -> FloatArray:

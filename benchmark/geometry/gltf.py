@@ -122,14 +122,9 @@ def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, Floats]:
 
 def _triangles(corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
     """Return the triangles of a primitive; points and lines have none."""
-    if mode not in range(7):
-        raise ValueError(f"primitives have no mode {mode}")
-    if mode == 4:
-        return corners.reshape(-1, 3)
-    at = np.arange(max(len(corners) - 2, 0)) if mode > 4 else np.empty(0, dtype=np.int64)
-    turn = at % 2 if mode == 5 else 0 * at
-    first = at if mode == 5 else 0 * at
-    return np.stack([corners[first], corners[at + 1 + turn], corners[at + 2 - turn]], axis=1)
+    if mode not in range(5):
+        raise UnreadableMesh(f"primitives of mode {mode} are not read", "export triangles, mode 4")
+    return corners.reshape(-1, 3) if mode == 4 else np.empty((0, 3), dtype=np.int64)
 
 
 class _File:

@@ -231,20 +231,17 @@ def _from_0(corners: NDArray[np.int64], n_vertices: int, base: int) -> NDArray[n
 def read_off(data: bytes, _: Path) -> Arrays:
     """Read Geomview OFF; a vertex may go on with a normal, a colour or a texture, and a face with a colour."""
     text = _text(data).lstrip()
-    header = rb"(?:(?:ST)?C?N?(4)?C?OFF)?\s*(\d{1,12})\s+(\d{1,12})(?:[ \t]+\d+)?[ \t]*\n"
+    header = rb"(?:(?:ST)?C?N?C?OFF)?\s*(\d{1,12})\s+(\d{1,12})(?:[ \t]+\d+)?[ \t]*\n"
     head = re.match(header, text, re.IGNORECASE)
     if not head:
         raise ValueError("it does not begin with OFF and the numbers of vertices and faces")
-    n_vertices, n_faces, body = int(head[2]), int(head[3]), text[head.end() :]
-    if not head[1] and (triangles := _triangle_mesh(body, n_vertices, n_faces)):
+    n_vertices, n_faces, body = int(head[1]), int(head[2]), text[head.end() :]
+    if triangles := _triangle_mesh(body, n_vertices, n_faces):
         return triangles
     lines = _lines(body)
     if len(lines) != n_vertices + n_faces:
         raise ValueError(f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow")
-    vertices = _table(lines[:n_vertices])
-    if head[1]:  # homogeneous coordinates
-        vertices = vertices[:, :3] / vertices[:, 3:4]
-    return vertices[:, :3], _counted_polygons(lines[n_vertices:])
+    return _table(lines[:n_vertices])[:, :3], _counted_polygons(lines[n_vertices:])
 
 
 def _counted_polygons(lines: Sequence[bytes]) -> NDArray[np.int64]:
