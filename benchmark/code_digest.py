@@ -86,11 +86,6 @@ def plugin_file(target: str) -> Path | None:
     return Path(path) if path.endswith(".py") else None
 
 
-def folders_of(target: str) -> set[Path]:
-    """Return the folders that hold the packages in the code of a module, but that of the suite."""
-    return {*_closure(target)[0].values()} - {ROOT}
-
-
 def sources_of(target: str) -> list[Path]:
     """Return the source files in the code of a module."""
     return list(_closure(target)[0])

@@ -7,19 +7,12 @@ import importlib.util
 import os
 import sys
 import sysconfig
-from contextlib import redirect_stdout
-from importlib.machinery import (
-    EXTENSION_SUFFIXES,
-    SOURCE_SUFFIXES,
-    ExtensionFileLoader,
-    FileFinder,
-    SourceFileLoader,
-)
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import Any
 
-from benchmark.code_digest import FIRST_PARTY, ROOT, folders_of, modules_beside, plugin_file, sources_of
+from benchmark.code_digest import FIRST_PARTY, modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
 from benchmark.kernels import drop_stale_kernels
@@ -30,9 +23,6 @@ _imported: dict[str, list[str]] = {}
 
 #: Names of modules that no plugin is asked about: they were imported before its turn.
 _known: set[str] = set()
-
-#: Folders whose modules are never taken from compiled code.
-_folders: set[Path] = set()
 
 _INSTALLED = tuple(
     {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
@@ -97,11 +87,11 @@ def _file_of(name: str) -> Path | None:
 def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     """Import a plugin file, and what belongs to its code, from their sources of today."""
     _check_helpers(path)
-    _folders.update(folders_of(target))
-    if _find_from_source not in sys.path_hooks:
-        sys.path_hooks.insert(0, _find_from_source)
-    sys.path_importer_cache.clear()
+    importlib.invalidate_caches()
     sources = {*sources_of(target)}
+    for source in sources:  # compiled code of the same second and size may be of an earlier edit
+        with suppress(OSError):
+            Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
     for known in [known for known in sys.modules if _file_of(known) in sources]:
         del sys.modules[known]
     contents = _contents(target)
@@ -110,22 +100,6 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     check_modules(target)
     _imported[name] = [*contents, *_named_files(module, path)]
     return module
-
-
-class _SourceLoader(SourceFileLoader):
-    """Import a module from its source alone: compiled code of the same second and size may be of an earlier edit."""
-
-    def path_stats(self, _path: object) -> NoReturn:  # what compiled code is compared with
-        raise OSError
-
-
-def _find_from_source(folder: str) -> FileFinder:
-    """Find modules below the folders of plugins, where these are not installed or of the suite."""
-    path = Path(os.path.realpath(folder or "."))
-    packages = (*_INSTALLED, *(ROOT / name for name in FIRST_PARTY))
-    if not path.is_dir() or not any(map(path.is_relative_to, _folders)) or any(map(path.is_relative_to, packages)):
-        raise ImportError
-    return FileFinder(folder or ".", (ExtensionFileLoader, EXTENSION_SUFFIXES), (_SourceLoader, SOURCE_SUFFIXES))
 
 
 def _unique_name(path: Path) -> str:
@@ -156,7 +130,7 @@ def _execute(name: str, path: Path) -> ModuleType:
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     drop_stale_kernels(sources_of(str(path)))
-    spec: Any = importlib.util.spec_from_file_location(name, path, loader=_SourceLoader(name, str(path)))
+    spec: Any = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)
