@@ -26,8 +26,6 @@ MARGIN = 17
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
 SMALLEST_SIDE = 16
 REFINEMENT_STEPS = 5
-#: Pixels that are convolved at once: with the rows around them, they fit into the fastest cache.
-RUN = 2560
 
 
 def _half_kernels() -> SingleArray:
@@ -47,10 +45,10 @@ SIZES = (KERNELS > 0).sum(axis=1)
 
 @njit(cache=True, nogil=True)
 def octave_buffers(height: int, width: int) -> tuple[SingleArray, SingleArray]:
-    """Return memory for the images of one octave of this size or smaller, and for a run of their pixels."""
+    """Return memory for the images of one octave of this size or smaller, and for one that is half blurred."""
     stride = width + 2 * MARGIN
     room = np.empty((2 * N_GAUSSIANS, (height + 3 * MARGIN) * stride), dtype=np.float32)
-    return room, np.zeros(max(RUN, stride) + 2 * MARGIN, dtype=np.float32)
+    return room, np.zeros(height * stride + 2 * MARGIN, dtype=np.float32)
 
 
 @njit(cache=True, nogil=True)
@@ -70,7 +68,7 @@ def octave_in(room: SingleArray, height: int, width: int) -> tuple[SingleArray, 
 
 
 @njit(cache=True, nogil=True)
-def build_octave(octave: SingleArray, run: SingleArray, is_first: bool) -> None:
+def build_octave(octave: SingleArray, half: SingleArray, is_first: bool) -> None:
     """Compute the Gaussian levels of one octave and their differences.
 
     Parameters
@@ -78,34 +76,31 @@ def build_octave(octave: SingleArray, run: SingleArray, is_first: bool) -> None:
     octave
         Images of :func:`octave_in` with their borders, overwritten; given are the image in the first octave, level -1
         in the others.
-    run
+    half
         From :func:`octave_buffers`.
     is_first
         Whether this is the first octave.
     """
     for level in range(0 if is_first else 1, N_GAUSSIANS):
-        _blur(octave[level - 1], octave[level], octave[N_GAUSSIANS - 1 + max(level, 1)], run, level)
+        _blur(octave[level - 1], octave[level], octave[N_GAUSSIANS - 1 + max(level, 1)], half, level)
 
 
 @njit(cache=True, nogil=True)
-def _blur(image: SingleArray, blurred: SingleArray, difference: SingleArray, run: SingleArray, level: int) -> None:
+def _blur(image: SingleArray, blurred: SingleArray, difference: SingleArray, half: SingleArray, level: int) -> None:
     """Convolve an image with a separable Gaussian; the border is repeated."""
     height, stride = image.shape
-    first, end = MARGIN * stride, (height - MARGIN) * stride
+    first, count = MARGIN * stride, (height - 2 * MARGIN) * stride
     source, target, result = image.ravel(), blurred.ravel(), difference.ravel()
     for row in range(MARGIN):
         image[row], image[height - 1 - row] = image[MARGIN], image[height - MARGIN - 1]
-    length = max(RUN // stride, 1) * stride
-    for start in range(first, end, length):
-        count = min(length, end - start)
-        _convolve(source, start, stride, run, MARGIN, count, level)
-        for row in range(MARGIN, MARGIN + count, stride):
-            run[row : row + MARGIN] = run[row + MARGIN]
-            run[row + stride - MARGIN : row + stride] = run[row + stride - MARGIN - 1]
-        _convolve(run, MARGIN, 1, target, start, count, level)
-        before, after, out = source[start:], target[start:], result[start:]
-        for x in range(count):
-            out[x] = after[x] - before[x]
+    _convolve(source, first, stride, half, MARGIN, count, level)
+    for row in range(MARGIN, MARGIN + count, stride):
+        half[row : row + MARGIN] = half[row + MARGIN]
+        half[row + stride - MARGIN : row + stride] = half[row + stride - MARGIN - 1]
+    _convolve(half, MARGIN, 1, target, first, count, level)
+    before, after, out = source[first:], target[first:], result[first:]
+    for x in range(count):
+        out[x] = after[x] - before[x]
 
 
 @njit(cache=True, nogil=True)
