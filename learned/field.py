@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
@@ -194,7 +193,7 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
         points.append(np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[of_size]]).reshape(-1, 3))
         owners.append(np.repeat(of_size, len(weights)))
     candidates = np.concatenate(points)
-    chosen = _farthest_points(np.ascontiguousarray(candidates), candidates @ _TIE_BREAKER, count)
+    chosen = _farthest_points(candidates, candidates @ _TIE_BREAKER, count)
     normals = mesh.face_normals[np.concatenate(owners)[chosen]]
     return candidates[chosen], normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
 
@@ -208,31 +207,22 @@ def _centres(k: int) -> FloatArray:
     return np.stack([first, second, k - first - second], axis=1) / k
 
 
-@njit(cache=True, nogil=True)
 def _farthest_points(points: FloatArray, keys: FloatArray, count: int) -> NDArray[np.int64]:
     """Select points by farthest point sampling, starting farthest from the origin; the larger key breaks ties.
 
     If there are fewer points than requested, points repeat.
     """
-    chosen = np.zeros(count, dtype=np.int64)
-    squares = np.empty(len(points))
-    for i in range(len(points)):
-        squares[i] = points[i, 0] ** 2 + points[i, 1] ** 2 + points[i, 2] ** 2
+
+    def squares_from(place: FloatArray) -> FloatArray:
+        x, y, z = (points - place).T
+        return np.asarray(x * x + y * y + z * z)
+
+    chosen, squares = np.zeros(count, dtype=np.int64), squares_from(np.zeros(3))
     for number in range(count):
-        if number:
-            last = chosen[number - 1]
-            for i in range(len(points)):
-                square = 0.0
-                for k in range(3):
-                    square += (points[i, k] - points[last, k]) ** 2
-                if number == 1 or square < squares[i]:
-                    squares[i] = square
-        least = squares.max() * (1.0 - TIE)
-        best = -1
-        for i in range(len(points)):
-            if squares[i] >= least and (best < 0 or keys[i] > keys[best]):
-                best = i
-        chosen[number] = best
+        tied = np.flatnonzero(squares >= squares.max() * (1.0 - TIE))
+        chosen[number] = tied[keys[tied].argmax()]
+        nearer = squares_from(points[chosen[number]])
+        squares = np.minimum(squares, nearer) if number else nearer
     return chosen
 
 
