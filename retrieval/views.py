@@ -7,7 +7,6 @@ from functools import cache, cached_property
 from itertools import permutations, product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from benchmark.geometry.mesh import Mesh, edges_of
@@ -125,26 +124,10 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
     Bag-of-Features", Machine Vision and Applications 24, 2013.
     """
     images = np.full((len(sphere.directions), size, size), BACKGROUND, dtype=np.float32)
-    _draw_views(mesh.vertices, mesh.faces, sphere.cameras, sphere.opposite, images)
+    x, y, z = mesh.vertices.T
+    for view, opposite in enumerate(sphere.opposite):
+        if view < opposite:  # both are drawn at once
+            right, up, eye = (axis[0] * x + axis[1] * y + axis[2] * z for axis in sphere.cameras[view])
+            pixels = np.stack([0.5 * size * (1.0 + right), 0.5 * size * (1.0 - up), 0.5 * (1.0 - eye)], axis=1)
+            draw_triangles(pixels, mesh.faces, images[view], images[opposite])
     return images
-
-
-@njit(cache=True, nogil=True)
-def _draw_views(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    cameras: NDArray[np.float64],
-    opposite: NDArray[np.int32],
-    images: NDArray[np.float32],
-) -> None:
-    """Draw each view and its opposite at once."""
-    half = 0.5 * images.shape[1]
-    projected = np.empty_like(vertices)
-    for v in np.flatnonzero(opposite > np.arange(len(opposite))):
-        right, up, eye = cameras[v, 0], cameras[v, 1], cameras[v, 2]
-        for i in range(vertices.shape[0]):
-            x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-            projected[i, 0] = half * (1.0 + (right[0] * x + right[1] * y + right[2] * z))
-            projected[i, 1] = half * (1.0 - (up[0] * x + up[1] * y + up[2] * z))
-            projected[i, 2] = 0.5 * (1.0 - (eye[0] * x + eye[1] * y + eye[2] * z))
-        draw_triangles(projected, faces, images[v], images[opposite[v]])
