@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from benchmark.datasets.changes import CHANGES
 from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
-from benchmark.protocols.tables import AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
+from benchmark.protocols.tables import AGAINST, AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
 from benchmark.reference.paper import PRINTED
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
     """Return the tables that show a part of a data set; a set that no table uses has its own."""
     known = tuple(table for table in TABLES if table.shows(dataset) and not table.is_robustness)
     shown = tuple(table for table in known if fold in table.parts)
-    has_own = all(table.is_cross for table in known) and not (fold and shown)
+    has_own = not shown if fold.startswith(AGAINST) else all(table.is_cross for table in known)
     return (*shown, own_table(dataset, fold)) if has_own else shown
 
 

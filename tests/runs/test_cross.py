@@ -11,6 +11,7 @@ from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.pipeline.records import read_distances
 from benchmark.protocols.galleries import galleries, selected_galleries
 from benchmark.registry import select
+from benchmark.report.frames import tables_of
 from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import plan, plan_selection
@@ -91,13 +92,15 @@ def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_p
     assert view.caption.endswith(", 1 left out, among 4 shapes)")
     assert view.chance["mesh"]["NN"] == pytest.approx(1 / 3)
     kept = finished / "runs"
-    for path in (kept / "records" / f"{record.key}.json", kept / "forms" / f"{record.against.keys[0]['forms']}.npz"):
+    for path in (kept / "records" / f"{record.key}.json", kept / "forms" / f"{record.against.keys[3]['forms']}.npz"):
         path.unlink()
     again = result(queries, gallery, finished, same_names=True)
     assert (again.per_query, again.against.unsupported) == (record.per_query, record.against.unsupported)
     write_off(gallery / "thin0.off", rod(0.06, 0.5))
     (stale,) = jobs(queries, gallery, finished, same_names=True)
     assert (stale.state, stale.before.key) == ("stale", record.key)
+    (other,) = jobs(queries, shutil.copytree(rods, tmp_path / "elsewhere" / "gallery"), finished, same_names=True)
+    assert (other.state, other.before) == ("missing", None), "another folder of this name replaces nothing"
 
 
 def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
@@ -105,6 +108,7 @@ def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
     found = [one for one in galleries(["III-cross"]) if one.against]
     assert [one.name for one in found] == [f"{name} against complete surfaces" for name in ("animals", *TURNED)]
     assert {one.against.source for one in found} == {"animals"}
+    assert [table.identifier for table in tables_of("animals", "against rods")] == ["animals against rods"]
     planned = plan(galleries(["III-cross"], quick=True), ["view"], select(["gps", "sd-gdm", "learned"], ()), tmp_path)
     states = {(job.record.gallery, job.record.method): job.state for job in planned}
     assert "sd-gdm" not in {method for _, method in states}, "as in quick runs"
