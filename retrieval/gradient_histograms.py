@@ -113,7 +113,6 @@ def orientations(
             position = per_radian * angle[s] + half
             lowers[s] = np.int32(position)
             shares[s] = position - np.float32(np.int32(position))
-        for s in range(count):
             weights[s] = magnitude[s] * window_y * window[s]
         for s in range(count):
             histogram[lowers[s]] += (one - shares[s]) * weights[s]
@@ -198,7 +197,6 @@ def describe(
             w = (direction[s] - turned) * per_radian
             bins[s] = np.int32(w)
             shares[s] = w - np.float32(np.int32(w))
-        for s in range(count):
             u = start_u + step_u * np.float32(np.int32(begin + s))
             v = start_v + step_v * np.float32(np.int32(begin + s))
             # Rounding may move a sample slightly outside the square.
