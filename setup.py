@@ -1,4 +1,4 @@
-"""What pyproject.toml cannot say: the examples are a folder of the checkout, and a part of the installed package."""
+"""What pyproject.toml cannot say: the wheel packs examples/ and the published records of results/."""
 
 from setuptools import find_namespace_packages, setup
 
@@ -6,6 +6,7 @@ setup(
     packages=[
         *find_namespace_packages(include=["benchmark*", "baselines*", "learned*", "retrieval*"]),
         "benchmark.examples",
+        "benchmark.results",
     ],
-    package_dir={"benchmark.examples": "examples"},
+    package_dir={"benchmark.examples": "examples", "benchmark.results": "results"},
 )

@@ -12,7 +12,7 @@ from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.files import write_text
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import duration, hundredths, latex_figure, text
@@ -29,7 +29,9 @@ def recorded(options: Selection) -> list[Record]:
     ConfigurationError
         If there is none, or no record knows a table or data set.
     """
-    every = label_data_sets(read_records(options.results, local=not options.published))
+    has_published = options.results != Selection.results or (options.results / "records").is_dir()
+    folder = options.results if has_published or not options.published else SUITE_RESULTS
+    every = label_data_sets(read_records(folder, local=not options.published))
     known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}
     for name in options.tables:
         if name not in known:

@@ -14,7 +14,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
-from benchmark.code_digest import digest_of_bytes
+from benchmark.code_digest import ROOT, digest_of_bytes
 from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
@@ -29,6 +29,9 @@ Key = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
 
 #: ``"unavailable"`` is the state of a job in a plan; no record says it.
 Status = Literal["ok", "failed", "crashed", "timeout", "memory", "incomplete", "unavailable", "unsupported"]
+
+#: Results folder of the suite, with its published records: in an installed package, or in the checkout.
+SUITE_RESULTS = next(filter(Path.is_dir, [ROOT / "benchmark" / "results"]), ROOT / "results")
 
 #: Scorer of the tables.
 DEFAULT_SCORER = "cm-bof"

@@ -15,13 +15,13 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 
 from benchmark.api.contracts import Input
-from benchmark.code_digest import ROOT, code_of_modules, digest
+from benchmark.code_digest import code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.pipeline.cache import Cache, Kind
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.ranking import STAGES
-from benchmark.pipeline.records import Ranked, Record, Row, read_records, record_of
+from benchmark.pipeline.records import SUITE_RESULTS, Ranked, Record, Row, read_records, record_of
 from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery, selected_galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
@@ -442,9 +442,6 @@ def _in_words(name: str, before: str, now: str) -> str:
 
 
 # Time ----------------------------------------------------------------------------------------------------------------
-
-#: Results folder of the checkout, whose published records know seconds of every method; an installed package has none.
-SUITE_RESULTS = ROOT / "results"
 
 
 class Estimate(NamedTuple):

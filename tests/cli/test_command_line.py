@@ -53,6 +53,13 @@ for words, unused in (
     assert done.stdout == 3 * "set()\n"
 
 
+def test_published_tables_are_printed_in_any_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "results" / "runs").mkdir(parents=True)
+    assert "|Classic MDS|.74 .54 .80 .80|" in call("tables", "--published", "-t", "III")
+    assert "pass --results" in refusal("tables", "--published", "--results", tmp_path)
+
+
 def test_the_version_is_that_of_the_package():
     assert call("--version") == f"canonical-forms {importlib.metadata.version('canonical-forms-benchmark')}\n"
 
