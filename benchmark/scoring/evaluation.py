@@ -90,8 +90,7 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     """
     from pandas import DataFrame
 
-    matrix, sides = _joined(distances, order, [labels] if gallery is None else [labels, gallery])
-    (names, classes), *others = sides
+    matrix, ((names, classes), *others) = _joined(distances, order, [labels] if gallery is None else [labels, gallery])
     targets = Targets(others[0][1]) if others else None
     diagonal = matrix.diagonal().copy()
     if targets is None:

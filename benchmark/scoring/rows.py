@@ -93,7 +93,7 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
     whole = [record for record in every if not (fold_of(record) or record.data.quick)]
     of_data = {record.key for record in records_of(label_data_sets(whole), [dataset])}
     of_gallery = [record for record in every if record.key in of_data or record.gallery == dataset]
-    rows = [record for record in of_gallery if record.input == input_]
+    rows = [record for record in of_gallery if record.input == input_ and not record.against]
     if beside := [record for record in rows if record.status == "ok" and record.method != method]:
         return beside[-1]
     if is_known(dataset) or Path(dataset).is_dir():
@@ -159,6 +159,10 @@ def forms_of(folder: Path, title: str) -> Component:
 
 def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
     """Raise ``ConfigurationError`` if no form is of a shape of a job, or its row has the name of another one."""
+    if job.against:
+        raise ConfigurationError(
+            "forms of queries are others than those of their gallery", "pass -d alone, without -t or --gallery"
+        )
     if not any(map(forms.file_of, job.shapes)):
         hint = f"name them like the shapes: {job.shapes[0]}.off"
         raise ConfigurationError(f"{forms.folder} has no form of these shapes", hint)

@@ -16,6 +16,7 @@ from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import plan, plan_selection
 from benchmark.runs.runner import run
+from tests.report.records import record as made_up
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call, refusal
 
@@ -109,6 +110,7 @@ def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
     assert [one.name for one in found] == [f"{name} against complete surfaces" for name in ("animals", *TURNED)]
     assert {one.against.source for one in found} == {"animals"}
     assert [table.identifier for table in tables_of("animals", "against rods")] == ["animals against rods"]
+    assert [view.table.identifier for view in table_views([made_up(dataset="animals", input_="view")])] == ["III-view"]
     planned = plan(galleries(["III-cross"], quick=True), ["view"], select(["gps", "sd-gdm", "learned"], ()), tmp_path)
     states = {(job.record.gallery, job.record.method): job.state for job in planned}
     assert "sd-gdm" not in {method for _, method in states}, "as in quick runs"
@@ -138,6 +140,7 @@ def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path):
     assert "frames against meshes: 2 queries have names of its shapes; --same-names leaves these out" in said
     assert "Retrieval on frames against meshes (2 queries of 2 classes, 0 left out, among 2 shapes)" in said
     assert "nothing can be retrieved" in refusal(*words, "--same-names")
+    assert "forms of queries are others" in refusal(*words[:5], *results, "--forms", f"mine={meshes}")
     table = benchmark.run(frames, "identity", gallery=meshes, input="view", scorer=SMALL_SCORER, results=results[1])
     assert table[["dataset", "fold", "status"]].to_numpy().tolist() == [["frames", "against meshes", "ok"]]
     asked = ("retrieve", "-d", rods, *SMALL, "--results", finished, frames / "man-1" / "kneeling.png", "-m")
