@@ -21,8 +21,10 @@ from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, say, say_table
 
 
-def recorded(options: Selection) -> list[Record]:
+def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
     """Return the records of a selection of data, input, scorer and seed.
+
+    With ``failed``, also those of methods that have scores on no data at all, are not selected, and not the paper's.
 
     Raises
     ------
@@ -46,22 +48,17 @@ def recorded(options: Selection) -> list[Record]:
             first = "pass --quick"
         problem = f"no {what} under {options.results} fits the selection"
         raise ConfigurationError(problem, f"{first}, or select less")
-    return records
+    known = {row_of(record) for record in every if failed or record.status == "ok"} | {*TITLES}
+    named = {record.method for record in every if {record.method, record.method.partition("[")[0]} & {*options.methods}}
+    return [record for record in records if row_of(record) in known or record.method in named] or records
 
 
-def selected_tables(
-    options: Selection, records: Sequence[Record], *, failed: bool = False, paper: bool = False
-) -> list[TableView]:
+def selected_tables(options: Selection, records: Iterable[Record], *, paper: bool = False) -> list[TableView]:
     """Return the tables of a selection; raise ``ConfigurationError`` if there is none.
 
-    With ``failed``, methods without scores on any data have rows, too, like selected ones; with ``paper``, those of the
-    paper that never ran.
+    With ``paper``, rows of the paper that never ran are among them.
     """
     rows = options.methods if options.is_narrow else ()
-    if not failed:
-        known = {row_of(record) for record in records if record.status == "ok"} | {*TITLES}
-        named = {record.method for record in records if {record.method, record.method.partition("[")[0]} & {*rows}}
-        records = [record for record in records if row_of(record) in known or record.method in named] or records
     sets = {record.data.name for record in records} if options.datasets else ()
     views = table_views(records, options.tables, rows, sets, paper=paper)
     if not views and "robustness" not in options.tables:

@@ -78,8 +78,8 @@ def tables(
     from benchmark.report.output import FORMATS, table_files, write_files
     from benchmark.report.robustness import robustness_markdown
 
-    records = recorded(selection)
-    views = selected_tables(selection, records, failed=failed, paper=paper)
+    records = recorded(selection, failed=failed)
+    views = selected_tables(selection, records, paper=paper)
     is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
     robustness = is_whole or "robustness" in selection.tables
     if output is not None:
@@ -145,7 +145,7 @@ def compare(
     from benchmark.cli.results import recorded, selected_tables
     from benchmark.report.comparison import compare, details, latex, summaries
 
-    records = recorded(selection)
+    records = recorded(selection, failed=True)
     found = compare(selected_tables(replace(selection, methods=[first, second]), records), first, second)
     if format == "csv":
         say_lines(found.to_csv(index=False, float_format="%.6f"))

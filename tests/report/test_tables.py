@@ -216,6 +216,7 @@ def test_methods_that_fail_everywhere_have_rows_only_if_they_are_asked_for(tmp_p
 
     kept = {("rods", "mine"), ("other", "mine"), ("rods", "gps")}
     assert titles() == kept
+    assert titles("-d", "other") == {("other", "mine")}
     assert titles("--failed") == kept | {("rods", "bad"), ("rods", "mine[n=2]")}
     assert ("rods", "bad") in titles("-m", "bad")
     assert ("rods", "mine[n=2]") in titles("-m", "mine")
