@@ -92,10 +92,9 @@ def measure_spread(options: Selection) -> None:
 
     for view in selected_tables(options, recorded(options)):
         for title, record in effect_records(view).items():
-            spread_of_forms(options.results, record, partial(counting, f"spread of {title}"))
-        say(
-            f"Table {view.table.identifier}, {view.title}: distance of forms of one subject over that of different ones"
-        )
+            if spread_of_forms(options.results, record, partial(counting, f"spread of {title}")) is None:
+                say(f"{title}: not all of its forms are stored here; run it here", err=True)
+        say(f"Table {view.table.identifier}, {view.title}: distance of forms of a subject over that of different ones")
         say_table(spread_rows(view, StoredForms(options.results)))
 
 
