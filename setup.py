@@ -6,7 +6,7 @@ setup(
     packages=[
         *find_namespace_packages(include=["benchmark*", "baselines*", "learned*", "retrieval*"]),
         "benchmark.examples",
-        "benchmark.results",
+        "benchmark.results.records",
     ],
-    package_dir={"benchmark.examples": "examples", "benchmark.results": "results"},
+    package_dir={"benchmark.examples": "examples", "benchmark.results.records": "results/records"},
 )

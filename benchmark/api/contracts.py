@@ -112,6 +112,11 @@ class MethodInfo(CheckedParameters):
     needs: tuple[Literal["connected", "pairs"], ...] = ()
     files: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        if isinstance(self.cite, str):  # an entry may have several lines, all other texts have one
+            object.__setattr__(self, "cite", " ".join(self.cite.split()))
+        super().__post_init__()
+
     def check(self, shape: Shape) -> None:
         """Raise ``UnsupportedShape`` unless the shape has what the method needs; whoever calls a method calls this."""
         from benchmark.geometry.cleaning import connected_components

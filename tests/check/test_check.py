@@ -69,7 +69,7 @@ def findings(component: Component, until: str = "") -> dict[str, Finding]:
 
 
 def test_a_right_method_passes_every_check(tmp_path):
-    found = findings(written(tmp_path / "tried.py", info="cite='@misc{me, title = {A}}'"))
+    found = findings(written(tmp_path / "tried.py", info="cite='@misc{me,\\n  title = {A}}'"))
     assert {finding.outcome for finding in found.values()} == {"ok"}
     assert len(found) == 10
     assert found["citation"].explanation == "cites me"
