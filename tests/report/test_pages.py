@@ -18,6 +18,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.records import Ranked
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
@@ -35,7 +36,7 @@ from benchmark.report.figures import (
     scores_figure,
 )
 from benchmark.report.forms import StoredForms
-from benchmark.report.pages import write_report
+from benchmark.report.pages import _nearest, write_report
 from benchmark.report.sheets import contact_sheet, frame_picture, spread
 from benchmark.report.tables import table_views
 from benchmark.text import DATA_VARIABLE
@@ -114,7 +115,8 @@ def test_a_table_has_one_score_a_cell_with_what_it_is_sorted_by_its_interval_and
 
 
 def test_tabs_name_generated_data_and_the_overview_the_best_row_of_each_column(tmp_path):
-    found = pages(tmp_path, record("gps", dataset="people[draw=0]"), record("gps", dataset="humans-scanlike"))
+    refused = record("classic-mds", dataset="humans-scanlike", unsupported=[("cat0", "too thin")])  # is not best
+    found = pages(tmp_path, record("gps", dataset="people[draw=0]"), record("gps", dataset="humans-scanlike"), refused)
     text = " ".join(Facts(found["index.html"]).text.split())
     assert "I: generated people, draw 0" in text
     assert "No record says which machine made the forms." in text
@@ -181,6 +183,14 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
     assert data["rows"] == [
         ["GPS", {"0": [1, 2, 3, 4], "1": [0, 2, 3, 4], "2": [3, 4, 0, 1], "3": [0, 2, 4, 1], "4": [3, 2, 0, 1]}]
     ]
+
+
+def test_matches_are_shapes_of_the_gallery_without_the_name_of_the_query():
+    gallery = record(labels=["a", "a", "b", "b"])
+    ranked = Ranked(**{name: getattr(gallery, name) for name in Ranked.__struct_fields__})
+    matrix = np.array([[0.0, 3, 2, 1], [5, 4, 0, 6]])
+    for keeps, expected in ((False, {0: [3, 2, 1], 1: [2, 1, 0, 3]}), (True, {0: [0, 3, 2, 1], 1: [2, 1, 0, 3]})):
+        assert _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix) == expected
 
 
 def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
