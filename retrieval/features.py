@@ -206,14 +206,9 @@ def _paste(
     beyond: np.float32,
 ) -> None:
     """Copy the overlap of two windows, each given by the position of its first pixel in the octave."""
-    for row in range(target.shape[0]):
-        for column in range(target.shape[1]):
-            target[row, column] = beyond
     row0, row1 = max(source_row, target_row), min(source_row + source.shape[0], target_row + target.shape[0])
     column0 = max(source_column, target_column)
     column1 = min(source_column + source.shape[1], target_column + target.shape[1])
-    for row in range(row0, row1):
-        own = source[row - source_row, column0 - source_column : column1 - source_column]
-        pasted = target[row - target_row, column0 - target_column : column1 - target_column]
-        for x in range(len(own)):
-            pasted[x] = own[x]
+    own = source[row0 - source_row : row1 - source_row, column0 - source_column : column1 - source_column]
+    target[:, :] = beyond
+    target[row0 - target_row : row1 - target_row, column0 - target_column : column1 - target_column] = own
