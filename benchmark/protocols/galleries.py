@@ -233,8 +233,8 @@ def selected_galleries(
     With a ``gallery``, the data sets are its queries; it lacks shapes with the name of the query for ``same_names``.
     """
     sets, chosen = sources(datasets, plugins), list[Gallery]()
-    if gallery:
-        if not sets or [*tables]:
+    if gallery or same_names:
+        if not (gallery and sets) or [*tables]:
             raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
         (known,) = sources([gallery], plugins)
         for name in sets:

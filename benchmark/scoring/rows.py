@@ -160,9 +160,7 @@ def forms_of(folder: Path, title: str) -> Component:
 def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
     """Raise ``ConfigurationError`` if no form is of a shape of a job, or its row has the name of another one."""
     if job.against:
-        raise ConfigurationError(
-            "forms of queries are others than those of their gallery", "pass -d alone, without -t or --gallery"
-        )
+        raise ConfigurationError("forms of queries are others than those of their gallery", "omit -t or --gallery")
     if not any(map(forms.file_of, job.shapes)):
         hint = f"name them like the shapes: {job.shapes[0]}.off"
         raise ConfigurationError(f"{forms.folder} has no form of these shapes", hint)

@@ -122,6 +122,7 @@ def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
 def test_galleries_that_fit_no_queries_are_refused(rods, tmp_path):
     with pytest.raises(ConfigurationError, match="--gallery needs queries, and no table"):
         selected_galleries(["III"], [str(rods)], gallery=str(rods))
+    assert "--gallery needs queries" in refusal("plan", "-d", rods, "--same-names")
     other = write_rods(tmp_path / "other", (0.0,), radii={"a": 0.1, "b": 0.2})
     with pytest.raises(DatasetError, match="queries are of thick, thin, and shapes of other of a, b; name the classes"):
         jobs(rods, other, tmp_path)
