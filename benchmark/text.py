@@ -83,13 +83,13 @@ def _as_text(text: object) -> str:
         return f"{type(text).__name__} without a text ({type(error).__name__})"
 
 
-def say(text: object = "", *, err: bool = False) -> None:
-    """Print one cleaned line to stdout or stderr; in a terminal it is wrapped between words."""
+def say(text: object = "", *, err: bool = False, indent: int = 2) -> None:
+    """Print one cleaned line to stdout or stderr; a terminal gets it wrapped between words, with more indentation."""
     stream, line = sys.stderr if err else sys.stdout, clean(text)
     if stream.isatty():
-        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        blanks = " " * (len(line) - len(line.lstrip()) + indent)
         width = shutil.get_terminal_size().columns
-        line = textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        line = textwrap.fill(line, width, subsequent_indent=blanks, break_long_words=False, break_on_hyphens=False)
     print(line, file=stream, flush=True)
 
 

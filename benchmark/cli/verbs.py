@@ -287,7 +287,7 @@ def check(
     outcomes = Counter[str]()
     for component in find(target, selection.plugins):
         for finding in check(component, timeout):
-            say_table([[component.name, f"{finding.outcome:<7}", f"{finding.name:<15}", finding.explanation]], range(3))
+            say(f"{component.name}  {finding}", indent=len(component.name) + 28)
             outcomes[finding.outcome] += 1
             if traceback:
                 say_lines(finding.traceback)
