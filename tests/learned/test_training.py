@@ -115,7 +115,7 @@ def test_the_ablation_of_the_weighting_has_no_early_epochs(
     monkeypatch.setattr(fitting, "fit", lambda *given, **_: plans.append(given[3]) or [{}])
     monkeypatch.setattr(fitting, "save", lambda *_: None)
     monkeypatch.setattr(fitting, "load", lambda _: None)
-    monkeypatch.setattr(fitting, "_sampled", lambda *_: {})
+    monkeypatch.setattr(fitting, "_measured", lambda *_: {})
     options = {"resolution": 32, "device": "cpu", "threads": 1}
     fitting.train(name, 0, toy_data(), tmp_path, options, quiet)
     assert plans[0].early_epochs == early
