@@ -63,19 +63,21 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
     values = {"gps": 0.6, "classic-mds": 0.1, "mine": 0.5, "skeleton": 0.45}
     records = [record(name, nn, labels=LETTERS, dataset="tosca") for name, nn in values.items()]
     seen = record("learned", 0.5, labels=LETTERS, dataset="tosca", input_="view", models=[], seen=["a0"])
-    frame = compared([*records, seen], "mine")
-    assert list(frame.other[::4]) == ["classic-mds", "gps", "skeleton", "learned"]
+    other_block = record("shape-dna", 0.9, labels=LETTERS, dataset="tosca", scorer="")
+    frame = compared([*records, seen, other_block], "mine")
+    assert list(frame.other[::4]) == ["classic-mds", "gps", "skeleton", "learned", "shape-dna"]
     of_nn = frame[frame.measure == "NN"].set_index("other")
-    assert list(of_nn.difference.round(3)) == [0.4, -0.1, 0.05, 0.0]
+    assert list(of_nn.difference.round(3)) == [0.4, -0.1, 0.05, 0.0, -0.4]
     block = [[[nn, 0.5, 0.6, 0.7]] * 16 for nn in (0.5, 0.1, 0.6, 0.45)]
     assert list(of_nn.p[:3]) == list(tukey_test(block, LETTERS)[0, 1:, 0])
-    assert list(of_nn.verdict) == ["certain", *["not distinguishable (8 classes)"] * 2, "not decidable (7 classes)"]
+    alike = "not distinguishable (8 classes)"
+    assert list(of_nn.verdict) == ["certain", alike, alike, "not decidable (7 classes)", "certain"]
     ((heading, (head, first, *_)),) = summaries(frame)
     assert heading == "Table III on tosca, ours: mine - each row, 16 queries"
     assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
     assert first[0::5] == ["Classic MDS", "certain (NN)"]
     assert r"Classic MDS & +.40 & +.00 & +.00 & +.00 & certain (NN) \\" in latex(frame)
-    assert len(json.loads(frame.to_json(orient="records"))) == 16
+    assert len(json.loads(frame.to_json(orient="records"))) == 20
 
 
 def test_a_row_without_a_gallery_is_compared_without_a_verdict():
