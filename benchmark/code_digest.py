@@ -111,10 +111,7 @@ def digest_of_bytes(content: bytes) -> str:
 
 
 def digest(content: Any) -> str:
-    """Return the digest of a content of dicts, lists, texts and numbers: 32 hexadecimal digits.
-
-    Anything else is its type and its text.
-    """
+    """Return the digest of a content, 32 digits: dicts, lists, texts and numbers, or type and text of anything else."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), default=lambda it: [type(it).__name__, str(it)])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 

@@ -6,7 +6,7 @@ import functools
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,8 +68,8 @@ _POSE = re.compile("(?<![a-z])(extrinsics?|pose|rotation|translation|transform|[
 #: Units per metre.
 _UNITS = {"m": 1.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "meter": 1.0, "centimeter": 100.0, "millimeter": 1e3}
 
-#: Largest skew of a camera matrix that is rounding, in pixels, and relative difference of equal cameras.
-_LARGEST_SKEW, _ROUNDING = 1e-6, 1e-3
+#: Largest skew of a camera matrix that is rounding, in pixels.
+_LARGEST_SKEW = 1e-6
 
 _LARGEST_FILE = 100_000
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
@@ -251,20 +251,13 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
     if not missing:
         numbers.append([float(values[name]) for name in ("fx", "fy", "cx", "cy")])
+    if any(projection := _flat(values.get("projection", []))):  # of rectified images, of which this may be one
+        numbers.append([projection[place] for place in (0, 5, 2, 6)])
     cameras = {camera_of(row, *facts) for row in numbers}
-    _check_rectified(cameras, _flat(values.get("projection", [])))
     if len(cameras) != 1:
         problem = f"name no {' and no '.join(missing)}" if not cameras else "contradict each other"
         raise DepthError(f"keys {', '.join(map(str, content)):.200} {problem}", _HINT)
     return cameras.pop()
-
-
-def _check_rectified(cameras: Iterable[Intrinsics], projection: Sequence[float]) -> None:
-    """Raise ``DepthError`` if rectified images have another camera: the image may be one."""
-    own = [(camera.fx, camera.fy, camera.cx, camera.cy) for camera in cameras]
-    if any(projection) and not np.allclose(own, np.take(projection, [0, 5, 2, 6]), rtol=_ROUNDING):
-        hint = "remove P for an image as taken; for a rectified one, write its camera as K and remove the distortion"
-        raise DepthError("P, the camera of rectified images, is not K", hint)
 
 
 def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -158,6 +158,8 @@ def are_row_numbers(names: Sequence[str]) -> bool:
 
 
 def _read(path: Path, count: int, n_columns: int) -> Any:
+    from scipy.io import loadmat  # lazy
+
     suffix = path.suffix.lower()
     with named_errors(path, "matrix of distances", ConfigurationError, _HINT):
         if path.stat().st_size > _LARGEST:
@@ -174,16 +176,10 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
                     raise ConfigurationError(_TOO_LARGE, _HINT)
                 return _matrix_of(archive, (count, n_columns))
         if suffix == ".mat":
-            return _read_mat(path, (count, n_columns))
+            return _matrix_of(loadmat(path), (count, n_columns))  # all variables, which finds where the file is cut
         if suffix == ".matrix" and path.read_bytes().translate(None, _NUMERALS):
             return _read_psb(path, (count, n_columns))
         return _read_text(_lines(path), (count, n_columns))
-
-
-def _read_mat(path: Path, size: tuple[int, int]) -> Any:
-    from scipy.io import loadmat
-
-    return _matrix_of(loadmat(path), size)  # all variables, which finds where the file is cut
 
 
 def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:

@@ -312,7 +312,7 @@ BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
         for key, value, said in (
             *((key, 1, f"key '{key}' is not understood: 1") for key in ("skew", "s1", "xi", "lens", "depth_max")),
             *((key, "flip", f"key '{key}' is not understood: flip") for key in ("image_transform", "rotation")),
-            ("P", [*PROJECTION[:2], 310, *PROJECTION[3:]], "P, the camera of rectified images, is not K; remove P"),
+            ("P", [*PROJECTION[:2], 310, *PROJECTION[3:]], "contradict each other"),
             ("cols", 320, "key 'cols' contradicts another one of width"),
             ("roi", {"x_offset": 4}, "key 'roi' is not understood"),
             ("scale", 5000, "key 'scale' is not understood"),

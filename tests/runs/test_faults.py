@@ -145,7 +145,6 @@ def failing(rods, tmp_path, monkeypatch):
             for fault in [
                 (PREPARATION, "sleep"), (PREPARATION, "memory"), (GEODESICS, "sleep"), (GEODESICS, "kill"),
                 (GEODESICS, "memory"), (READING, "read"), ("retrieval.measures score_draws", "kill"),
-                ("benchmark.pipeline.stages compute_form", "kill"),
             ]
         ),
     ],

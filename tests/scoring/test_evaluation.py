@@ -216,8 +216,8 @@ def test_names_in_a_file_of_arrays_find_their_labels(name, tmp_path):
     order, path = [2, 0, 3, 1], tmp_path / name
     content = {
         "D": SMALL[np.ix_(order, order)],
-        "names": np.array([KEYS[k] for k in order]),
         "kind": np.array([*"aabb"]),
+        "names": np.array([KEYS[k] for k in order]),
     }
     savemat(path, content) if name == "m.mat" else np.savez(path, **content)
     found = score(path, OWN)
