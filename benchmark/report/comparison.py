@@ -140,8 +140,9 @@ def latex(frame: DataFrame) -> str:
     columns = r">{\raggedright\hangindent1em}p{\dimexpr\linewidth-21em-17pt\relax}*{4}{w{c}{1.9em}}w{l}{13.4em}"
     tables = []
     for number, (heading, rows) in enumerate(summaries(frame)):
-        head, *body = (latex_row(latex_title(title), *cells) for title, *cells in rows)
-        body, notes = [head, r"\midrule", *body], f"Verdicts: {TEST}."
+        body, notes = [latex_row(*rows[0]), r"\midrule"], f"Verdicts: {TEST}."
+        for title, *differences, verdict in rows[1:]:
+            body.append(latex_row(latex_title(title), *(f"${text}$" for text in differences), verdict))
         tables.append(latex_table(f"Differences in {heading}", f"compare-{number}", columns, body, notes))
     return "\n".join(tables)
 
