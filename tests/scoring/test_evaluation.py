@@ -313,8 +313,6 @@ def test_a_rectangular_matrix_has_rows_of_queries(tmp_path):
         found = score(given, labels[0], gallery=labels[1])
         assert found.scores.loc["FT", ["score", "chance"]].tolist() == [(0.75 + 1) / 2, 0.5], given
         assert found.notes == ("2 queries; 1 left out, as the gallery has no shape of their class",)
-    square = score(D, LABELS, gallery=LABELS)  # nothing is left out, not even the same shape
-    assert square.scores.loc["NN", "score"] > score(D, LABELS).scores.loc["NN", "score"]
     for wrong, problem in ((matrix.replace(4, np.inf), "the first in row 1, column 4"), (-matrix, "negative")):
         with pytest.raises(ConfigurationError, match=problem):
             score(wrong, queries, gallery=gallery)
@@ -323,7 +321,5 @@ def test_a_rectangular_matrix_has_rows_of_queries(tmp_path):
     for name, of in (("queries.txt", queries), ("gallery.txt", gallery)):
         (tmp_path / name).write_text("".join(f"{shape} {label}\n" for shape, label in of.items()))
     labels = ("--labels", tmp_path / "queries.txt", "--gallery", tmp_path / "gallery.txt")
-    words = ("score", tmp_path / "named.csv", *labels)
-    assert "2 queries; 1 left out" in call(*words)
-    assert "a row that is kept has the queries as its gallery" in refusal(*words, "--results", tmp_path)
-    assert "4 columns of distances and 5 labels" in refusal("score", tmp_path / "plain.txt", *labels)
+    assert "2 queries; 1 left out" in call("score", tmp_path / "named.csv", *labels)
+    assert "the queries as its gallery" in refusal("score", tmp_path / "named.csv", *labels, "--results", tmp_path)
