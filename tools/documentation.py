@@ -18,7 +18,7 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 from benchmark.pipeline.records import read_records
-from benchmark.report.pages import table_html
+from benchmark.report.pages import fixed_file, table_html
 from benchmark.report.tables import table_views
 
 if TYPE_CHECKING:
@@ -32,7 +32,10 @@ ROOT = Path(__file__).resolve().parents[1]
 OF_REPORT = ("table.css", "report.js")
 
 #: Published tables by their path; they are shown as in a report.
-TABLES = {f"results/tables/{view.stem}.md": view for view in table_views(read_records(ROOT / "results", local=False))}
+TABLES = {
+    f"results/tables/{view.stem}.md": view
+    for view in table_views(read_records(ROOT / "results", local=False), paper=True)
+}
 
 #: Files outside ``docs/`` that are pages or pictures of the site.
 BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*", "results/*/*.png")
@@ -71,8 +74,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in [*_paths(*BESIDE), "docs/README.md"]:
         files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
     for name in OF_REPORT:
-        source = str(ROOT / "benchmark" / "report" / "templates" / name)
-        files.append(File.generated(config, f"images/{name}", abs_src_path=source))
+        files.append(File.generated(config, f"images/{name}", content=fixed_file(name)))
     for module in _modules():
         files.append(File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n"))
     return files

@@ -129,7 +129,7 @@ def report(
         draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
         return
     records, folder = recorded(selection), output or Path("results/report")
-    views = selected_tables(selection, records)
+    views = selected_tables(selection, records, paper=selection.published)
     files = write_report(selection.results, views, folder, data_root=selection.data_root, force=force)
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 

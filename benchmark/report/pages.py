@@ -57,6 +57,7 @@ _TEMPLATES = Environment(
     finalize=lambda value: "" if value is None else clean(value) if type(value) is str else value,
 )  # fmt: skip
 _TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS}
+_TEMPLATES.globals |= {"palette": PALETTE, "viewing": OBLIQUE.direction}
 
 
 @dataclass
@@ -123,8 +124,7 @@ def write_report(
         If a file would be replaced that the report did not write.
     """
     pages = Pages(StoredForms(results, data_root), views)
-    fixed = ("style.css", "table.css", "report.js")
-    pages.files |= {name: _TEMPLATES.get_template(name).render() for name in fixed}
+    pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
     listed = [(view, [*_bests(view)], _add_table(pages, view)) for view in views]
     pages.add("index.html", "index.html", "Canonical forms benchmark", views, listed=listed, kinds={}, stem="index")
     if any("Forms" in kinds.values() for *_, kinds in listed):
@@ -161,6 +161,11 @@ def _bests(view: TableView) -> Iterator[tuple[str, str, float | None, float]]:
 # Scores --------------------------------------------------------------------------------------------------------------
 
 
+def fixed_file(name: str) -> str:
+    """Return a style or a script that all pages use."""
+    return _TEMPLATES.get_template(name).render()
+
+
 def table_html(view: TableView) -> str:
     """Return a table alone, with its notes, for a page with ``table.css``."""
     return _TEMPLATES.get_template("table.html").render(_scores(view))
@@ -183,14 +188,11 @@ def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[s
         with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
             figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
             name = f"charts/{facet.stem}-{kind}-{_safe(title.replace(' ', '-'))}"
-            files: dict[str, str | bytes] = {
-                name + ending: figures.encode(figure, ending, _DPI) for ending in (".svg", ".pdf")
-            }
-            if kind != "distances":  # they are large
-                files[f"{name}.csv"] = _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g")
-            pages.files |= files
+            files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind == "distances")]]
+            pages.files |= {file: figures.encode(figure, file[-4:], _DPI) for file in files[:2]}
+            pages.files |= {file: _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g") for file in files[2:]}
             column = f", {title}" * (len(facets) > 1)
-            shown.setdefault(kind.capitalize(), []).append((f"{says}{column}.", [*files]))
+            shown.setdefault(kind.capitalize(), []).append((f"{says}{column}.", files))
     return shown
 
 
@@ -239,8 +241,6 @@ def _form(pages: Pages, record: Record, shape: str, by: str, drawn: Drawn | None
         "points": small.vertices.T.round(3).tolist(),
         "faces": small.faces.T.tolist(),
         "values": shown.round(2).tolist(),
-        "palette": PALETTE,
-        "towards": [-part for part in OBLIQUE.direction],
     }
     file = f"forms/{_safe(name)}.js"
     pages.files[file] = f"show('{file}', {json.dumps(surface, separators=(',', ':'))});"

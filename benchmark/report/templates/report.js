@@ -1,4 +1,3 @@
-"use strict";
 function make(tag, properties, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
   element.append(...children);
@@ -27,16 +26,16 @@ for (const table of document.querySelectorAll("table.sortable")) {
 document.getElementById(location.hash.slice(1))?.closest("thead th")?.querySelector("button").click(); // worst queries first
 // Forms in 3D, a file each, at most eight at a time: browsers draw sixteen.
 const meshes = {}, turned = [];
-let library;
 function show(name, mesh) { meshes[name] = mesh; }
-function scene({ points: [x, y, z], faces: [i, j, k], values, palette, towards: [right, up, near] }) {
+function scene({ points: [x, y, z], faces: [i, j, k], values }) {
   const sizes = [x, z, y].map(of => Math.max(...of) - Math.min(...of)), diagonal = Math.hypot(...sizes);
   // The diagonal fits, however the surface is turned; no side is 0.
   const [width, depth, height] = sizes.map(size => Math.max(2.6 * size / diagonal, 1e-3)), axis = { visible: false };
+  const palette = {{ palette|tojson }}, [right, up, near] = {{ viewing|tojson }}.map(part => -1.9 * part);
   const colours = palette.map((colour, place) => [place / (palette.length - 1), colour]);
   const trace = { type: "mesh3d", x, y: z.map(value => -value), z: y, i, j, k, intensity: values,
     colorscale: colours, showscale: false, hoverinfo: "skip" };
-  const camera = { eye: { x: 1.9 * right, y: -1.9 * near, z: 1.9 * up }, projection: { type: "orthographic" } };
+  const camera = { eye: { x: right, y: -near, z: up }, projection: { type: "orthographic" } };
   const shown = { xaxis: axis, yaxis: axis, zaxis: axis, aspectratio: { x: width, y: depth, z: height }, camera };
   return [[trace], { scene: shown, height: 240, margin: { l: 0, r: 0, t: 0, b: 0 } }];
 }
@@ -44,7 +43,7 @@ function load(address) {
   return new Promise(done => document.head.append(make("script", { src: address, onload: done })));
 }
 async function turn(button) {
-  await (library ??= load("plotly.min.js"));
+  await (turned.library ??= load("plotly.min.js"));
   const file = button.dataset.mesh, name = button.firstChild.alt;
   if (!meshes[file]) await load(file);
   const box = make("div", { className: "turned" }), image = { filename: name, scale: 4, format: "png" };
