@@ -220,71 +220,26 @@ def test_masks_are_found_by_their_usual_names_unless_there_are_several(tmp_path:
 
 SIZE = (640, 480)
 K = [525, 0, 319.5, 0, 526, 239.5, 0, 0, 1]
-PROJECTION = [525, 0, 319.5, -9, 0, 526, 239.5, 0, 0, 0, 1, 0]
 LENS = (0.1, -0.25, 0.001, -0.002, 0.0)
-OPENCV = """%YAML:1.0
----
-image_width: 640
-image_height: 480
-camera_matrix: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [ 525., 0., 319.5, 0.,
-       526., 239.5, 0., 0., 1. ]
-distortion_coefficients: !!opencv-matrix
-   rows: 1
-   cols: 5
-   dt: d
-   data: [ 1.0e-01, -2.5e-1, 0.001, -0.002, 0 ]
-"""
-ROS = OPENCV.replace("%YAML:1.0\n---\n", "").replace(" !!opencv-matrix", "") + "distortion_model: plumb_bob\n"
-ECHOED = f"height: 480\nwidth: 640 # px\nD: {list(LENS)}\nK: {K}\n---\nheight: 1\n"
-NESTED = "width: 640\nheight: 480\ncamera_matrix:\n- [525, 0, 319.5]\n- [0, 526, 239.5]\n- [0, 0, 1]\n"
-OPEN3D = {"width": 640, "height": 480, "intrinsic_matrix": [525, 0, 0, 0, 526, 0, 319.5, 239.5, 1]}
 REALSENSE = {"width": 640, "height": 480, "fx": 525, "fy": 526, "ppx": 319.5, "ppy": 239.5}
-INTRINSIC = {"intrinsic": [K[:3], K[3:6], K[6:]], "D": LENS, "width": 640, "height": 480}
-WRITTEN: dict[str, tuple[str | dict[str, object], bool, bool]] = {
-    "three rows": ("525.0 0 319.5\n0 526.0 239.5\n0 0 1\n", False, False),
-    "four by four": ("525 0 319.5 0\n0 526 239.5 0\n0 0 1 0\n0 0 0 1", False, False),
-    "comments": ("# depth camera\n525 0 319.5 // fx\n0, 526, 239.5;\n0 0 1 % last\n", False, False),
-    "brackets": ("[[525, 0, 319.5], [0, 526, 239.5], [0, 0, 1]]", False, False),
-    "four numbers": ("525 526 319.5 239.5", False, False),
-    "open3d": (OPEN3D, True, False),
-    "open3d, distorted": (OPEN3D | {"distortion": [[value] for value in LENS]}, True, True),
-    "realsense": (REALSENSE | {"model": "distortion.brown_conrady", "coeffs": LENS}, True, True),
-    "by name": (REALSENSE | dict(zip(("k1", "k2", "p1", "p2", "k3"), LENS, strict=True)), True, True),
-    "irrelevant": (
-        REALSENSE | {"skew": 0, "serialNumber": 1, "binning_x": 1, "roi": {"x": 0}, "R": K, "transform_matrix": K},
-        True,
-        False,
-    ),
-    "twice": (REALSENSE | {"D": [0] * 5, "k1": 0.1, "k2": -0.25, "p1": 0.001, "p2": -0.002}, True, True),
-    "another model of zeros": (REALSENSE | {"model": "thin_prism", "coeffs": [0] * 5}, True, False),
-    "rows and columns": ({"rows": 480, "cols": 640, "K": K, "P": [0] * 12}, True, False),
-    "camera_info": (
-        {"P": PROJECTION, "K": K, "height": 480, "width": 640, "distortion_model": "plumb_bob", "D": LENS},
-        True,
-        True,
-    ),
-    "nested": (INTRINSIC, True, True),
-    "nested yaml": (NESTED, True, False),
-    "opencv": (OPENCV, True, True),
-    "ros": (ROS, True, True),
-    "echoed": (ECHOED, True, True),
-    "byte-order mark": ("\ufeff" + ECHOED, True, True),
-}
+#: Files that hold these numbers: a name, the size or none, and whether the lens distorts.
+CAMERAS = [line.split("  ") for line in (INPUTS / "cameras.txt").read_text().splitlines()]
+#: Files that are refused: a name, and what the error says.
+BAD_CAMERAS = dict(line.split("  ", 1) for line in (INPUTS / "bad-cameras.txt").read_text().splitlines())
 
 
-@pytest.mark.parametrize("how", WRITTEN)
-def test_every_way_to_write_intrinsics_says_the_same(tmp_path: Path, how: str) -> None:
-    content, has_size, is_distorted = WRITTEN[how]
-    (tmp_path / "camera").write_text(content if isinstance(content, str) else json.dumps(content))
-    read = read_intrinsics(tmp_path / "camera")
+def test_each_camera_is_listed() -> None:
+    for folder, listed in (("cameras", {name for name, *_ in CAMERAS}), ("bad-cameras", BAD_CAMERAS.keys())):
+        assert {path.name for path in (INPUTS / folder).iterdir()} == listed
+
+
+@pytest.mark.parametrize(("name", "size", "lens"), CAMERAS)
+def test_every_way_to_write_intrinsics_says_the_same(name: str, size: str, lens: str) -> None:
+    read = read_intrinsics(INPUTS / "cameras" / name)
     assert (read.fx, read.fy, read.cx, read.cy) == (525, 526, 319.5, 239.5)
-    assert read.size == (SIZE if has_size else None)
+    assert read.size == (SIZE if size == "640 480" else None)
     zeros = (0.0,) * 8
-    assert (*read.distortion, *zeros)[:8] == (*(LENS if is_distorted else ()), *zeros)[:8]
+    assert (*read.distortion, *zeros)[:8] == (*(LENS if lens == "distorted" else ()), *zeros)[:8]
 
 
 @pytest.mark.parametrize(
@@ -299,56 +254,20 @@ def test_rays_of_a_distorted_camera_are_those_of_opencv(coefficients: tuple[floa
     np.testing.assert_allclose(seen.reshape(-1, 2), np.c_[u.ravel(), v.ravel()], atol=1e-3)
 
 
-BAD_CAMERAS: dict[str, tuple[str | bytes, str]] = {
-    "fisheye": ((INPUTS / "fisheye.yaml").read_bytes(), "the distortion model is 'equidistant'; rectify the image"),
-    "kannala": (ROS.replace("plumb_bob", "Kannala Brandt4"), "the distortion model is 'Kannala Brandt4'"),
-    "straight fisheye": (json.dumps(REALSENSE | {"model": "distortion.ftheta", "coeffs": [0] * 5}), "is .*ftheta"),
-    "unknown lens": (json.dumps(REALSENSE | {"model": "thin_prism", "coeffs": LENS}), "model is 'thin_prism'"),
-    "three coefficients": (ECHOED.replace(str(list(LENS)), "[1, 2, 3]"), "3 coefficients of distortion; pass 4"),
-    "skew": ("525 3 319.5\n0 525 239.5\n0 0 1", "is not a camera matrix without skew"),
-    "shifted": ("525 0 319.5 40\n0 525 239.5 0\n0 0 1 0\n0 0 0 1", "is not a camera matrix"),
-    **{
-        f"{key} {value}": (json.dumps(REALSENSE | {key: value}), said)
-        for key, value, said in (
-            *((key, 1, f"key '{key}' is not understood: 1") for key in ("skew", "s1", "xi", "lens", "depth_max")),
-            *((key, "flip", f"key '{key}' is not understood: flip") for key in ("image_transform", "rotation")),
-            ("P", [*PROJECTION[:2], 310, *PROJECTION[3:]], "contradict each other"),
-            ("cols", 320, "key 'cols' contradicts another one of width"),
-            ("roi", {"x_offset": 4}, "key 'roi' is not understood"),
-            ("scale", 5000, "key 'scale' is not understood"),
-            ("frames", [{"fl_x": 1}], "key 'frames' is not understood"),
-            ("7", {"cam_K": K}, "key '7' is not understood"),
-            ("binning_x", 2, "key 'binning_x' is not understood"),
-            ("distortion", "fisheye", "the distortion model is 'fisheye'"),
-            ("lens_model", "FISHEYE624", "the distortion model is 'FISHEYE624'"),
-            ("K", [500, *K[1:]], "contradict each other"),
-            ("fl_x", 500, "key 'fl_x' contradicts another one of fx"),
-            ("k4", 0.1, "coefficients of distortion"),
-            *(("depth_scale", value, f"invalid depth scale {value!r}") for value in (0, -1, "inches")),
-        )
-    },
-    "twice": (json.dumps(REALSENSE | {"D": LENS, "k1": 0.2}), "5 and 8 coefficients of distortion"),
-    "singular": ("0 0 319.5\n0 525 239.5\n0 0 1", "invalid focal lengths 0, 525 with centre"),
-    "no centre": ('{"width": 640}', "keys width name no fx and no fy and no cx"),
-    "no lengths": ('{"cx": 1, "cy": 2}', "keys cx, cy name no fx and no fy"),
-    "cut": (json.dumps(REALSENSE)[:30], "not a readable file of intrinsics: Expecting property name"),
-    "bad yaml": ("K: [1, 2\nD: }", "not a readable file of intrinsics: ParserError"),
-    "aliases": ("a: &a [1, 1]\nK: [*a, *a]\n", "it has aliases"),
-    "huge": ("1" * 200_000, "it is too large for intrinsics"),
-    "image": (PNG, "codec can't decode"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", BAD_CAMERAS)
-def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(tmp_path: Path, fault: str) -> None:
-    content, said = BAD_CAMERAS[fault]
-    path = tmp_path / "camera"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(DepthError, match=said) as caught:
+@pytest.mark.parametrize("name", BAD_CAMERAS)
+def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(name: str) -> None:
+    path = INPUTS / "bad-cameras" / name
+    with pytest.raises(DepthError, match=BAD_CAMERAS[name]) as caught:
         read_intrinsics(path)
     assert str(path) in caught.value.problem
     assert "\n" not in str(caught.value)
     assert caught.value.hint
+
+
+def test_a_large_file_is_no_camera(tmp_path: Path) -> None:
+    (tmp_path / "camera").write_text("1" * 200_000)
+    with pytest.raises(DepthError, match="it is too large for intrinsics"):
+        read_intrinsics(tmp_path / "camera")
 
 
 CAMERA = REALSENSE | {"fx": 130, "fy": 130, "ppx": 79.5, "ppy": 59.5, "width": 160, "height": 120}

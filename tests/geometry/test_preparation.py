@@ -422,35 +422,17 @@ def test_a_mesh_with_turned_faces_is_prepared_as_the_oriented_one(shape: Mesh, m
         other = prepare(flipped(renumbered(shape, 1), share, seed=2), n_vertices)
         assert_same(other.mesh, whole.mesh, 1e-9)
         assert other.report["turned_faces"] > 0
-    volumes = np.einsum(
-        "fk,fk->f",
-        *(
-            np.cross(*whole.mesh.vertices[whole.mesh.faces[:, :2]].transpose(1, 0, 2)),
-            whole.mesh.vertices[whole.mesh.faces[:, 2]],
-        ),
-    )
-    assert volumes.sum() >= 0 or most < 0.5
+    assert most < 0.5 or trimesh.Trimesh(whole.mesh.vertices, whole.mesh.faces, process=False).volume >= 0
 
 
 def test_a_moebius_strip_is_noted_and_turned_as_far_as_it_goes() -> None:
-    angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-    rim = [
-        np.stack(
-            [
-                (2 + s * np.cos(angle / 2)) * np.cos(angle),
-                (2 + s * np.cos(angle / 2)) * np.sin(angle),
-                s * np.sin(angle / 2),
-            ],
-            axis=1,
-        )
-        for s in (-0.5, 0.5)
-    ]
+    angle, across = np.linspace(0, 2 * np.pi, 40, endpoint=False), np.array([[-0.5], [0.5]])
+    reach = 2 + across * np.cos(angle / 2)
+    rims = np.stack([reach * np.cos(angle), reach * np.sin(angle), across * np.sin(angle / 2)], axis=2)
     near, far = np.arange(40), np.arange(40, 80)
     ahead, beyond = np.append(near[1:], far[0]), np.append(far[1:], near[0])
-    strip = Mesh(
-        np.concatenate(rim), np.concatenate([np.stack([near, ahead, far], 1), np.stack([ahead, beyond, far], 1)])
-    )
-    prepared = prepare(flipped(strip, 0.4))
+    faces = np.concatenate([np.stack([near, ahead, far], 1), np.stack([ahead, beyond, far], 1)])
+    prepared = prepare(flipped(Mesh(rims.reshape(-1, 3), faces), 0.4))
     assert prepared.report["one_sided_components"] == 1
     assert any("1 one-sided piece" in what for what, _ in prepared.changes)
     starts, ends = sides_of(prepared.mesh.faces)
