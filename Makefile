@@ -79,7 +79,7 @@ golden: setup kernels
 # The scores of each query of small galleries, beside those of before: which rows differ, in six digits. TOSCA is left out without
 # CANONICAL_FORMS_DATA. ARGS="-d animals -m gps" makes a part, ARGS=--accept writes it.
 reference: setup kernels
-	$(BIN)/python -m tests.behaviour.reference $(ARGS)
+	$(BIN)/python -m tools.reference $(ARGS)
 
 
 lint: setup

@@ -1,30 +1,36 @@
 """The reference: the measures and mean distances of every query of small galleries, committed in ``reference.json``.
 
-``python -m tests.behaviour.reference`` runs every method on two poses of two subjects of each data set again and names
+``python -m tools.reference`` runs every method on two poses of two subjects of each data set again and names
 the rows that differ in six digits; ``--accept`` writes them. Mean distances show what no ranking of so few shapes does.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import math
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
 from benchmark.api.datasets import Entry
+from benchmark.cli.main import cli
 from benchmark.datasets.base import thinned
+from benchmark.machine import pin_threads
 from benchmark.pipeline.records import read_distances, read_records
 from benchmark.protocols import galleries
+from benchmark.protocols.models import MODELS_VARIABLE
 from benchmark.registry import BUILT_IN
-from tests.behaviour.suite import HERE, MEASURES, call
 
-REFERENCE = HERE / "reference.json"
+REFERENCE = Path(__file__).with_name("reference.json")
+
+MEASURES = ("NN", "FT", "ST", "DCG")
 
 SETS = (
     "people[draw=0]", "humans-scanlike", "animals", "tosca", "animals-few[holes=3]",
@@ -48,11 +54,15 @@ def few(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
 def make(folder: Path, sets: Sequence[str], methods: Sequence[str] = ()) -> Rows:
     """Run all methods, or some, on small galleries of the sets."""
     chosen = [word for name in methods or BUILT_IN for word in ("-m", name)]
-    root = ("--data-root", data) if (data := os.environ.get("CANONICAL_FORMS_DATA")) else ()
-    with patch.object(galleries, "thinned", few):
-        words = [word for name in sets for word in ("-d", name)]
-        if call("run", "--quick", *chosen, *words, "--results", folder, *root, is_shown=True).code not in (0, 1):
-            sys.exit("the run was refused")  # code 1: rows that cannot be made are part of the reference
+    words = [word for name in sets for word in ("-d", name)]
+    with patch.object(galleries, "thinned", few), patch.dict(os.environ), redirect_stdout(io.StringIO()):
+        os.environ.pop(MODELS_VARIABLE, None)
+        if cli(["run", "--quick", *chosen, *words, "--results", str(folder)], standalone_mode=False) not in (
+            None,
+            0,
+            1,
+        ):
+            sys.exit("the run was stopped")  # code 1: rows that cannot be made are part of the reference
     rows: Rows = {}
     for record in read_records(folder, published=False):
         name = f"{record.gallery}, {record.input}, {record.method}"
@@ -89,11 +99,12 @@ def _difference(before: list[Any] | None, now: list[Any]) -> str:
 
 def main() -> int:
     """Make the reference, and compare it or accept it."""
-    parser = argparse.ArgumentParser(prog="python -m tests.behaviour.reference", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.reference", description=__doc__)
     parser.add_argument("--accept", action="store_true", help="write the rows that were made")
     parser.add_argument("-d", dest="sets", action="append", choices=SETS, help="these sets alone")
     parser.add_argument("-m", dest="methods", action="append", default=[], help="these methods alone")
     given = parser.parse_args()
+    pin_threads()
     sets = [name for name in given.sets or SETS if name != "tosca" or "CANONICAL_FORMS_DATA" in os.environ]
     with TemporaryDirectory() as folder:
         now = make(Path(folder), sets, given.methods)

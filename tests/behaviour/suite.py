@@ -8,11 +8,9 @@ import runpy
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
-from contextlib import nullcontext, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NoReturn
 from unittest.mock import patch
 
@@ -20,8 +18,6 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
-
-MEASURES = ("NN", "FT", "ST", "DCG")
 
 #: Environment variables of the suite, which the tests set for themselves.
 _VARIABLES = ("CANONICAL_FORMS_DATA", "CANONICAL_FORMS_MODELS", "PYTHONPATH")
@@ -41,11 +37,8 @@ def environment(**more: str) -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {"COLUMNS": "100"} | more
 
 
-def call(*words: object, more: Mapping[str, str] = MappingProxyType({}), is_shown: bool = False) -> Done:
-    """Run ``python -m benchmark`` in this process, in the current folder, with more environment variables.
-
-    Where it is shown, what it says of its progress goes to the terminal.
-    """
+def call(*words: object) -> Done:
+    """Run ``python -m benchmark`` in this process, in the current folder."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     handler = signal.getsignal(signal.SIGTERM)
     code: Any = 0
@@ -54,11 +47,11 @@ def call(*words: object, more: Mapping[str, str] = MappingProxyType({}), is_show
         raise SystemExit(code)
 
     with (
-        patch.dict(os.environ, environment(**more), clear=True),
+        patch.dict(os.environ, environment(), clear=True),
         patch.object(sys, "argv", ["benchmark", *map(str, words)]),
         patch.object(os, "_exit", leave),
         redirect_stdout(out),
-        nullcontext() if is_shown else redirect_stderr(err),
+        redirect_stderr(err),
     ):
         try:
             runpy.run_module("benchmark", run_name="__main__")

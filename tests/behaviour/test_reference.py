@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.behaviour.reference import compare
+from tools.reference import compare
 
 ROW, OTHER = "animals (quick), mesh, gps", "animals (quick), mesh, shape-dna"
 ROWS = {ROW: {"NN": [1.0, 0.0], "distance": [1234.56, None]}, OTHER: {"status": ["failed"]}}
