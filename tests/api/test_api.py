@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from baselines.smacof import LeastSquaresMDS
-from benchmark.api import CanonicalForm, Mesh, MethodInfo, ScorerInfo, Shape, canonical_form
+from benchmark.api import CanonicalForm, Mesh, ScorerInfo, Shape, canonical_form
 from benchmark.errors import ConfigurationError
 
 VERTICES, FACES = np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
@@ -33,22 +33,6 @@ def test_a_function_is_a_method_and_used_on_arrays():
     np.testing.assert_array_equal(form.vertices, VERTICES * [1, 1, 0])
     np.testing.assert_array_equal(form.faces, FACES)
     assert (flatten.info.name, flatten.__doc__, flatten.__module__) == ("flatten", "Flat.", __name__)
-
-
-@pytest.mark.parametrize(
-    ("facts", "message"),
-    [
-        (
-            {"name": "Smooth It"},
-            "'Smooth It' does not fit name of MethodInfo; write lower-case words joined by hyphens",
-        ),
-        ({"title": ""}, "'' does not fit title of MethodInfo; write a text of one line"),
-        ({"inputs": ("video",)}, "does not fit inputs of MethodInfo; write values in parentheses, each mesh or view"),
-    ],
-)
-def test_a_description_that_does_not_fit_is_refused_where_it_is_written(facts, message):
-    with pytest.raises(ConfigurationError, match=message):
-        MethodInfo(**{"name": "smooth", "title": "Smooth", **facts})
 
 
 def test_the_draws_of_a_scorer_are_limited():

@@ -40,7 +40,8 @@ def test_fast_classical_scaling_is_that_of_the_released_code(samples, fidelity):
     centre = np.eye(n) - 1 / n
     values, vectors = eigh(-0.25 * centre @ (product + product.T) @ centre, subset_by_index=(n - 3, n - 1))
     expected = spread(vectors * np.sqrt(np.maximum(values, 0)))
-    form = FastClassicalScaling(samples=samples, fidelity=fidelity).canonicalise(shape)
+    method, alone = FastClassicalScaling(samples=samples, fidelity=fidelity), RowsOnly(identifier="x", mesh=shape.mesh)
+    form = method.canonicalise(alone)
     np.testing.assert_allclose(spread(form.vertices), expected, atol=1e-6 * expected.max())
 
 
@@ -61,7 +62,7 @@ def test_accelerated_mds_is_that_of_its_definition(samples):
     squares = interpolation @ shape.geodesics()[np.ix_(chosen, chosen)] ** 2 @ interpolation.T
     values, vectors = eigh(-0.5 * centre @ squares @ centre, subset_by_index=(len(mass) - 3, len(mass) - 1))
     expected = spread(vectors * np.sqrt(np.maximum(values, 0)))
-    form = AcceleratedMDS(samples=samples).canonicalise(shape)
+    form = AcceleratedMDS(samples=samples).canonicalise(RowsOnly(identifier="x", mesh=shape.mesh))
     np.testing.assert_allclose(spread(form.vertices), expected, atol=1e-5 * expected.max())
 
 

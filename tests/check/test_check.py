@@ -31,6 +31,7 @@ CALLS = []
 COUNT = itertools.count()
 """
 FORM = "def canonicalise(self, shape):\n        x = shape.mesh.vertices\n        "
+RIGHT = FORM + "return shape.form(x)"
 LEANS = (
     "y = x - x.mean(axis=0)\n        if y.var() > 0.14 / 3:\n            y = y @ np.linalg.eigh(y.T @ y)[1]\n"
     "            y = y * np.sign((y**3).sum(axis=0))\n        return shape.form(y)"
@@ -53,7 +54,7 @@ SIGNS = "return shape.form(x * np.where(np.arange(3) == next(COUNT) % 3, -1, 1))
 MUTE = "if len(x) < 5: raise UnsupportedShape('')\n        return shape.form(x)"
 
 
-def written(path: Path, methods: str = FORM + "return shape.form(x)", info: str = "") -> Component:
+def written(path: Path, methods: str = RIGHT, info: str = "") -> Component:
     (component,) = in_file(write_plugin(path, imports=IMPORTS, info=info, methods=methods))
     return component
 
@@ -76,32 +77,17 @@ def test_a_right_method_passes_every_check(tmp_path):
 
 
 FAULTS = [
-    (
-        "citation",
-        FORM + "return shape.form(x)",
-        "cite='nobody2001'",
-        "neither a key of the suite's bibliography nor one",
-    ),
-    ("citation", FORM + "return shape.form(x)", "cite='@misc{me, title = {A}'", "nor one whole BibTeX entry"),
-    (
-        "answer",
-        FORM + "return shape.form(x * np.nan)",
-        "",
-        "^tried.py: method 'smooth' returned .*: 500 of 500 vertices",
-    ),
+    ("citation", RIGHT, "cite='nobody2001'", "neither a key of the suite's bibliography nor one"),
+    ("citation", RIGHT, "cite='@misc{me, title = {A}'", "nor one whole BibTeX entry"),
+    ("answer", FORM + "return shape.form(x * np.nan)", "", "^tried.py: method 'smooth' .*: 500 of 500 vertices"),
     ("answer", FORM + "return shape.form(0 * x)", "", "at one point"),
     ("answer", FORM + "return shape.form(x[1:])", "", "^tried.py: method 'smooth' .* 499 positions for 500 vertices"),
     ("answer", FORM + "return x", "", "it is of type ndarray, not CanonicalForm; return shape.form"),
     ("answer", FORM + "x[0] = 0\n        return shape.form(x)", "", "work on a copy"),
     ("answer", FORM + "import no_such_package", "", "name packages beyond the core in info.requires"),
     ("answer", FORM + "raise UnsupportedShape('too thin')", "", r"refuses an ordinary surface \(too thin\)"),
-    ("answer", "power: int = 2.5\n\n    " + FORM + "return shape.form(x)", "", "'2.5' does not fit power of smooth"),
-    (
-        "answer",
-        FORM + "__import__('multiprocessing').get_context('spawn').Pool(1)\n        return shape.form(x)",
-        "",
-        "'fork'",
-    ),
+    ("answer", "power: int = 2.5\n\n    " + RIGHT, "", "'2.5' does not fit power of smooth"),
+    ("answer", FORM + "__import__('multiprocessing').get_context('spawn').Pool(1)", "", "'fork'"),
     ("answer", FORM + "return topp", "", r"^tried.py:32: NameError: name 'topp' is not defined$"),
     ("answer", FORM + "sys.exit(3)", "", r"^tried.py:32: SystemExit: 3$"),
     ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
@@ -112,13 +98,13 @@ FAULTS = [
     ("repeatable", FORM + SIGNS, "", r"differ by signs; .* a fixed start \(v0=...\), fix the signs"),
     ("seed", FORM + "return shape.form(x * (1 + shape.random().random()))", "", "declare deterministic=False"),
     ("seed", FORM + "return shape.form(x * len(shape.identifier))", "", "depends on the name or the seed"),
-    ("seed", FORM + "return shape.form(x)", "deterministic=False", "ignores the seed"),
+    ("seed", RIGHT, "deterministic=False", "ignores the seed"),
     ("relabelling", FORM + "return shape.form(x - 0.5 * (x[0] @ x[0]) * x)", "", "break ties by geometry"),
     ("rigid motion", FORM + "return shape.form(x * [1, 1, 2])", "", "position of the shape in space"),
     ("mirror", FORM + LEANS, "", "mirrors some shapes and not others"),
     ("mirror", FORM + "return shape.form(x * (2 + np.tanh(np.linalg.det(x[[0, 9, 99]]))))", "", "another form"),
     ("scale", FORM + "return shape.form(x / np.sqrt(shape.mesh.area))", "", "or declare 'invariant'"),
-    ("scale", FORM + "return shape.form(x)", "scale='invariant'", "difference 3.0e.00.* or declare 'equivariant'"),
+    ("scale", RIGHT, "scale='invariant'", "difference 3.0e.00.* or declare 'equivariant'"),
     ("scale", DESCRIBE + SPREAD + DISTANCES, "scale='invariant'", "or declare 'equivariant'"),
     ("scale", DESCRIBE + "return np.array([1.0])" + DISTANCES, "", "does not distinguish poses"),
     ("dissimilarities", DESCRIBE + SPREAD + DISTANCES.replace("np.abs", "np.exp"), "", "not symmetric"),
@@ -207,6 +193,9 @@ SET = ShapeSet(name="mine", title="Mine", shapes=SHAPES, load=load)
 """
 
 
+SHIFTS = "return figure().with_vertices(figure().vertices + next(COUNT))"
+
+
 @pytest.mark.parametrize(
     ("body", "name", "check_name", "message"),
     [
@@ -214,12 +203,7 @@ SET = ShapeSet(name="mine", title="Mine", shapes=SHAPES, load=load)
         ("return figure()", '"s"', "shapes", "two shapes are called 's'"),
         ("return None", 'f"s{k}"', "meshes", "'load' returns NoneType for 's0'; return Mesh(vertices, faces)"),
         ("return 1 / 0", 'f"s{k}"', "meshes", "mine.py:13: ZeroDivisionError: division by zero"),
-        (
-            "return figure().with_vertices(figure().vertices + next(COUNT))",
-            'f"s{k}"',
-            "repeatable",
-            "the mesh of 's3' changes between calls",
-        ),
+        (SHIFTS, 'f"s{k}"', "repeatable", "the mesh of 's3' changes between calls"),
         ("return Mesh(np.eye(3), [[0, 0, 1]])", 'f"s{k}"', "inputs", "'s1': 1 of 1 triangles have no area"),
     ],
 )

@@ -1,6 +1,5 @@
 """The command line as a whole: its size, what it imports, what it refuses, and what it never overwrites."""
 
-import importlib.metadata
 import re
 import shutil
 import subprocess
@@ -60,10 +59,6 @@ def test_published_tables_are_printed_in_any_folder(tmp_path, monkeypatch):
     assert "pass --results" in refusal("tables", "--published", "--results", tmp_path)
 
 
-def test_the_version_is_that_of_the_package():
-    assert call("--version") == f"canonical-forms {importlib.metadata.version('canonical-forms-benchmark')}\n"
-
-
 @pytest.mark.parametrize("what", ["methods", "scorers", "tables", "models", "datasets"])
 def test_lists_fit_80_columns_without_broken_words(what, monkeypatch):
     monkeypatch.setenv("COLUMNS", "10000")
@@ -115,17 +110,6 @@ def finished(tmp_path_factory):
     arguments = ("-d", write_rods(folder / "rods"), "-m", "shape-dna", "-m", "surface-area")
     call("run", *arguments, "--results", folder / "results", "-j", 0)
     return arguments, folder / "results"
-
-
-def test_an_edited_table_is_not_overwritten(finished, tmp_path):
-    words = ("tables", "--results", finished[1], "-o", tmp_path / "out")
-    call(*words)
-    (table,) = (tmp_path / "out").glob("*.md")  # without the paper's tables, its claims are not judged
-    table.write_text("edited")
-    assert f"{table} was edited" in refusal(*words)
-    assert table.read_text() == "edited"
-    call(*words, "--force")
-    assert table.read_text() != "edited"
 
 
 def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):

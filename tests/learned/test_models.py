@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -97,25 +97,33 @@ def test_a_folder_whose_model_was_replaced_is_read_again(copied: Path) -> None:
         assert not torch.equal(load(copied)[0](IMAGE), before(IMAGE))
 
 
-def test_one_wrong_bit_of_the_weights_is_found(copied: Path) -> None:
-    content = bytearray((copied / WEIGHTS).read_bytes())
+def flip_last_bit(file: Path) -> None:
+    content = bytearray(file.read_bytes())
     content[-1] ^= 1
-    (copied / WEIGHTS).write_bytes(content)
-    with pytest.raises(ConfigurationError, match="its card says .*; fetch the file again or train the model again"):
-        load(copied)
+    file.write_bytes(content)
 
 
-@pytest.mark.parametrize("name", [WEIGHTS, CARD])
-def test_a_missing_file_is_named(copied: Path, name: str) -> None:
-    (copied / name).unlink()
-    with pytest.raises(ConfigurationError, match=f"{name} cannot be read.*; train the model again"):
-        load(copied)
-
-
-@pytest.mark.parametrize("text", ["{", "", "[]", "{}", '{"digest": 3}', "\u00e9"])
-def test_a_card_that_is_none(copied: Path, text: str) -> None:
-    (copied / CARD).write_text(text, encoding="latin-1")
-    with pytest.raises(ConfigurationError, match=f"{CARD} .*; train the model again"):
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (
+            lambda folder: flip_last_bit(folder / WEIGHTS),
+            "its card says .*; fetch the file again or train",
+        ),
+        (lambda folder: replace_weights(folder, b"PK\x03\x04 a pickle in a zip"), "is damaged: .*; train it"),
+        *(
+            (lambda folder, name=name: (folder / name).unlink(), f"{name} cannot be read.*; train the model again")
+            for name in (WEIGHTS, CARD)
+        ),
+        *(
+            (lambda folder, text=text: (folder / CARD).write_bytes(text), f"{CARD} .*; train the model again")
+            for text in (b"{", b"", b"[]", b"{}", b'{"digest": 3}', b"\xe9")
+        ),
+    ],
+)
+def test_a_damaged_model_is_refused(copied: Path, damage: Callable[[Path], object], message: str) -> None:
+    damage(copied)
+    with pytest.raises(ConfigurationError, match=message):
         load(copied)
 
 
@@ -140,12 +148,6 @@ UNBUILDABLE = [("width", "16"), ("width", 0), ("width", 10**9), ("architecture",
 def test_a_card_that_lacks_a_field_or_names_another_network_is_refused(copied: Path, edit: Any, message: str) -> None:
     edit_card(copied, edit)
     with pytest.raises(ConfigurationError, match=message):
-        load(copied)
-
-
-def test_weights_that_are_none_are_refused(copied: Path) -> None:
-    replace_weights(copied, b"PK\x03\x04 a pickle in a zip")
-    with pytest.raises(ConfigurationError, match="is damaged: .*; train it"):
         load(copied)
 
 

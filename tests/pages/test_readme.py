@@ -156,19 +156,6 @@ def test_networks_and_the_best_forms_of_people_have_the_nn_of_the_readme(views):
     assert f"it has {small}, too" in unwrapped(README) and small == of_gps == nn("II-view", "ours")
 
 
-@pytest.mark.parametrize(
-    ("rounded", "impossible"),
-    [(hundredths, [".97"]), (lambda value: f"{value:.2f}".removeprefix("0"), [".73"])],
-    ids=["up", "as printed by most programs"],
-)
-def test_of_the_galleries_that_the_text_allows_only_all_80_shapes_fit_table_three(rounded, impossible):
-    values = {hundredths(PRINTED["III"][name]["NN"]) for name in (*CLASSICAL, AS_PRINTED)}
-    left = {n: sorted(values - {rounded(hits / n) for hits in range(n + 1)}) for n in (19, 41, 80)}
-    assert left[19] == [".71", ".73", ".76", ".78", ".88", ".97"]
-    assert left[41] == [".74", ".79", ".97"]
-    assert left[80] == impossible
-
-
 def test_figures_of_experiments_are_those_of_their_file():
     folder = ROOT / "results" / "experiments"
     known = {float(row["value"]) for row in csv.DictReader((folder / "experiments.csv").open(encoding="utf-8"))}

@@ -166,27 +166,12 @@ def test_words_about_a_method_make_no_form_anew_and_a_renamed_method_finds_its_f
     assert len([each for each in read_records(world.results) if each.method == "lengthen"]) == 1
 
 
-def test_another_version_of_a_package_runs_what_imports_it(world, monkeypatch):
-    real = code_digest._versions
-    monkeypatch.setattr(
-        code_digest, "_versions", lambda top: {**real(top), **({"numba": "9.9"} if top == "numba" else {})}
-    )
-    reasons = world.stale()
-    assert "stretch" in reasons
-    assert all(reason.startswith("numba ") and reason.endswith(" -> 9.9") for reason in reasons.values())
-
-
 def test_other_data_run_everything_on_the_shapes_that_changed_alone(world):
     edit(world.rods / "thin0.off", "OFF\n", "OFF\n# moved\n")
     assert world.stale() == dict.fromkeys(world.names, "the data changed")
     before = set((world.results / "runs" / "forms").iterdir())
     run_toy(world.rods, world.results, "identity")
     assert len(set((world.results / "runs" / "forms").iterdir()) - before) == 1
-
-
-def test_a_parameter_makes_a_row_of_its_own_and_its_default_is_the_same_row(world):
-    states = [[(job.state, job.reason) for job in world.plan(f"stretch[power={p}]")] for p in ("2", "1.0")]
-    assert states == [[("missing", "never run")], [("finished", "")]]
 
 
 def test_an_edit_of_the_measures_ranks_again_and_makes_no_form(world, edited):
