@@ -13,7 +13,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.pipeline.records import read_records
 from benchmark.runs import runner
 from benchmark.runs.runner import run
-from tests.runs.toy import FAULTS, noted, planned, run_toy
+from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import wait_for
 
 FAULTY = (
@@ -89,7 +89,7 @@ def test_failed_jobs_run_again_only_when_asked(rods, faulty):
         assert (job.is_pending, job.state) == (runs, "failed")
 
 
-def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, monkeypatch):
+def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(pair, tmp_path, monkeypatch):
     monkeypatch.setenv("FAULTS", str(tmp_path))
     killed = []
 
@@ -98,7 +98,7 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(rods, tmp_path, m
             killed.extend(noted(tmp_path / "waits-once"))
             os.kill(killed[0], 9)
 
-    jobs = planned(rods, tmp_path / "results", "waits-once", "slow", plugins=(FAULTS,))
+    jobs = planned(pair, tmp_path / "results", "waits-once", "slow", plugins=(FAULTS,))
     records = {}
     for job, record in run(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
         records[job.record.method] = record
@@ -123,15 +123,22 @@ PREPARATION, GEODESICS = "benchmark.pipeline.preparation prepare_mesh", "benchma
 READING = "benchmark.geometry.io _load"
 
 
+@pytest.fixture(scope="module")
+def pair(rods, tmp_path_factory):
+    """Two rods of one build: each process that ends costs another start of one."""
+    folder = tmp_path_factory.mktemp("pair") / "rods"
+    return shutil.copytree(rods, folder, ignore=shutil.ignore_patterns("thin*"))
+
+
 @pytest.fixture
-def failing(rods, tmp_path, monkeypatch):
+def failing(pair, tmp_path, monkeypatch):
     """Return a function that runs two methods while a function fails in some way, so many times."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
 
-    def run_failing(function="", how="", times=0):
-        monkeypatch.setenv("FAILS", f"{function} {how} {times}" if function else "")
+    def run_failing(function, how, times):
+        monkeypatch.setenv("FAILS", f"{function} {how} {times}")
         options = {"size": 1, "timeout": 8.0 if how == "sleep" else 60.0, "plugins": (FAULTS,)}
-        return run_toy(rods, tmp_path / "results", "needs-geodesics", "fine", **options)
+        return run_toy(pair, tmp_path / "results", "needs-geodesics", "fine", **options)
 
     return run_failing
 
@@ -157,8 +164,8 @@ def test_a_result_that_is_missing_for_a_passing_reason_is_tried_again_in_the_sam
 
 
 @pytest.fixture(scope="module")
-def undisturbed(rods, tmp_path_factory):
-    records = run_toy(rods, tmp_path_factory.mktemp("quiet"), "needs-geodesics", "fine", plugins=(FAULTS,))
+def undisturbed(pair, tmp_path_factory):
+    records = run_toy(pair, tmp_path_factory.mktemp("quiet"), "needs-geodesics", "fine", plugins=(FAULTS,))
     return {name: (record.status, record.per_query) for name, record in records.items()}
 
 
@@ -171,7 +178,7 @@ def undisturbed(rods, tmp_path_factory):
     ],
 )
 def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
-    undisturbed, rods, tmp_path, failing, function, how, reason
+    undisturbed, pair, tmp_path, failing, function, how, reason
 ):
     results = tmp_path / "results"
     records = failing(function, how, times=99)
@@ -179,15 +186,12 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
         records.pop("fine")  # it needs none
     assert {(record.status, bool(record.scores)) for record in records.values()} == {("incomplete", False)}
     assert all(reason in record.reason and record.reason.count("run again") == 1 for record in records.values())
-    assert {job.record.method for job in planned_of(rods, results) if job.is_pending} >= records.keys()
-    failing()
+    jobs = planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,))
+    assert {job.record.method for job in jobs if job.is_pending} >= records.keys()
+    done(jobs, results, size=0)
     records = {record.method: (record.status, record.per_query) for record in read_records(results)}
     assert records == undisturbed
-    assert not any(job.is_pending for job in planned_of(rods, results))
-
-
-def planned_of(rods, results):
-    return planned(rods, results, "needs-geodesics", "fine", plugins=(FAULTS,))
+    assert not any(job.is_pending for job in planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,)))
 
 
 def test_a_system_without_the_libraries_of_pymeshlab_ends_the_run_with_the_remedy(rods, tmp_path, monkeypatch):

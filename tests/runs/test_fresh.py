@@ -170,7 +170,7 @@ def test_meshes_that_are_written_again_or_added_in_a_session_are_seen(own, tmp_p
 @pytest.mark.parametrize("size", [0, 1])
 def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size):
     results, mesh = tmp_path / "results", own / "thin1.off"
-    jobs, original = planned(own, results, "identity", "gps", inputs=("mesh", "view")), mesh.read_bytes()
+    jobs, original = planned(own, results, "gps", inputs=("mesh", "view")), mesh.read_bytes()
     write_off(mesh, rod(0.06, 0.3))
     records = done(jobs, results, size=size)
     assert {record.status for record in records.values()} == {"incomplete"}
@@ -183,8 +183,8 @@ def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size)
         ),
     }
     mesh.write_bytes(original)
-    records = done(planned(own, results, "identity", "gps", inputs=("mesh", "view")), results)
-    clean = run_toy(own, tmp_path / "clean", "identity", "gps", inputs=("mesh", "view"))
+    records = done(planned(own, results, "gps", inputs=("mesh", "view")), results)
+    clean = run_toy(own, tmp_path / "clean", "gps", inputs=("mesh", "view"))
     assert {name: (r.status, r.key, r.per_query) for name, r in records.items()} == {
         name: ("ok", r.key, r.per_query) for name, r in clean.items()
     }

@@ -18,7 +18,7 @@ from tests.runs.toy import run_toy
 from tests.toy import SMALL_SCORER, write_rods
 from tests.verbs import call
 
-ODD = "'a\\nb\\x1b[2J \\udcff \\u202e ' + 3_000_000 * 'x'"
+ODD = "'a\\nb\\x1b[2J \\udcff \\u202e ' + 300_000 * 'x'"
 
 
 class Silent(Exception):
@@ -42,7 +42,7 @@ def odd(tmp_path_factory):
             "notes": f"return shape.form(shape.mesh.vertices, **{{{ODD}[:9]: 1.0}})",
         }.items()
     ]
-    words = ["run", "-d", rods, "--input", "mesh", "--results", folder / "results", "--scorer", SMALL_SCORER, "-j", "2"]
+    words = ["run", "-d", rods, "--input", "mesh", "--results", folder / "results", "--scorer", SMALL_SCORER, "-j", "1"]
     words += [word for plugin in plugins for word in ("--plugin", plugin)]
     command = [sys.executable, "-m", "benchmark", *map(os.fspath, words)]
     limit = (2**31, 2**31)  # less than a worker may take, as by ulimit -d
