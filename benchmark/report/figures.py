@@ -215,7 +215,7 @@ def distances_figure(view: TableView, forms: StoredForms) -> Figure:
         place.imshow(rankdata(matrix[np.ix_(down, across)]).reshape(matrix.shape))
         place.set_yticks(starts + (sizes - 1) / 2, names, parse_math=False, fontsize=4)
         place.set_xticks(np.unique(ranked[across], return_index=True)[1][1:] - 0.5, [])
-        place.set_title(row.title, parse_math=False)
+        place.set_title(fill(row.title, 24), fontsize=_SIZE, parse_math=False)
     return figure
 
 
