@@ -196,7 +196,8 @@ def latex(view: TableView) -> str:
             cited = rf"~\cite{{{key}}}" if key else ""
             body.append(latex_row(latex_title(line.title) + cited, *chain(*cells), line.seconds))
     paper = rf"Paper~\cite{{{_PAPER}}}"
-    groups = (paper if group == PAPER else latex_text(group.capitalize()) for group in view.groups)
+    texts = (r"\\".join(map(latex_text, wrap(group.capitalize(), 17))) for group in view.groups)
+    groups = (paper if text == "Paper" else rf"\shortstack{{{text}}}" if r"\\" in text else text for text in texts)
     head = [latex_row("", *map(_spread, groups), ""), rules, latex_row("", *MEASURES * n_groups, "s")]
     columns = f"{titles}{scores * n_groups}w{{r}}{{1.4em}}"
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite

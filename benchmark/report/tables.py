@@ -202,9 +202,8 @@ class TableView:
             times = f"{len(others) + 1} x " if others else ""
             texts[column.title] = f"{times}{len(classes)} shapes of {len(set(classes))} classes"
             if first.against:
-                queries = f"{len(classes)} queries of {len(set(classes))} classes"
-                left_out, among = len(first.shapes) - len(classes), len(first.against.shapes)
-                texts[column.title] = f"{queries}, {left_out} left out, among {among} shapes"
+                left_out = f"{len(set(classes))} classes, {len(first.shapes) - len(classes)} left out"
+                texts[column.title] = f"{len(classes)} queries of {left_out}, among {len(first.against.shapes)} shapes"
         if len(set(texts.values())) == 1:
             return next(iter(texts.values()))
         return "; ".join(f"{title}: {text}" for title, text in texts.items())
