@@ -98,7 +98,7 @@ def _earlier(folder: Path) -> dict[str, str]:
     """Return the digests of the files of the last command, without names outside the folder."""
     try:
         listed = msgspec.json.decode((folder / LIST).read_bytes(), type=dict[str, str])
-    except (OSError, msgspec.DecodeError):
+    except (OSError, msgspec.DecodeError, UnicodeError):
         return {}
     root = folder.resolve()
     return {

@@ -34,7 +34,7 @@ def test_a_list_that_names_files_elsewhere_or_is_damaged_harms_nothing(tmp_path)
     outside.write_text("kept")
     folder = tmp_path / "out"
     write_files(folder, {"a.md": "1"})
-    for text in (json.dumps({"../outside.txt": "0", "a\0b": "0", "7": 7}), "[[", "[1]"):
-        (folder / LIST).write_text(text)
+    for text in (json.dumps({"../outside.txt": "0", "a\0b": "0", "7": 7}), "[[", "[1]", '{"\udcff": "0"}'):
+        (folder / LIST).write_text(text, errors="surrogateescape")
         write_files(folder, {"a.md": "1"})
     assert outside.read_text() == "kept"
