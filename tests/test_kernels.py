@@ -79,6 +79,7 @@ def test_older_kernels_without_a_mark_go_and_newer_ones_stay(sources):
     assert {source.stem for source in sources if compiled_kernels(source)} == {"alone"}
 
 
+@pytest.mark.slow
 def test_a_kernel_in_a_helper_of_a_plugin_is_compiled_again(tmp_path, monkeypatch):
     """numba would reuse the kernel of the plugin, into which that of the helper is compiled."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)

@@ -29,7 +29,7 @@ def ended(process, timeout=60):
     return process.returncode, out or "", err or ""
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place, monkeypatch):
     monkeypatch.setenv("FAULTS", str(place))
     words = ("-d", "rods", "-m", "waits-once", "--plugin", "own.py", "--results", "stopped", "-j", 1)

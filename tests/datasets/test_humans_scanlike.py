@@ -13,6 +13,7 @@ from benchmark.datasets.people import humans_scanlike
 pytestmark = pytest.mark.kernels
 
 
+@pytest.mark.slow
 def test_a_scan_is_one_closed_skin_on_the_body_but_for_cavities_and_fingers() -> None:
     data = humans_scanlike()
     scan = data.load(next(entry for entry in data.shapes if entry.identifier == "man-3_waving"))

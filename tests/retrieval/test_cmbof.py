@@ -180,6 +180,7 @@ assert (nearest_words(rows, words) == (2.0 * rows @ words.T.astype(float) - squa
 """
 
 
+@pytest.mark.slow
 def test_processors_whose_sums_of_bytes_overflow_find_the_same_words():
     subprocess.run([sys.executable, "-c", EXTREMES], check=True, env=os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2"})
 

@@ -45,6 +45,7 @@ def faulty(rods, tmp_path_factory):
     return records, folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENDINGS)
 def test_a_fault_ends_its_job_and_says_where(faulty, name):
     record, (status, reason) = faulty[0][name], ENDINGS[name]
@@ -53,6 +54,7 @@ def test_a_fault_ends_its_job_and_says_where(faulty, name):
     assert (record.status, rest.startswith(reason.partition(": ")[2]), shape in first) == (status, True, True), record
 
 
+@pytest.mark.slow
 def test_the_others_are_scored_and_a_refused_shape_counts_as_zero(faulty):
     records = faulty[0]
     assert records["fine"].status == records["picky"].status == "ok"
@@ -65,6 +67,7 @@ def test_the_others_are_scored_and_a_refused_shape_counts_as_zero(faulty):
     assert {record.method for record in read_records(faulty[1] / "results")} == set(FAULTY)
 
 
+@pytest.mark.slow
 def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_most_has_whichever_they_are(faulty):
     assert (faulty[0]["refuses"].status, len(faulty[0]["refuses"].shapes)) == ("unsupported", 4)
     assert faulty[0]["refuses"].reason == "none of 4 shapes could be processed; thick0: not today"
@@ -72,16 +75,19 @@ def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_mos
     assert faulty[0]["first-three"].coverage == faulty[0]["last-three"].coverage == 0.25
 
 
+@pytest.mark.slow
 def test_the_traceback_is_kept(faulty):
     assert "in bug\n    return 1 / 0" in faulty[0]["bug"].traceback
 
 
+@pytest.mark.slow
 def test_children_of_a_stopped_method_end(faulty):
     processes = [int(line) for line in (faulty[1] / "hang").read_text().split()]
     assert processes
     wait_for(lambda: not any(map(psutil.pid_exists, processes)), 2.0)
 
 
+@pytest.mark.slow
 def test_failed_jobs_run_again_only_when_asked(rods, faulty):
     results = faulty[1] / "results"
     for rerun, runs in (((), False), (("failed",), True), (("finished", "failed"), True), (("finished",), False)):

@@ -17,7 +17,7 @@ from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import plan_selection
 from tests.registry.plugin import write_plugin
-from tests.runs.toy import FAULTS, done, planned, run_toy
+from tests.runs.toy import FAULTS, LIGHT, LIGHT_SCORER, done, planned, run_toy
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call, refusal
 
@@ -32,9 +32,10 @@ def own(tmp_path, monkeypatch):
     return write_rods(tmp_path / "rods", bends=(0.0, 1.0))
 
 
-def distances_of(folder, method, results="results", **options):
+def distances_of(folder, method, results="results", plugins=(), **options):
     """Run a method from Python; return its distances."""
-    jobs = benchmark.run(folder, method, results=results, scorer=SMALL_SCORER, **options)
+    options |= {"scorer": "distance-distribution", "plugins": [*plugins, LIGHT_SCORER]}
+    jobs = benchmark.run(folder, method, results=results, **options)
     assert list(jobs["status"]) == ["ok"], jobs["reason"].tolist()
     return benchmark.open_results(results).distances(jobs.index[0])
 
@@ -232,7 +233,8 @@ def test_force_computes_forms_anew_and_replaces_scores_by_scores_alone(own, tmp_
     assert not distances_of(own, "smooth", plugins=[plugin], again=True).equals(first)
     before = read_records(results)
     table.write_text("nothing")
-    assert list(benchmark.run(own, "smooth", plugins=[plugin], scorer=SMALL_SCORER, again=True)["status"]) == ["failed"]
+    jobs = benchmark.run(own, "smooth", plugins=[plugin, LIGHT_SCORER], scorer="distance-distribution", again=True)
+    assert list(jobs["status"]) == ["failed"]
     assert read_records(results) == before
 
 
@@ -242,7 +244,7 @@ def test_what_cannot_run_replaces_no_record(own, tmp_path):
     distances_of(own, "smooth", plugins=[plugin])
     before = read_records(tmp_path / "results")
     write_plugin(plugin, info=info)
-    options = ("run", "-d", own, "--input", "mesh", "--scorer", SMALL_SCORER, "-m", "smooth", "--plugin", plugin)
+    options = ("run", "-d", own, "--input", "mesh", *LIGHT, "-m", "smooth", "--plugin", plugin)
     assert "unavailable  rods mesh smooth  needs benchmark_absent" in call(*options, code=1)
     assert read_records(tmp_path / "results") == before
 

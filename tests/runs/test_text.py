@@ -14,8 +14,8 @@ from benchmark.api import Entry, MethodInfo, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline.records import Record, read_records, record_of
 from tests.registry.plugin import write_plugin
-from tests.runs.toy import run_toy
-from tests.toy import SMALL_SCORER, write_rods
+from tests.runs.toy import LIGHT, run_toy
+from tests.toy import write_rods
 from tests.verbs import call
 
 ODD = "'a\\nb\\x1b[2J \\udcff \\u202e ' + 300_000 * 'x'"
@@ -42,7 +42,7 @@ def odd(tmp_path_factory):
             "notes": f"return shape.form(shape.mesh.vertices, **{{{ODD}[:9]: 1.0}})",
         }.items()
     ]
-    words = ["run", "-d", rods, "--input", "mesh", "--results", folder / "results", "--scorer", SMALL_SCORER, "-j", "1"]
+    words = ["run", "-d", rods, "--input", "mesh", "--results", folder / "results", *LIGHT, "-j", "1"]
     words += [word for plugin in plugins for word in ("--plugin", plugin)]
     command = [sys.executable, "-m", "benchmark", *map(os.fspath, words)]
     limit = (2**31, 2**31)  # less than a worker may take, as by ulimit -d
@@ -50,6 +50,7 @@ def odd(tmp_path_factory):
     return folder, subprocess.run(command, capture_output=True, check=False, preexec_fn=lowered)
 
 
+@pytest.mark.slow
 def test_text_from_outside_ends_no_run(odd):
     folder, done = odd
     assert b"Traceback" not in done.stderr
@@ -64,7 +65,7 @@ def test_text_from_outside_ends_no_run(odd):
     assert all(len(record.reason) <= 3000 and record.reason.isprintable() for record in records.values())
     assert len(records["raises"].traceback) < 30_000
     states = call("plan", "-d", folder / "rods", "--plugin", folder / "prints.py", "--input", "mesh",
-                  "--results", folder / "results", "--scorer", SMALL_SCORER)  # fmt: skip
+                  "--results", folder / "results", *LIGHT)  # fmt: skip
     assert states.startswith("finished")
 
 

@@ -11,9 +11,12 @@ from benchmark.pipeline.records import Record
 from benchmark.registry import select, select_one
 from benchmark.runs.planning import Planned, plan
 from benchmark.runs.runner import run
-from tests.toy import SMALL_SCORER, wait_for
+from tests.toy import wait_for
 
 FAULTS = Path(__file__).with_name("faults.py")
+#: A scorer without images and words, for runs whose scores do not matter: a process that needs no torch starts sooner.
+LIGHT_SCORER = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
+LIGHT = ("--scorer", "distance-distribution", "--plugin", LIGHT_SCORER)
 
 
 def gallery(folder: Path | str) -> Any:
@@ -30,7 +33,7 @@ def gallery(folder: Path | str) -> Any:
 def planned(
     folder: Path, results: Path, *methods: Any, plugins: tuple[Path, ...] = (), inputs: Any = ("mesh",), **options: Any
 ) -> list[Planned]:
-    scorer = select_one(SMALL_SCORER, kind="scorer")
+    scorer = select_one("distance-distribution", [LIGHT_SCORER], kind="scorer")
     return plan([gallery(folder)], inputs, select(methods, plugins), results, **{"scorer": scorer} | options)
 
 
