@@ -41,13 +41,11 @@ def test_the_test_bites(tmp_path, new, summary):
     [
         ("MyOwn", "'MyOwn' cannot be the name of a method; join lower-case words by hyphens, like ray-stretch"),
         ("../evil", "'../evil' cannot be the name of a method; join lower-case words by hyphens"),
-        ("2d", "'2d' cannot be the name of a method; join lower-case words by hyphens"),
         ("", "'' cannot be the name of a method; join lower-case words by hyphens"),
         ("gps", "there is already a method 'gps'; choose another name"),
         ("all", "already"),
         ("lambda", "'lambda' has another meaning in Python; choose another name: my-lambda"),
         ("shape", "my-shape"),
-        ("json", "my-json"),
         ("numpy", "my-numpy"),
     ],
 )

@@ -1,6 +1,7 @@
 """Twelve shapes on a line, worked by hand: ties, classes of one, files in each format."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -76,34 +77,9 @@ OWN = dict(zip(KEYS, ("cat", "cat", "dog", "dog"), strict=True))
 PLAIN = "0,1,4,3\n1,0,5,2\n4,5,0,1\n3,2,1,0\n"
 
 
-def table(frame=None, **how):
-    return (pd.DataFrame(SMALL, KEYS, KEYS) if frame is None else frame).to_csv(**how)
-
-
-@pytest.mark.parametrize(
-    "content",
-    {
-        "named": table(),
-        "named corner": table(index_label="name"),
-        "index only": table(header=False),
-        "columns only": table(index=False),
-        "columns and row numbers": table(pd.DataFrame(SMALL, columns=KEYS)),
-        "row numbers alone": table(pd.DataFrame(SMALL, range(1, 5)), header=False),
-        "semicolons and decimal commas": table(pd.DataFrame(SMALL / 2, KEYS, KEYS), sep=";", decimal=","),
-        "tabs": table(sep="\t"),
-        "R": "".join(table(sep=" ", quoting=2)[3:]).replace("7 ", "7  "),
-        "UTF-16": table().encode("utf-16"),
-        "UTF-32": table().encode("utf-32"),
-        "byte-order mark": table().encode("utf-8-sig"),
-        "trailing separators": table(sep=";").replace("\n", ";\n"),
-        "rows of MATLAB": table(sep=" ", index_label="x").replace("\n", ";\n"),
-        "empty diagonal": table(pd.DataFrame(np.where(np.eye(4), np.nan, SMALL), KEYS, KEYS)),
-    }.values(),
-    ids=str,
-)
-def test_names_that_are_numbers_are_found_in_any_text(content, tmp_path):
-    (tmp_path / "m.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
-    found = score(tmp_path / "m.csv", OWN)
+@pytest.mark.parametrize("path", sorted(Path(__file__).with_name("inputs").iterdir()), ids=lambda path: path.stem)
+def test_names_that_are_numbers_are_found_in_any_text(path):
+    found = score(path, OWN)
     assert list(found.queries.index) == list(KEYS)
     assert found.scores.loc["FT", "score"] == 1
 
