@@ -5,26 +5,8 @@ import pytest
 from benchmark.datasets.catalogue import open_dataset, sources, table_name
 from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import SIDE
+from tests.registry.plugin import write_data_set
 from tests.toy import write_rods
-
-PLUGIN = """
-from pathlib import Path
-
-from benchmark.api import SIDE, Camera, Entry, Mesh, ShapeSet
-from tests.toy import rod
-
-
-def load(entry):
-    {load}
-
-
-RODS = ShapeSet(
-    name={name!r},
-    shapes={shapes},
-    load=load,
-    {more}
-)
-"""
 
 SHAPES = "tuple(Entry(f'{s}{n}', s, str(n)) for s in ('thin', 'thick') for n in range(2))"
 LOAD = "return rod(0.1 if entry.subject == 'thin' else 0.3, 0.5 + int(entry.pose), 12, 8)"
@@ -32,10 +14,8 @@ LOAD = "return rod(0.1 if entry.subject == 'thin' else 0.3, 0.5 + int(entry.pose
 
 @pytest.fixture
 def plugin(tmp_path):
-    def write(name="rods", shapes=SHAPES, load=LOAD, more="", file="rods.py"):
-        path = tmp_path / file
-        path.write_text(PLUGIN.format(name=name, shapes=shapes, load=load, more=more))
-        return path
+    def write(shapes=SHAPES, load=LOAD, **more):
+        return write_data_set(tmp_path / "rods.py", shapes=shapes, load=load, **more)
 
     return write
 
@@ -67,7 +47,7 @@ def test_meshes_of_files_need_no_load_and_are_known_by_their_content(plugin, tmp
     write_rods(tmp_path / "files")
     shapes = "tuple(Entry(p.stem, p.stem[:-1], p.stem[-1], p) for p in sorted(Path(FOLDER).iterdir()))"
     path = plugin(shapes=shapes.replace("FOLDER", repr(str(tmp_path / "files"))))
-    path.write_text(path.read_text().replace("    load=load,\n", ""))
+    path.write_text(path.read_text().replace("load=load, ", ""))
     dataset = opened(path)
     assert dataset.load(dataset.shapes[0]).n_vertices > 100
     before = [dataset.key(entry) for entry in dataset.shapes]
@@ -84,7 +64,7 @@ def test_meshes_of_files_need_no_load_and_are_known_by_their_content(plugin, tmp
         ({"shapes": "(Entry('a', 'b', 'c'), Entry('a', 'b', 'd'))"}, "two shapes are called 'a'"),
         ({"shapes": "(Entry('a', '', 'c'),)"}, "subject '' is not a text of one line"),
         ({"shapes": "(Entry('a\\nb', 'b', 'c'),)"}, "identifier .* is not a text of one line"),
-        ({"shapes": "1 / 0"}, "rods.py cannot be imported: rods.py:14: ZeroDivisionError"),
+        ({"shapes": "1 / 0"}, "rods.py cannot be imported: rods.py:12: ZeroDivisionError"),
         ({"name": "My Rods"}, "name 'My Rods' is not lower-case words"),
         ({"name": "people"}, "there is a data set 'people' already; rename"),
     ],

@@ -16,7 +16,7 @@ from benchmark.geometry import io
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import plan_selection
-from tests.registry.plugin import write_plugin
+from tests.registry.plugin import write_data_set, write_plugin
 from tests.runs.toy import FAULTS, LIGHT, LIGHT_SCORER, done, planned, run_toy
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call, refusal
@@ -280,21 +280,13 @@ def test_a_copy_with_other_cameras_is_another_data_set(tmp_path):
     assert sorted(record.data.paths for record in read_records(results)) == [[str(one)], [str(two)]]
 
 
-ROD_SET = """from benchmark.api.datasets import Entry, ShapeSet
-from tests.toy import rod
-
-SHAPES = tuple(Entry(f"{{name}}{{k}}", name, str(k)) for name in ("thin", "thick") for k in range(2))
-RADIUS = {{"thin": {radius}, "thick": 0.2}}
-RODS = ShapeSet(name="plugged", shapes=SHAPES, load=lambda entry: rod(RADIUS[entry.subject], int(entry.pose)))
-"""
-
-
 def test_two_plugin_files_with_a_data_set_of_one_name_are_two_data_sets(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for number, radius in enumerate((0.05, 0.1)):
-        file = tmp_path / f"x{number}" / "rods_plugin.py"
-        file.parent.mkdir()
-        file.write_text(ROD_SET.format(radius=radius))
+        (tmp_path / f"x{number}").mkdir()
+        load = f"return rod({radius} if entry.subject == 'thin' else 0.2, int(entry.pose))"
+        shapes = "[Entry(f'{name}{k}', name, str(k)) for name in ('thin', 'thick') for k in range(2)]"
+        file = write_data_set(tmp_path / f"x{number}" / "own.py", name="plugged", load=load, shapes=f"tuple({shapes})")
         distances_of("plugged", "surface-area", plugins=[file])
     assert len({tuple(record.data.paths) for record in read_records(tmp_path / "results")}) == 2
 
