@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
@@ -95,7 +96,7 @@ class Skeleton(CheckedParameters):
             )
         paths = skeleton.path_lengths()
         joints, _ = majorise(
-            lambda points: guttman_transform(points, paths)[:2],
+            partial(guttman_transform, targets=paths),
             skeleton.joints,
             max_iterations=self.max_iterations,
             rtol=self.rtol,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -22,8 +23,8 @@ LEVELS = 2**16
 COINCIDENT = np.float32(1e-18)
 """Distance below which points neither pull nor push."""
 
-BLOCK = 512
-"""Number of pairs that are summed in single precision; sums of blocks are double, so that few digits are lost."""
+SAME_EVERYWHERE = {"reassoc", "nsz", "nnan", "ninf"}
+"""Rules of arithmetic by which pairs are the same on every processor: no fused or approximate operations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +74,11 @@ class LeastSquaresMDS(CheckedParameters):
         return form
 
     def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
-        start = shape.mesh.vertices if self.start == "mesh" else ClassicMDS().canonicalise(shape).vertices
+        start = shape.mesh.vertices
+        if self.start == "classic":
+            start = ClassicMDS().canonicalise(shape).vertices.round(6)  # without digits that depend on the processor
         targets = distances.astype(np.float32)  # moves a form by less than the tolerance, in a third of the time
-
-        def transform(points: FloatArray) -> tuple[FloatArray, float]:
-            moved, stress, product, squares = guttman_transform(points, targets)
-            return moved, stress - product**2 / squares
-
+        transform = partial(relaxable_transform, targets=targets)
         points, stresses = majorise(transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol)
         total = float(np.vdot(distances, distances)) / 2
         return shape.form(points, stress=stresses[-1] / total, iterations=len(stresses) - 1)
@@ -166,52 +165,51 @@ def majorise(
         points = 2 * moved - points if relaxed else moved
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float, float, float]:
-    """Return the Guttman transform of the points [Borg & Groenen 2005, 8.6], and sums over pairs.
+@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE, error_model="numpy")  # type: ignore[untyped-decorator]
+def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
+    """Return the Guttman transform of the points [Borg & Groenen 2005, 8.6], and their stress.
 
     Parameters
     ----------
     points
         Positions, shape (n, 3).
     targets
-        Distances that they should have, symmetric, shape (n, n), in the precision of the computation; coincident points
-        neither pull nor push.
+        Distances that they should have, symmetric, shape (n, n), in the precision of a pair; coincident points neither
+        pull nor push.
 
     Returns
     -------
     moved : numpy.ndarray
         Positions, shape (n, 3).
-    stress, product, squares : float
-        Sums of squared misses, of products of distance and miss, and of squared distances. At the best scale, the
-        stress is ``stress - product**2 / squares``, without cancellation.
+    stress : float
+        Sum of squared misses of all pairs.
     """
     x, y, z = points[:, 0].astype(targets.dtype), points[:, 1].astype(targets.dtype), points[:, 2].astype(targets.dtype)
-    moved, stress, product, squares = np.empty_like(points), 0.0, 0.0, 0.0
+    moved, stress = np.empty_like(points), 0.0
     for i in range(len(points)):
-        moved[i, 0], moved[i, 1], moved[i, 2], miss, cross, square = _pull(i, x, y, z, targets[i])
-        stress, product, squares = stress + miss, product + cross, squares + square
-    return moved / len(points), stress / 2, product / 2, squares / 2
+        moved[i, 0], moved[i, 1], moved[i, 2], misses = _pull(i, x, y, z, targets[i])
+        stress += misses
+    return moved / len(points), stress / 2
 
 
 @njit(inline="always")
 def _pull(i, x, y, z, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the sum of the pulls of all points on point i, and the sums of its pairs; each pair counts twice."""
-    total_x = total_y = total_z = stress = product = squares = np.float64(0)
-    for begin in range(0, len(x), BLOCK):
-        block = slice(begin, begin + BLOCK)
-        other_x, other_y, other_z, target = x[block], y[block], z[block], targets[block]
-        pull_x = pull_y = pull_z = misses = crosses = lengths = np.float32(0)
-        for j in range(len(other_x)):  # without writes, this loop vectorises
-            dx, dy, dz = x[i] - other_x[j], y[i] - other_y[j], z[i] - other_z[j]
-            squared = dx * dx + dy * dy + dz * dz
-            distance = np.sqrt(squared)
-            ratio, miss = target[j] / max(distance, COINCIDENT), distance - target[j]
-            pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
-            misses, crosses, lengths = misses + miss * miss, crosses + distance * miss, lengths + squared
-        total_x, total_y, total_z = total_x + pull_x, total_y + pull_y, total_z + pull_z
-        stress, product, squares = stress + misses, product + crosses, squares + lengths
-    return total_x, total_y, total_z, stress, product, squares
+    """Return the sum of the pulls of all points on point i, and of the squared misses."""
+    pull_x = pull_y = pull_z = misses = 0.0
+    for j in range(len(x)):  # without writes, this loop vectorises; double sums hardly depend on the order
+        dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        ratio, miss = targets[j] / max(distance, COINCIDENT), distance - targets[j]
+        pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
+        misses += miss * miss
+    return pull_x, pull_y, pull_z, misses
+
+
+def relaxable_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
+    """Return the Guttman transform of centred points, and their stress at the best scale."""
+    moved, stress = guttman_transform(points, targets)
+    product, squares = np.vdot(points, points - moved), np.vdot(points, points)  # of distance and miss; of distances
+    return moved, stress - len(points) * float(product) ** 2 / float(squares)
 
 
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
@@ -244,7 +242,7 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     return transform, norm
 
 
-@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE)  # type: ignore[untyped-decorator]
 def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
     """Write the sum of the distances of the pairs of each level, in double precision."""
     x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
@@ -258,7 +256,7 @@ def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArr
             sums[levels[i, j]] += distances[j]
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE, error_model="numpy")  # type: ignore[untyped-decorator]
 def level_transform(
     points: FloatArray, levels: NDArray[np.uint16], disparities: NDArray[np.float32]
 ) -> tuple[FloatArray, float]:
@@ -269,6 +267,6 @@ def level_transform(
         for j in range(len(points)):
             target[j] = disparities[levels[i, j]]
         target[i] = 0.0
-        moved[i, 0], moved[i, 1], moved[i, 2], miss, _, _ = _pull(i, x, y, z, target)
+        moved[i, 0], moved[i, 1], moved[i, 2], miss = _pull(i, x, y, z, target)
         stress += miss
     return moved / len(points), stress / 2
