@@ -15,6 +15,9 @@ from benchmark.machine import pin_threads
 
 pin_threads()
 
+# Processes of xdist know the width of the terminal, at which rows would be wrapped.
+os.environ.pop("COLUMNS", None)
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let no test run a kernel that was compiled before an edit; with several processes, the first one sees to it."""
