@@ -60,11 +60,11 @@ def test_the_rows_of_the_readme_are_those_of_the_tables(views):
             assert paper == f"{hundredths(figures['NN'])} {hundredths(figures['DCG'])}"
 
 
-def test_20_of_32_classical_figures_of_tosca_come_out_again(every_view):
+def test_21_of_32_classical_figures_of_tosca_come_out_again(every_view):
     counts = Counter(verdict for figures in verdicts(every_view).values() for *_, verdict in figures)
-    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (20, 2, 10)
-    assert "20 of the paper's 32 scores of classical methods are within .05 of ours" in unwrapped(README)
-    assert "20 of 32 scores of classical methods differ by at most .05, two" in unwrapped(REPRODUCTION)
+    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (21, 2, 9)
+    assert "21 of the paper's 32 scores of classical methods are within .05 of ours" in unwrapped(README)
+    assert "21 of 32 scores of classical methods differ by at most .05, two" in unwrapped(REPRODUCTION)
 
 
 def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views):
