@@ -212,12 +212,16 @@ def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monke
 
 
 @pytest.mark.parametrize("size", [0, 1])
-def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone(rods, tmp_path, size):
-    plugin = tmp_path / "edited.py"
+def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone_and_its_scores(rods, tmp_path, size):
+    plugin, results = tmp_path / "edited.py", tmp_path / "results"
     plugin.write_text(FAULTS.read_text())
-    jobs = planned(rods, tmp_path / "results", "fine", "identity", plugins=(plugin,))
+    run_toy(rods, results, "fine", plugins=(plugin,))
+    scored = read_records(results)
+    plugin.write_text(FAULTS.read_text() + "CONSTANT = 0\n")
+    jobs = planned(rods, results, "fine", "identity", plugins=(plugin,))
     plugin.write_text(FAULTS.read_text() + "CONSTANT = 1\n")
-    records = done(jobs, tmp_path / "results", size=size)
+    records = done(jobs, results, size=size)
+    assert [record for record in read_records(results) if record.method == "fine"] == scored
     assert {name: record.status for name, record in records.items()} == {"fine": "incomplete", "identity": "ok"}
     assert records["fine"].reason == "its code changed during the run, or is another one on this machine; run again"
 
