@@ -79,9 +79,13 @@ class LeastSquaresMDS(CheckedParameters):
             start = ClassicMDS().canonicalise(shape).vertices.round(6)  # without digits that depend on the processor
         targets = distances.astype(np.float32)  # moves a form by less than the tolerance, in a third of the time
         transform = partial(relaxable_transform, targets=targets)
-        points, stresses = majorise(transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol)
+        # In its principal axes, a shape is rounded alike however it was turned.
+        axes = np.linalg.eigh(np.cov(start, rowvar=False))[1]
+        points, stresses = majorise(
+            transform, start @ axes, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol
+        )
         total = float(np.vdot(distances, distances)) / 2
-        return shape.form(points, stress=stresses[-1] / total, iterations=len(stresses) - 1)
+        return shape.form(points @ axes.T, stress=stresses[-1] / total, iterations=len(stresses) - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
