@@ -67,10 +67,10 @@ def test_the_stress_is_the_minimum_that_scikit_learn_reaches_from_the_same_start
 
 def test_a_form_turns_with_its_shape():
     shape = limbed(300)
-    turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0])
-    turned = shape_of(shape.mesh.with_vertices(turn.apply(shape.mesh.vertices)))
+    turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()
+    turned = shape_of(shape.mesh.with_vertices(shape.mesh.vertices @ turn))
     forms = [LeastSquaresMDS().canonicalise(one).vertices for one in (shape, turned)]
-    np.testing.assert_allclose(turn.apply(forms[0]), forms[1], atol=1e-9)
+    np.testing.assert_allclose(forms[0] @ turn, forms[1], atol=1e-9)
 
 
 def test_a_rolled_sheet_becomes_flat():
