@@ -236,11 +236,11 @@ def _spread(forms: Mapping[int, Mesh], labels: Sequence[str], watch: Watch) -> N
     pairs = [(a, b) for a, b in every if a in forms and b in forms]
     within = [(a, b) for a, b in pairs if labels[a] == labels[b]][:PAIRS]
     between = [(a, b) for a, b in pairs if labels[a] != labels[b]][:PAIRS]
-    found = []
+    pair_distances = []
     for a, b in watch(within + between):
         distance, mirrored = (alignments(sign * samples[a], samples[b])[0].min() for sign in (1, -1))
-        found.append([distance, min(distance, mirrored)])
-    distances = np.reshape(found, (-1, 2))
+        pair_distances.append([distance, min(distance, mirrored)])
+    distances = np.reshape(pair_distances, (-1, 2))
     near, far = (np.median(of, axis=0) if len(of) else [np.nan] * 2 for of in np.split(distances, [len(within)]))
     above, below = np.array([*near, np.median(floor)]), np.array([*far, far[0]])
     return np.where(below > _SAME, above / np.maximum(below, _SAME), np.nan)

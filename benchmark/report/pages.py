@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import re
@@ -20,6 +19,7 @@ from pandas import DataFrame
 from plotly.offline import get_plotlyjs
 from scipy.spatial import cKDTree
 
+from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.records import Ranked, Record, read_distances
@@ -312,7 +312,7 @@ def _label(view: TableView) -> str:
 def _safe(name: str) -> str:
     """Return a name of a file or anchor, of at most a hundred characters."""
     safe = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else f"{ord(c):x}" for c in name)
-    return safe if len(safe) <= _LONGEST else f"{safe[: _LONGEST - 9]}-{hashlib.sha256(safe.encode()).hexdigest()[:8]}"
+    return safe if len(safe) <= _LONGEST else f"{safe[: _LONGEST - 9]}-{digest_of_bytes(safe.encode())[:8]}"
 
 
 _TEMPLATES.filters |= {"anchor": _safe, "hundredths": hundredths}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.parameters import format_value
+from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import AVERAGED, TABLES, TITLES, Column, Kind, Table, gallery_name
@@ -223,7 +223,7 @@ class TableView:
         name += f"-{self.dataset.removesuffix('[draw=0]')}" if self.dataset != self.table.identifier else ""
         safe = "".join(c if c.isascii() and (c.isalnum() or c in ".-_") else "-" for c in name)
         is_whole = safe == name and len(name) <= _LONGEST
-        own = "" if is_whole else f"-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+        own = "" if is_whole else f"-{digest_of_bytes(name.encode())[:8]}"
         return f"{safe[:_LONGEST].strip('-')}{own}{'-quick' if self.quick else ''}"
 
     @cached_property
