@@ -41,8 +41,6 @@ class Skeleton(CheckedParameters):
     3. Surface. Each bone turns by the minimal rotation from its old to its new direction, each triangle turns with its
        bone, and the surface follows (Sumner & Popović 2004; Yan et al. 2008).
 
-    Contraction amplifies the smallest difference, so the skeletons of two processors may differ by a joint.
-
     Parameters
     ----------
     max_iterations, rtol

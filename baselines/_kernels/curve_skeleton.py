@@ -138,7 +138,10 @@ def contract(mesh: Mesh) -> FloatArray:
     for _ in range(MAX_ITERATIONS):
         if current.area <= AREA_RATIO * first_areas.sum():
             break
-        positions = _contraction_step(current, contraction, attraction)
+        try:
+            positions = _contraction_step(current, contraction, attraction)
+        except RuntimeError:  # the system lost its definiteness to rounding
+            break
         if not np.isfinite(positions).all() or np.abs(positions).max() > 10 * RADIUS:
             break
         candidate = current.with_vertices(positions)

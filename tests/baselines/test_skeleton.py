@@ -2,9 +2,12 @@ from functools import cache
 from itertools import permutations
 
 import numpy as np
+import pytest
+from scipy.sparse import eye_array
 from scipy.spatial.transform import Rotation
 
 from baselines._kernels import curve_skeleton
+from baselines._kernels.arap import factorise_definite
 from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.curve_skeleton import (
     CurveSkeleton,
@@ -165,8 +168,15 @@ def test_a_pinhole_does_not_make_a_surface_open():
     assert form.notes["skeleton"] == "contraction"
 
 
-def test_a_failed_contraction_falls_back_and_says_so(monkeypatch):
-    monkeypatch.setattr(curve_skeleton, "_contraction_step", lambda mesh, *_: mesh.vertices * np.nan)
+@pytest.mark.parametrize(
+    "step",
+    [
+        lambda mesh, *_: mesh.vertices * np.nan,
+        lambda mesh, *_: factorise_definite(-eye_array(mesh.n_vertices).tocsr())(mesh.vertices),
+    ],
+)
+def test_a_failed_contraction_falls_back_and_says_so(step, monkeypatch):
+    monkeypatch.setattr(curve_skeleton, "_contraction_step", step)
     form = Skeleton().canonicalise(shape_of(tube(2.4)))
     assert form.notes["skeleton"] == "level-set"
     assert str(form.notes["skeleton_reason"]).startswith("contraction failed: 100%")
