@@ -76,9 +76,29 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
     parts = [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), code_of_modules([RANKING])]
-    key = digest(parts)
-    content = {**facts, "input": input_, "scorer": "", "scorer_title": "", **score_draws([matrix], facts["labels"])}
-    return _keep(results, key, title, content, matrix)
+    content = {
+        **facts,
+        **score_draws([matrix], facts["labels"]),
+        "key": (key := digest(parts)),
+        "status": "ok",
+        "method": method_name(title),
+        "title": brief(title),
+        "family": EXTERNAL,
+        "input": input_,
+        "scorer": "",
+        "scorer_title": "",
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "commit": commit(),
+        "packages": packages(),
+    }
+    record = record_of(msgspec.to_builtins(content))
+    with writing(results):
+        every = read_records(results, published=False)
+        before = next((other for other in every if other.row == record.row and other.has_data_of(record)), None)
+        _check_title(record, before)
+        Cache(results).write("records", key, {"distances": matrix})
+        write_record(results, record, before.key if before else "")
+    return record
 
 
 def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Record | None:
@@ -165,31 +185,6 @@ def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
         hint = f"name them like the shapes: {job.shapes[0]}.off"
         raise ConfigurationError(f"{forms.folder} has no form of these shapes", hint)
     _check_title(job, before)
-
-
-def _keep(results: Path, key: str, title: str, content: Mapping[str, Any], distances: Any) -> Record:
-    """Store the record of an external row in place of an earlier one, and return it."""
-    own = {
-        "key": key,
-        "status": "ok",
-        "method": method_name(title),
-        "title": brief(title),
-        "family": EXTERNAL,
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "commit": commit(),
-        "packages": packages(),
-    }
-    record = record_of({**msgspec.to_builtins(content), **own})
-    with writing(results):
-        before = [
-            other
-            for other in read_records(results, published=False)
-            if other.row == record.row and other.has_data_of(record)
-        ]
-        _check_title(record, next(iter(before), None))
-        Cache(results).write("records", key, {"distances": np.asarray(distances)})
-        write_record(results, record, before[0].key if before else "")
-    return record
 
 
 def _check_title(record: Record, before: Record | None) -> None:
