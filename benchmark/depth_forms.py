@@ -91,9 +91,8 @@ def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
     component = select_one(name, plugins)
     maker = form_maker(component)
     if "view" not in component.info.inputs:
-        raise ConfigurationError(
-            f"method '{name}' reads complete surfaces, and a depth image shows one side", "choose one that reads views"
-        )
+        problem = f"method '{name}' reads complete surfaces, and a depth image shows one side"
+        raise ConfigurationError(problem, "choose one that reads views")
     return maker
 
 

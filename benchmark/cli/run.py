@@ -172,11 +172,10 @@ def _print_tables_of(
 ) -> None:
     """Print the tables of jobs, with all rows of their galleries or those of some methods."""
     labelled = label_data_sets([*records, *(record for _, record in shown)])
-    jobs = [(table, record) for (table, _), record in zip(shown, labelled[len(records) :], strict=True)]
+    known, of_run = labelled[: len(records)], labelled[len(records) :]
+    jobs = [(table, record) for (table, _), record in zip(shown, of_run, strict=True)]
     pairs = {(record.gallery, record.input) for _, record in jobs}
-    every = chosen_records(
-        labelled[: len(records)], quick=selection.quick, scorer=selection.scorer, seed=selection.seed
-    )
+    every = chosen_records(known, quick=selection.quick, scorer=selection.scorer, seed=selection.seed)
     owns = [(table, own_table(record.data.name, fold_of(record))) for table, record in jobs]
     wanted = {(table if table in TABLES else own).identifier for table, own in owns}
     sets = {record.data.name for table, record in jobs if not table.is_robustness}

@@ -202,10 +202,8 @@ def galleries(
     else:
         places = [(table, name) for table in selected if (name := _source(table, data_root, wanted))]
     if not places:
-        raise ConfigurationError(
-            f"no selected table uses {', '.join(sets)}" if sets else "the selected tables have no data",
-            "drop -t or -d, or choose ones that belong together",
-        )
+        problem = f"no selected table uses {', '.join(sets)}" if sets else "the selected tables have no data"
+        raise ConfigurationError(problem, "drop -t or -d, or choose ones that belong together")
     chosen: list[Gallery] = []
     for table, name in places:
         try:

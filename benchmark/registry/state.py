@@ -122,10 +122,8 @@ def _globals(code: CodeType, known: dict[str, Any]) -> Iterator[tuple[str, Any]]
         if step.opname in ("LOAD_GLOBAL", "LOAD_NAME") and step.argval in known:
             name, read = step.argval, known[step.argval]
         elif step.opname in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(read, ModuleType):
-            name, read = (
-                f"{name}.{step.argval}",
-                None if is_installed(read.__name__) else getattr(read, step.argval, None),
-            )
+            name = f"{name}.{step.argval}"
+            read = None if is_installed(read.__name__) else getattr(read, step.argval, None)
         elif step.opname == "STORE_GLOBAL":
             name, read = step.argval, [...]  # which may change
         else:

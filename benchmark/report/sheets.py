@@ -51,10 +51,8 @@ def contact_sheet(shapes: ShapeSet) -> tuple[Image.Image, list[str]]:
     pictures, problems = _pictures(shapes, [entry for row in rows for entry in row])
     shown = f"{len(rows)} of {len(subjects)} subjects, {sum(map(len, rows))} of {len(shapes.shapes)} shapes"
     strips = [_beside([f"{shapes.title}: {shown}"], [_blank(len(shapes.title + shown) * 8, 1)], _TEXT)]
-    margin, missing = (
-        _blank(8 * max(len(row[0].subject) for row in rows), _PIXELS),
-        _blank(2 * _PIXELS, _PIXELS, "silver"),
-    )
+    margin = _blank(8 * max(len(row[0].subject) for row in rows), _PIXELS)
+    missing = _blank(2 * _PIXELS, _PIXELS, "silver")
     for row in rows:
         names = [row[0].subject, *(entry.pose[: _PIXELS // 4] for entry in row)]
         strips.append(_beside(names, [margin, *(pictures.get(entry.identifier, missing) for entry in row)], _TEXT))

@@ -80,9 +80,8 @@ class DaskPool:
         for future in done:
             del self._tasks[future]
             if future.status != "finished":
-                raise BenchmarkError(
-                    f"the cluster lost a task: {future.exception()}", "run again: what is done is kept"
-                )
+                problem = f"the cluster lost a task: {future.exception()}"
+                raise BenchmarkError(problem, "run again: what is done is kept")
             yield from future.result()
 
     def close(self) -> None:

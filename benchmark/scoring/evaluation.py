@@ -157,10 +157,9 @@ def _ordered(orders: Orders, order: str) -> tuple[str, ...]:
     for row, names in enumerate(zip(first, *others, strict=True)):
         if len({*names}) > 1:
             shown = "; ".join(f"{kind}: {', '.join(names[row : row + 3])}" for kind, names in orders.items())
-            raise ConfigurationError(
-                f"the rows have no names, and the shapes have several orders, which differ from row {row + 1}: {shown}",
-                f"pass --order {' or '.join(orders)} (order= in Python), or name rows and columns",
-            )
+            problem = f"the rows have no names, and the shapes several orders, which differ from row {row + 1}: {shown}"
+            hint = f"pass --order {' or '.join(orders)} (order= in Python), or name rows and columns"
+            raise ConfigurationError(problem, hint)
     return tuple(first)
 
 
